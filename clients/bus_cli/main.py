@@ -142,6 +142,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         },
     ),
     "metrics": ("Serve what happens on the bus to Prometheus", {}),
+    "web": ("Show the bus in a browser: graph, rates, values, plots and log", {}),
     "run": ("Run a script, a module or a program of a package", {}),
     "launch": ("Run a launch file", {}),
     "test": ("Run a test file of launch_testing", {}),

@@ -120,7 +120,7 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def why(self) -> str:
         """The reason of most losses; empty where nothing was lost."""
-        return max(self.dropped, key=self.dropped.__getitem__, default="")
+        return max(self.dropped, key=self.dropped.__getitem__) if self.lost else ""
 
 
 class TopicRow(_Row, frozen=True, kw_only=True):
@@ -230,6 +230,11 @@ class Model:
         self._matches: dict[int, list[GraphMatch]] = {}
         """By the ids of both ends."""
         self._pairs: dict[str, tuple[Pair, ...]] = {}
+
+    @property
+    def has_graph(self) -> bool:
+        """Whether somebody has looked yet."""
+        return self._graph is not None
 
     @property
     def graph(self) -> Graph:

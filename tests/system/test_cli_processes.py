@@ -87,6 +87,7 @@ ELSEWHERE = {
         "node list",
         "daemon status",
         "metrics",
+        "web",
         "run",
         "launch",
         "test",
@@ -94,8 +95,8 @@ ELSEWHERE = {
         "bag play",
     ),
 }
-"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_launch*.py`,
-`test_bag_*.py`."""
+"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_web.py`,
+`test_launch*.py`, `test_bag_*.py`."""
 
 
 @pytest.fixture

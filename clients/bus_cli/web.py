@@ -1,0 +1,120 @@
+"""`bus web`: a page with the graph, rates, values and plots; one small server, for Foxglove too."""
+
+import os
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from typing import TYPE_CHECKING
+
+from bus.process.address import socket_path
+from bus_cli.output import CommandError, complain, print_json, say
+from bus_cli.stream import open_node, run_stream
+from bus_web.place import DEFAULT, Place, PlaceError, parse_place
+
+if TYPE_CHECKING:
+    from bus_web.program import Addresses
+
+_EPILOG = """\
+Served on loopback or a unix socket only, to whoever has the token of the address that is printed; nobody who
+looks can publish, call or set anything without the options that allow it. See docs/look.md.
+Needs websockets: pip install 'busd[web]'
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = _EPILOG
+    parser.add_argument(
+        "--listen",
+        metavar="PLACE",
+        type=_place,
+        default=DEFAULT,
+        help=f"address:port (port 0 for any) or unix:PATH (default: {DEFAULT})",
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in a browser")
+    parser.add_argument(
+        "--allow-origin",
+        metavar="ORIGIN",
+        action="append",
+        type=_origin,
+        default=[],
+        help="a page of another place that may connect, as http://localhost:8080; may be repeated",
+    )
+    parser.add_argument("--allow-publish", action="store_true", help="let Foxglove publish messages")
+    parser.add_argument("--allow-call", action="store_true", help="let Foxglove call services")
+    parser.add_argument("--allow-set", action="store_true", help="let Foxglove set parameters")
+
+
+def main(args: Namespace) -> int:
+    """Serve until a signal comes."""
+    if args.open and args.listen.path is not None:
+        raise CommandError("--open needs an address:port: a browser opens no unix socket")
+    try:
+        import websockets  # noqa: F401
+    except ImportError as error:
+        raise CommandError(f"the page needs websockets ({error}): pip install 'busd[web]'") from None
+    try:
+        return run_stream(_serve(args))
+    except PlaceError as error:
+        raise CommandError(error) from None
+
+
+async def _serve(args: Namespace) -> int:
+    from bus_web.program import Options, run
+
+    options = Options(
+        listen=args.listen,
+        origins=args.allow_origin,
+        may_publish=args.allow_publish,
+        may_call=args.allow_call,
+        may_set=args.allow_set,
+    )
+
+    def ready(addresses: "Addresses") -> None:
+        _tell(addresses, as_json=args.json)
+        if args.open:
+            _open(addresses.page)
+
+    async with open_node(args, f"_bus_web_{os.getpid()}") as node:
+        await run(node, options, str(socket_path(args.socket, args.domain)), ready)
+    return 0
+
+
+def _tell(addresses: "Addresses", *, as_json: bool) -> None:
+    if as_json:
+        print_json({"page": addresses.page, "foxglove": addresses.foxglove})
+        return
+    if addresses.forwarding:
+        say(f"first: {addresses.forwarding}")
+    say(f"page: {addresses.page}")
+    say(f"foxglove: {addresses.foxglove}")
+
+
+def _open(address: str) -> None:
+    """A browser that takes its time holds nothing up."""
+    import threading
+    import webbrowser
+
+    def show() -> None:
+        if not webbrowser.open(address):
+            complain("no browser was found: open the page yourself")
+
+    threading.Thread(target=show, daemon=True).start()
+
+
+def _place(text: str) -> Place:
+    try:
+        return parse_place(text)
+    except PlaceError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def _origin(text: str) -> str:
+    from urllib.parse import urlsplit
+
+    parts = urlsplit(text)
+    if (
+        parts.scheme not in ("http", "https")
+        or not parts.netloc
+        or parts.path not in ("", "/")
+        or parts.query
+    ):
+        raise ArgumentTypeError(f"{text!r} is no origin, such as https://studio.example.org")
+    return text

@@ -1,0 +1,122 @@
+"""Who gets in: by the name that a request has for this machine, the page that it comes from, and a token.
+
+Pure: what a request says goes in, a decision comes out. A browser runs pages of everybody. Such a page may
+ask for addresses of this machine (then Origin names the page), or under a name that its owner points to this
+machine (then Host has that name); it knows no token. Other users of the machine know none either.
+"""
+
+import hmac
+import ipaddress
+from collections.abc import Iterable, Sequence
+from http.cookies import CookieError, SimpleCookie
+from typing import NamedTuple
+from urllib.parse import parse_qs, urlsplit
+
+__all__ = ["FOXGLOVE", "Ask", "Enter", "Gate", "Redirect", "Refuse"]
+
+FOXGLOVE = "https://app.foxglove.dev"
+"""The page of Foxglove, which may open connections; of it no token is less than of others."""
+
+
+class Ask(NamedTuple):
+    """A request. Of headers all values that came, so that two of one name show."""
+
+    target: str
+    """Path and query, as they came."""
+    method: str = "GET"
+    host: Sequence[str] = ()
+    origin: Sequence[str] = ()
+    cookie: Sequence[str] = ()
+
+
+class Enter(NamedTuple):
+    """It may have what is at `path`; `host` is what it calls this machine."""
+
+    path: str
+    host: str
+
+
+class Redirect(NamedTuple):
+    """It has the token in its address: from here on it is to have it in a cookie."""
+
+    location: str
+    cookie: str
+
+
+class Refuse(NamedTuple):
+    """It gets nothing but this status of HTTP, and a sentence."""
+
+    status: int
+    text: str
+
+
+class Gate:
+    """`token` opens it, as `?token=` or in the `cookie`. `origins` may come besides its own pages."""
+
+    def __init__(self, token: str, cookie: str, origins: Iterable[str] = ()) -> None:
+        self._token = token.encode()
+        self._cookie = cookie
+        self._origins = frozenset(origin.rstrip("/").lower() for origin in (FOXGLOVE, *origins))
+
+    def judge(self, ask: Ask, *, is_socket: bool) -> Enter | Redirect | Refuse:
+        """`is_socket`: it asks for a WebSocket, which goes by no redirect."""
+        if ask.method not in ("GET", "HEAD"):
+            return Refuse(405, "only GET is answered here")
+        host = ask.host[0].lower() if len(ask.host) == 1 else ""
+        if not _is_loopback(host):
+            return Refuse(403, "ask for localhost or 127.0.0.1: no other name leads here")
+        if not self._may_come(ask.origin, host):
+            return Refuse(403, "pages of other places may not look at the bus (see --allow-origin)")
+        try:
+            parts = urlsplit(ask.target)
+            given = parse_qs(parts.query, keep_blank_values=True, max_num_fields=20).get("token")
+        except ValueError:
+            return Refuse(400, "this is no address")
+        if given is None:
+            if any(self._is_token(one) for one in self._cookies(ask.cookie)):
+                return Enter(parts.path, host)
+            return Refuse(403, "open the address that bus web has printed: its token is of this start")
+        if not all(self._is_token(one) for one in given):
+            return Refuse(403, "this token is of another start: open the address that bus web has printed")
+        if is_socket:
+            return Enter(parts.path, host)
+        cookie = f"{self._cookie}={self._token.decode()}; Path=/; HttpOnly; SameSite=Strict"
+        return Redirect("/", cookie)
+
+    def _may_come(self, origin: Sequence[str], host: str) -> bool:
+        """Pages of this server itself, those that were named, and what is no page."""
+        if not origin:
+            return True
+        given = origin[0].lower()
+        return len(origin) == 1 and (given == f"http://{host}" or given in self._origins)
+
+    def _cookies(self, headers: Sequence[str]) -> list[str]:
+        found = []
+        for header in headers:
+            try:
+                morsel = SimpleCookie(header).get(self._cookie)
+            except CookieError:
+                continue
+            if morsel is not None:
+                found.append(morsel.value)
+        return found
+
+    def _is_token(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode(errors="surrogateescape"), self._token)
+
+
+def _is_loopback(host: str) -> bool:
+    """Of a header Host: a name of loopback with any port, for ssh may forward another one."""
+    name, colon, port = host.rpartition(":")
+    if not colon or (host.startswith("[") and host.endswith("]")):
+        name, port = host, ""
+    if port and not (port.isascii() and port.isdigit() and len(port) < 6):
+        return False
+    if name == "localhost":
+        return True
+    is_bracketed = name.startswith("[") and name.endswith("]")
+    try:
+        address = ipaddress.ip_address(name[1:-1] if is_bracketed else name)
+    except ValueError:
+        return False
+    return address.is_loopback and (address.version == 6) == is_bracketed and "%" not in name

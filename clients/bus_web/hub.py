@@ -1,0 +1,135 @@
+"""The bus as all pages of one server see it: one node, one look a second, as long as somebody is there."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import aclosing, asynccontextmanager, suppress
+from time import monotonic_ns
+
+from bus.errors import BusError
+from bus.node import Node
+from bus_web.model import Model
+from bus_web.taps import Taps
+
+__all__ = ["Hub", "Watcher"]
+
+_LOOK_S = 1.0
+_REST_S = 0.2
+"""Between looks at a graph that changes and changes."""
+_ANSWER_S = 2.0
+"""busd answers in milliseconds; for whom it takes so long, it is away."""
+
+
+class Watcher:
+    """Who is told of looks. Its methods must not raise."""
+
+    def looked(self, *, is_new: bool) -> None:
+        """The model has a new look; `is_new`: with other nodes, endpoints or matches."""
+
+    def lost(self, text: str) -> None:
+        """busd does not answer. Once it does, there is a look."""
+
+
+class Hub:
+    """Looks at the bus for its watchers, and at topics for listeners (`taps`).
+
+    Without a watcher it asks busd nothing, and is told nothing.
+    """
+
+    def __init__(self, node: Node, pid: int) -> None:
+        self.node = node
+        self.taps = Taps(node)
+        self._schemas: dict[tuple[str, str], bytes | None] = {}
+        self._wanted: set[tuple[str, str]] = set()
+        self.model = Model(own=[pid], describe=self._describe)
+        self.is_lost = False
+        self._watchers: dict[Watcher, None] = {}
+        self._tasks: list[asyncio.Task[None]] = []
+        self._changed = asyncio.Event()
+
+    @property
+    def has_looked(self) -> bool:
+        """Whether the model has something to show."""
+        return self.model.has_graph
+
+    @asynccontextmanager
+    async def watching(self, watcher: Watcher) -> AsyncIterator[None]:
+        """Within it, the watcher is told."""
+        self._watchers[watcher] = None
+        if len(self._watchers) == 1:
+            self._changed.set()
+            loop = asyncio.get_running_loop()
+            self._tasks = [loop.create_task(self._look()), loop.create_task(self._watch())]
+        try:
+            yield
+        finally:
+            self._watchers.pop(watcher, None)
+            if not self._watchers:
+                tasks, self._tasks = self._tasks, []
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def aclose(self) -> None:
+        """End all subscriptions. The node stays."""
+        await self.taps.close()
+
+    async def _watch(self) -> None:
+        """Have changes of the graph seen at once."""
+        while True:
+            with suppress(BusError):
+                async with aclosing(self.node.watch_graph()) as graphs:
+                    async for _ in graphs:
+                        self._changed.set()
+            await asyncio.sleep(_LOOK_S)
+
+    async def _look(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            self._changed.clear()
+            began_s = loop.time()
+            try:
+                async with asyncio.timeout(_ANSWER_S):
+                    graph = await self.node.graph(statistics=True)
+            except (BusError, TimeoutError) as error:
+                self._lose(str(error) or "busd does not answer")
+            else:
+                self.is_lost = False
+                is_new = self.model.take(graph, monotonic_ns())
+                if is_new:
+                    self.taps.follow(graph)
+                self._show(is_new=is_new)
+                await self._ask_for_types()
+            await asyncio.sleep(_REST_S)
+            with suppress(TimeoutError):
+                async with asyncio.timeout_at(began_s + _LOOK_S):
+                    await self._changed.wait()
+
+    def _lose(self, text: str) -> None:
+        if not self.is_lost:
+            self.is_lost = True
+            for watcher in [*self._watchers]:
+                watcher.lost(text)
+
+    def _show(self, *, is_new: bool) -> None:
+        for watcher in [*self._watchers]:
+            watcher.looked(is_new=is_new)
+
+    def _describe(self, type_name: str, type_hash: str) -> bytes | None:
+        kind = (type_name, type_hash)
+        if kind not in self._schemas:
+            self._wanted.add(kind)
+        return self._schemas.get(kind)
+
+    async def _ask_for_types(self) -> None:
+        """Descriptions by which the model can say where two types of one name differ."""
+        if not self._wanted:
+            return
+        wanted, self._wanted = self._wanted, set()
+        for kind in wanted:
+            try:
+                async with asyncio.timeout(_ANSWER_S):
+                    self._schemas[kind] = (await self.node.get_schema(*kind)).encoded
+            except (BusError, TimeoutError):
+                self._schemas[kind] = None
+        self.model.forget_pairs()
+        self._show(is_new=True)

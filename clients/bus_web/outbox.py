@@ -1,0 +1,103 @@
+"""What waits for one client that is slower than the bus. Pure.
+
+Bounded in bytes. Where there is no room, the topic that takes most of it loses its oldest, and each topic
+keeps its newest as long as that can be: so a client that falls behind sees all topics as they are now.
+"""
+
+from collections import Counter, OrderedDict, deque
+from typing import NamedTuple
+
+__all__ = ["MOST_BYTES", "Outbox"]
+
+MOST_BYTES = 8 << 20
+
+
+class _Frame(NamedTuple):
+    topic: str
+    data: str | bytes
+
+
+class _Queue:
+    __slots__ = ("bytes", "numbers")
+
+    def __init__(self) -> None:
+        self.numbers: deque[int] = deque()
+        self.bytes = 0
+
+
+class Outbox:
+    """Frames in the order in which they are to go. `most_bytes` may wait, or one larger frame."""
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self._most_bytes = most_bytes
+        self._frames: OrderedDict[int, _Frame] = OrderedDict()
+        self._queues: dict[str, _Queue] = {}
+        self._next = 0
+        self.bytes = 0
+        """How much waits."""
+        self.notices = 0
+        """How many frames wait that are of no topic."""
+        self.dropped: Counter[str] = Counter()
+        """How many messages of each topic went, since the client was told last (`clear` it then)."""
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def notify(self, data: str | bytes) -> None:
+        """What is of no topic is never dropped: whoever says it must look at `notices` first."""
+        self.notices += 1
+        self._append("", data)
+
+    def put(self, topic: str, data: str | bytes) -> None:
+        """A message of a topic; older ones go where there is no room."""
+        queue = self._queues.setdefault(topic, _Queue())
+        queue.numbers.append(self._next)
+        queue.bytes += len(data)
+        self._append(topic, data)
+        while self.bytes > self._most_bytes and self._drop_one(topic):
+            pass
+
+    def take(self) -> str | bytes | None:
+        """The next to go; None where nothing waits."""
+        if not self._frames:
+            return None
+        number, frame = self._frames.popitem(last=False)
+        self.bytes -= len(frame.data)
+        if frame.topic:
+            self._leave(frame, number)
+        else:
+            self.notices -= 1
+        return frame.data
+
+    def forget(self, topic: str) -> None:
+        """Nobody looks at it any more."""
+        queue = self._queues.pop(topic, None)
+        for number in queue.numbers if queue is not None else ():
+            self.bytes -= len(self._frames.pop(number).data)
+
+    def _append(self, topic: str, data: str | bytes) -> None:
+        self._frames[self._next] = _Frame(topic, data)
+        self._next += 1
+        self.bytes += len(data)
+
+    def _drop_one(self, newest: str) -> bool:
+        """Returns whether there was one that may go."""
+        several = [topic for topic, queue in self._queues.items() if len(queue.numbers) > 1]
+        if not several:  # of each topic there is its newest only; but for the last that came they can't stay
+            several = [topic for topic in self._queues if topic != newest]
+        if not several:
+            return False
+        topic = max(several, key=lambda one: self._queues[one].bytes)
+        number = self._queues[topic].numbers[0]
+        frame = self._frames.pop(number)
+        self.bytes -= len(frame.data)
+        self._leave(frame, number)
+        self.dropped[topic] += 1
+        return True
+
+    def _leave(self, frame: _Frame, number: int) -> None:
+        queue = self._queues[frame.topic]
+        assert queue.numbers.popleft() == number
+        queue.bytes -= len(frame.data)
+        if not queue.numbers:
+            del self._queues[frame.topic]

@@ -1,0 +1,39 @@
+// The WebSocket to the server: opened again and again once it has gone, until the page is closed.
+
+const AGAIN_MS = 1000;
+
+export class Connection {
+  // `heard` is called with each object; `changed` with "open", "closed" or "shut": the token is of an earlier start.
+  constructor(heard, changed) {
+    this.heard = heard;
+    this.changed = changed;
+    this.socket = null;
+    this.open();
+  }
+
+  open() {
+    const socket = new WebSocket(`ws://${location.host}/`, "busd.page.v1");
+    this.socket = socket;
+    let wasOpen = false;
+    socket.onopen = () => { wasOpen = true; this.changed("open"); };
+    socket.onmessage = (event) => this.heard(JSON.parse(event.data));
+    socket.onclose = async () => {
+      this.socket = null;
+      this.changed(wasOpen || await this.mayCome() ? "closed" : "shut");
+      setTimeout(() => this.open(), AGAIN_MS);
+    };
+  }
+
+  // A browser does not tell why a WebSocket was refused.
+  async mayCome() {
+    try {
+      return (await fetch("/icon.svg")).status !== 403;
+    } catch {
+      return true;
+    }
+  }
+
+  say(op, fields) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ op, ...fields }));
+  }
+}

@@ -1,0 +1,105 @@
+// The chosen topic: who publishes and subscribes, what is lost and why, what does not match, and its values.
+
+import { Kept, element, setAttribute, setChildren, setText } from "./dom.js";
+import { count, plural, rate, reasons, shortType, size } from "./format.js";
+import { Tree } from "./tree.js";
+
+export class Detail {
+  constructor(place, { close, plot, look }) {
+    this.place = place;
+    this.empty = [...place.children];
+    this.close = close;
+    this.plot = plot;
+    this.look = look;
+    this.topic = null;
+    this.opened = new Set();
+  }
+
+  choose(topic) {
+    if (topic === this.topic) return;
+    this.topic = topic;
+    this.opened = new Set();
+    if (topic === null) {
+      this.place.replaceChildren(...this.empty);
+      return;
+    }
+    this.title = element("h2", { id: "detail-title", tabindex: "-1" }, topic);
+    this.about = element("p", { class: "note" });
+    this.rows = new Kept(() => makeEnd());
+    this.list = element("ul", { class: "ends", "aria-label": "Endpoints" });
+    this.mismatches = element("ul", { class: "mismatches", "aria-label": "What does not match" });
+    this.tree = new Tree((path) => this.plot(topic, path), (path) => this.toggle(path));
+    this.valueNote = element("p", { class: "note", id: "value-note" }, "no message yet");
+    this.place.replaceChildren(
+      element("div", { class: "title" }, this.title,
+        element("button", { type: "button", onclick: () => this.close() }, "Close")),
+      this.about, this.list, this.mismatches, element("h3", {}, "Values"), this.valueNote,
+      element("div", { class: "values", tabindex: "0", role: "group", "aria-label": `Values of ${topic}` }, this.tree.root),
+    );
+  }
+
+  toggle(path) {
+    this.opened.has(path) ? this.opened.delete(path) : this.opened.add(path);
+    this.tree.opened = this.opened;
+    this.look();
+  }
+
+  show(bus) {
+    if (this.topic === null) return;
+    const topic = bus.topics.get(this.topic);
+    if (!topic) {
+      setText(this.about, "It is not on the bus now.");
+      setChildren(this.list, []);
+      setChildren(this.mismatches, []);
+      return;
+    }
+    const figures = [topic.types.map(shortType).join(" and "), `${rate(topic.hz)} Hz`, `${size(topic.bytesPerS)}/s`];
+    setText(this.about, figures.join(" · "));
+    const ends = [...topic.publishers, ...topic.subscriptions].filter((end) => bus.nodes.has(end.node));
+    const rows = this.rows.only(ends.map((end) => end.id));
+    setChildren(this.list, rows.map((row) => row.item));
+    rows.forEach((row, at) => row.paint(ends[at], bus.nodes.get(ends[at].node)));
+    const cut = bus.pairs.filter((pair) => pair.reason && pair.publisher.topic === this.topic);
+    setChildren(this.mismatches, cut.slice(0, 20).map(({ publisher, subscription, reason }) => element("li", {},
+      `${bus.nodes.get(publisher.node)?.name} and ${bus.nodes.get(subscription.node)?.name} don't match: ${reason}`)));
+  }
+
+  value(told) {
+    if (told.topic !== this.topic) return;
+    setText(this.valueNote, `message ${count(told.number)} · ${size(told.bytes)} · ${told.age_ms.toFixed(told.age_ms < 10 ? 2 : 0)} ms old when it came`);
+    this.tree.show(told.tree);
+  }
+
+  fault(told) {
+    if (told.topic === this.topic) setText(this.valueNote, told.text);
+  }
+
+  plotted(paths) {
+    if (this.topic !== null) this.tree.plotted = paths;
+  }
+}
+
+function makeEnd() {
+  const kind = element("span", { class: "kind" }), node = element("b"), process = element("span", { class: "note" });
+  const qos = element("span", { class: "note" }), figures = element("span"), lost = element("span", { class: "loss" });
+  const item = element("li", {}, element("div", {}, kind, " ", node, " ", process), element("div", {}, figures, " ", lost), element("div", {}, qos));
+  return {
+    item,
+    paint(end, about) {
+      const isSubscription = end.kind === "subscription";
+      setText(kind, isSubscription ? "sub" : "pub");
+      setAttribute(kind, "title", end.kind);
+      setText(node, about.name);
+      setText(process, `pid ${about.pid}`);
+      const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
+      const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
+      const routes = [...end.routes].sort().join(" and ");
+      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
+      setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
+      setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
+      setText(qos, end.qos);
+    },
+  };
+}
+
+export { plural };

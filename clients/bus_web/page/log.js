@@ -1,0 +1,41 @@
+// The last lines of /rosout, from a severity on.
+
+import { element, setText } from "./dom.js";
+
+const MOST = 300;
+const NAMES = [[50, "Fatal"], [40, "Error"], [30, "Warn"], [20, "Info"], [0, "Debug"]];
+const nameOf = (level) => NAMES.find(([least]) => level >= least)[1];
+
+export class Log {
+  constructor(list, note, severity) {
+    this.list = list;
+    this.note = note;
+    this.severity = severity;
+    this.leftOut = 0;
+    severity.addEventListener("change", () => this.choose());
+  }
+
+  clear() {
+    this.list.replaceChildren();
+  }
+
+  add({ lines, left_out: leftOut }) {
+    this.leftOut += leftOut;
+    const isAtEnd = this.list.scrollTop + this.list.clientHeight >= this.list.scrollHeight - 4;
+    for (const [ms, level, name, text] of lines) {
+      const time = new Date(ms).toTimeString().slice(0, 8);
+      const kind = nameOf(level);
+      const line = element("li", { class: kind.toLowerCase(), "data-level": level },
+        element("time", {}, time), " ", element("b", {}, kind), " ", element("i", {}, name), " ", element("span", {}, text));
+      line.hidden = level < Number(this.severity.value);
+      this.list.append(line);
+    }
+    while (this.list.children.length > MOST) this.list.firstChild.remove();
+    if (isAtEnd) this.list.scrollTop = this.list.scrollHeight;
+    setText(this.note, this.leftOut ? `${this.leftOut} lines came too fast to be shown` : "");
+  }
+
+  choose() {
+    for (const line of this.list.children) line.hidden = Number(line.dataset.level) < Number(this.severity.value);
+  }
+}

@@ -1,0 +1,127 @@
+// What the page is put together of, and what goes from one part to another.
+
+import { Bus } from "./bus.js";
+import { Connection } from "./connection.js";
+import { Detail } from "./detail.js";
+import { setAttribute, setText } from "./dom.js";
+import { count, plural, rate, size } from "./format.js";
+import { Graph } from "./graph.js";
+import { Log } from "./log.js";
+import { Plots } from "./plot.js";
+import { Table } from "./table.js";
+
+const the = (id) => document.getElementById(id);
+
+const bus = new Bus();
+const view = {
+  filter: "", hidden: false, topic: null, isPaused: false,
+  shows(topic) {
+    return (this.hidden || !topic.isHidden) && (!this.filter || topic.name.toLowerCase().includes(this.filter)
+      || topic.types.some((type) => type.toLowerCase().includes(this.filter)));
+  },
+};
+const graph = new Graph(the("graph"), the("graph-note"), choose);
+const table = new Table(the("table"), the("pages"), choose);
+const log = new Log(the("lines"), the("log-note"), the("severity"));
+const plots = new Plots(the("plots"), look);
+const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look });
+const missed = new Map();
+let name = "bus", isDue = false;
+
+const hear = {
+  hello(told) {
+    name = told.bus;
+    document.title = `bus ${told.bus}`;
+  },
+  graph: (told) => bus.setGraph(told),
+  history: (told) => bus.setHistory(told),
+  rates(told) {
+    state("", `on ${name}`);
+    bus.setRates(told);
+    show();
+  },
+  detail(told) {
+    bus.setDetail(told);
+    show();
+  },
+  value(told) {
+    if (view.isPaused) return;
+    plots.add(told);
+    detail.value(told);
+  },
+  fault: (told) => detail.fault(told),
+  log: (told) => log.add(told),
+  bus: (told) => state("away", `busd is away: ${told.text}`),
+  status(told) {
+    for (const [topic, number] of Object.entries(told.dropped)) missed.set(topic, (missed.get(topic) ?? 0) + number);
+    const all = [...missed.values()].reduce((sum, one) => sum + one, 0);
+    the("missed").hidden = false;
+    setText(the("missed"), `${plural(all, "message")} left out here: this page is slower than the bus`);
+    setAttribute(the("missed"), "title", [...missed].map(([topic, number]) => `${topic}: ${number}`).join("\n"));
+  },
+};
+
+const connection = new Connection((told) => hear[told.op]?.(told), (how) => {
+  if (how === "open") {
+    log.clear();
+    the("log").open && connection.say("log", { on: true });
+    look();
+  } else state("away", how === "shut" ? "bus web was started anew: open the address that it has printed" : "bus web is away: trying again");
+});
+
+function state(kind, text) {
+  setText(the("state"), text);
+  setAttribute(the("state"), "class", kind || null);
+}
+
+// Topics whose values are wanted, and the arrays that are open in them.
+function look() {
+  const topics = Object.fromEntries(plots.topics.map((topic) => [topic, [...plots.pathsOf(topic)].map((path) => path.replace(/\.[^.]*$/, ""))]));
+  if (view.topic !== null) topics[view.topic] = [...(topics[view.topic] ?? []), ...detail.opened];
+  connection.say("look", { topics });
+  detail.plotted(plots.pathsOf(view.topic));
+}
+
+function choose(topic) {
+  view.topic = topic === view.topic ? null : topic;
+  detail.choose(view.topic);
+  look();
+  show();
+}
+
+// However much is told, once for each picture that the browser draws.
+function show() {
+  if (isDue) return;
+  isDue = true;
+  requestAnimationFrame(() => {
+    isDue = false;
+    if (view.isPaused) return;
+    graph.show(bus, view);
+    table.show(bus, view);
+    detail.show(bus);
+    const shown = [...bus.topics.values()].filter((topic) => view.shows(topic));
+    const sum = (key) => shown.reduce((all, topic) => all + (topic[key] ?? 0), 0);
+    const nodes = [...bus.nodes.values()].filter((node) => view.hidden || !node.isHidden).length;
+    const losing = sum("lostPerS");
+    setText(the("sums"), `${plural(nodes, "node")}, ${plural(shown.length, "topic")}, ${rate(sum("hz"))} Hz, ${size(sum("bytesPerS"))}/s, `
+      + (losing ? `${rate(losing)} lost each second` : `${count(sum("lost"))} lost`));
+  });
+}
+
+the("filter").addEventListener("input", (event) => {
+  view.filter = event.target.value.trim().toLowerCase();
+  show();
+});
+the("hidden").addEventListener("change", (event) => {
+  view.hidden = event.target.checked;
+  show();
+});
+the("pause").addEventListener("click", () => {
+  view.isPaused = !view.isPaused;
+  setAttribute(the("pause"), "aria-pressed", view.isPaused);
+  show();
+});
+the("log").addEventListener("toggle", () => {
+  log.clear();
+  connection.say("log", { on: the("log").open });
+});

@@ -1,0 +1,140 @@
+// Numbers over time, one chart for each topic, with the age of its messages beside them.
+
+import { element, setAttribute, setText } from "./dom.js";
+import { numberAt } from "./tree.js";
+
+const SPAN_S = 60, MOST = 1500, HEIGHT = 170;
+const COLOURS = ["--plot-1", "--plot-2", "--plot-3", "--plot-4", "--plot-5"];
+
+export class Plots {
+  // `changed()` when other numbers are plotted.
+  constructor(place, changed) {
+    this.place = place;
+    this.changed = changed;
+    this.charts = new Map();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
+    new ResizeObserver(() => this.redraw()).observe(place);
+  }
+
+  get topics() {
+    return [...this.charts.keys()];
+  }
+
+  pathsOf(topic) {
+    return new Set(this.charts.get(topic)?.paths);
+  }
+
+  toggle(topic, path) {
+    let chart = this.charts.get(topic);
+    if (!chart) {
+      chart = new Chart(topic, (one) => this.toggle(topic, one));
+      this.charts.set(topic, chart);
+      this.place.append(chart.figure);
+    }
+    chart.toggle(path);
+    if (!chart.paths.length) {
+      chart.remove();
+      this.charts.delete(topic);
+    }
+    this.place.hidden = !this.charts.size;
+    this.changed();
+  }
+
+  add(told) {
+    this.charts.get(told.topic)?.add(told);
+  }
+
+  redraw() {
+    for (const chart of this.charts.values()) chart.make();
+  }
+}
+
+class Chart {
+  constructor(topic, drop) {
+    this.topic = topic;
+    this.drop = drop;
+    this.paths = [];
+    this.times = [];
+    this.ages = [];
+    this.values = new Map();
+    this.width = 0;
+    this.drawn = null;
+    this.isDue = false;
+    this.title = element("figcaption");
+    this.canvas = element("div", { role: "img" });
+    this.buttons = element("p", { class: "series" });
+    this.figure = element("figure", { class: "plot", "data-topic": topic }, this.title, this.canvas, this.buttons);
+    setText(this.title, topic);
+  }
+
+  toggle(path) {
+    if (this.paths.includes(path)) {
+      this.paths = this.paths.filter((one) => one !== path);
+      this.values.delete(path);
+    } else if (this.paths.length < COLOURS.length) {
+      this.paths.push(path);
+      this.values.set(path, this.times.map(() => null));
+    }
+    this.buttons.replaceChildren(...this.paths.map((one, at) => element("button", {
+      type: "button", class: `series-${at + 1}`, "aria-label": `take ${one} out of the plot`, onclick: () => this.drop(one),
+    }, `${one} ×`)), element("span", { class: "age" }, "age in ms, on the right"));
+    this.make();
+  }
+
+  remove() {
+    this.drawn?.destroy();
+    this.figure.remove();
+  }
+
+  add({ at_ms: at, age_ms: age, tree }) {
+    const time = at / 1000;
+    if (this.times.length && time <= this.times.at(-1)) return;
+    this.times.push(time);
+    this.ages.push(age);
+    for (const path of this.paths) this.values.get(path).push(numberAt(tree, path) ?? null);
+    const old = this.times.findIndex((one) => one >= time - SPAN_S);
+    const drop = Math.max(old, this.times.length - MOST);
+    if (drop > 0) for (const one of [this.times, this.ages, ...this.values.values()]) one.splice(0, drop);
+    if (this.isDue) return;
+    this.isDue = true;
+    requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    this.isDue = false;
+    if (!this.paths.length) return;
+    this.drawn?.setData(this.data());
+    setAttribute(this.figure, "data-points", this.times.length);
+    const now = this.paths.map((path) => `${path} ${this.values.get(path).at(-1) ?? "–"}`).join(", ");
+    setAttribute(this.canvas, "aria-label", `Plot of ${this.topic} over ${SPAN_S} seconds: ${now}, age ${this.ages.at(-1) ?? "–"} ms`);
+  }
+
+  data() {
+    return [this.times, ...this.paths.map((path) => this.values.get(path)), this.ages];
+  }
+
+  make() {
+    this.drawn?.destroy();
+    this.drawn = null;
+    const width = Math.floor(this.figure.clientWidth);
+    if (!width || !this.paths.length) return;
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(name).trim();
+    const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), width: 1 } };
+    const series = this.paths.map((path, at) => ({ label: path, stroke: colour(COLOURS[at]), width: 1.5, spanGaps: true }));
+    this.drawn = new uPlot({
+      width,
+      height: HEIGHT,
+      legend: { show: false },
+      cursor: { show: false },
+      scales: { x: { time: true, range: (_, least, most) => [Math.max(least ?? 0, (most ?? 0) - SPAN_S), most ?? 1] }, age: { range: (_, least, most) => [0, 1.2 * (most || 1)] } },
+      axes: [
+        { ...axis, space: 60, values: "{HH}:{mm}:{ss}" },
+        { ...axis, size: 62 },
+        { ...axis, scale: "age", side: 1, size: 50, grid: { show: false } },
+      ],
+      series: [{}, ...series, { label: "age", scale: "age", stroke: colour("--plot-age"), width: 1, dash: [4, 3], spanGaps: true }],
+    }, this.data(), this.canvas);
+    this.draw();
+  }
+}

@@ -1,0 +1,149 @@
+"""What the page and the server say to each other: JSON, in each frame an object with `op`. Pure.
+
+from the server             | what
+----------------------------|--------------------------------------------------------------------
+hello                       | who serves, and how often values come
+graph                       | nodes, topics, endpoints, pairs: once, and when one of them changes
+history                     | of topics with messages, Hz in each of the last seconds: once
+rates                       | what has changed since the rates before, each second
+detail                      | of endpoints of topics that are looked at, all counters
+value                       | a message of a topic that is looked at
+fault                       | why no message of such a topic can be shown
+log                         | lines of /rosout
+status                      | how many messages the server has dropped because this page was slow
+bus                         | whether busd answers
+
+from the page               | what
+----------------------------|--------------------------------------------------------------------
+look                        | `topics`: names, each with the paths of arrays to be shown at length
+log                         | `on`: whether it shows the log
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from bus.names import is_hidden_node
+from bus.qos import in_words
+from bus_web.model import EndpointRow, Model, TopicRow
+
+__all__ = ["SUBPROTOCOL", "Log", "Look", "Mistake", "Sent", "detail", "graph", "history", "message", "read"]
+
+SUBPROTOCOL = "busd.page.v1"
+_MOST_LOOKS = 32
+_encode = msgspec.json.encode
+
+
+class Mistake(Exception):
+    """The page says what it can't mean; the text says what."""
+
+
+class Look(msgspec.Struct, tag="look", tag_field="op", forbid_unknown_fields=True):
+    """Of these topics it wants values, all others are no longer of interest."""
+
+    topics: dict[str, list[str]]
+
+
+class Log(msgspec.Struct, tag="log", tag_field="op", forbid_unknown_fields=True):
+    """Whether it wants the log."""
+
+    on: bool
+
+
+_decoder = msgspec.json.Decoder(Look | Log)
+
+
+def read(frame: str | bytes) -> Look | Log:
+    """What the page says. Raises Mistake."""
+    if isinstance(frame, bytes):
+        raise Mistake("frames of the page are texts")
+    try:
+        said: Look | Log = _decoder.decode(frame)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise Mistake(f"not understood: {error}") from None
+    if isinstance(said, Look) and len(said.topics) > _MOST_LOOKS:
+        raise Mistake(f"{len(said.topics)} topics looked at; {_MOST_LOOKS} is the most")
+    return said
+
+
+def message(op: str, **fields: Any) -> str:
+    """A frame of the server."""
+    return _encode({"op": op, **fields}).decode()
+
+
+def graph(model: Model) -> str:
+    """All that changes with the structure only."""
+    rows = model.topics(hidden=True)
+    ends = model.all_endpoints()
+    return message(
+        "graph",
+        nodes=[
+            [one.id, one.full_name, one.pid, is_hidden_node(one.name)]
+            for one in sorted(model.graph.nodes, key=lambda one: one.full_name)
+        ],
+        topics=[[row.topic, row.types, row.is_hidden] for row in rows],
+        ends=[
+            [one.id, one.kind, one.node_id, one.topic, one.type_name, in_words(one.qos), one.depth]
+            for one in ends
+        ],
+        pairs=[
+            [pair.publisher, pair.subscription, pair.route, pair.reason]
+            for row in rows
+            for pair in model.pairs(row.topic)
+        ],
+    )
+
+
+def history(rows: Iterable[TopicRow]) -> str:
+    """Of topics on which something has come of late."""
+    return message("history", topics={row.topic: _short(row.history) for row in rows if any(row.history)})
+
+
+def detail(endpoints: Iterable[EndpointRow]) -> str:
+    """All counters of some endpoints."""
+    return message(
+        "detail",
+        ends={str(one.id): [one.messages, one.bytes, one.queued, one.dropped] for one in endpoints},
+    )
+
+
+class Sent:
+    """What one page has been told of rates, so that it is told only what has changed since."""
+
+    def __init__(self) -> None:
+        self._topics: Mapping[str, list[Any]] = {}
+        self._ends: Mapping[str, list[Any]] = {}
+
+    def rates(self, model: Model) -> str:
+        """The rates of now."""
+        rows = model.topics(hidden=True)
+        topics = {
+            row.topic: [
+                _rounded(row.hz),
+                _rounded(row.bytes_per_s),
+                row.queued,
+                row.depth,
+                row.lost,
+                _rounded(row.lost_per_s),
+                row.why,
+            ]
+            for row in rows
+        }
+        ends = {
+            str(one.id): [_rounded(one.hz), one.queued, one.lost, _rounded(one.lost_per_s)]
+            for one in model.all_endpoints()
+        }
+        new_topics = {name: row for name, row in topics.items() if self._topics.get(name) != row}
+        new_ends = {name: row for name, row in ends.items() if self._ends.get(name) != row}
+        self._topics, self._ends = topics, ends
+        return message("rates", topics=new_topics, ends=new_ends)
+
+
+def _rounded(value: float | None) -> float | None:
+    """To three digits: what changes behind them is no news."""
+    return None if value is None else float(f"{value:.3g}")
+
+
+def _short(values: Iterable[float]) -> list[float]:
+    return [float(f"{value:.3g}") for value in values]

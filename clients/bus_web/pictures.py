@@ -1,0 +1,64 @@
+"""Images of messages, made small for the page. Pure, and without a library: rows and columns are left out."""
+
+from base64 import b64encode
+from typing import Any
+
+__all__ = ["picture_of"]
+
+_MOST_SIDE = 240
+"""Pixels of the longer side of what is shown."""
+_MOST_COMPRESSED = 512 << 10
+_CHANNELS = {
+    "rgb8": (3, (0, 1, 2)),
+    "rgba8": (4, (0, 1, 2)),
+    "bgr8": (3, (2, 1, 0)),
+    "bgra8": (4, (2, 1, 0)),
+    "8UC3": (3, (2, 1, 0)),
+    "8UC4": (4, (2, 1, 0)),
+    "mono8": (1, (0, 0, 0)),
+    "8UC1": (1, (0, 0, 0)),
+}
+"""Of encodings with a byte for each channel: bytes of a pixel, and where red, green and blue are."""
+_WIDE = ("mono16", "16UC1", "16SC1")
+_KINDS = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG\r\n", "image/png"))
+
+
+def picture_of(message: Any) -> dict[str, Any] | None:
+    """What the page draws of an Image or a CompressedImage; None for all else, and what can't be drawn.
+
+    `width`, `height` and `rgb` in base64, or of a compressed one `type` and `data`.
+    """
+    fields = getattr(message, "__struct_fields__", ())
+    if "data" not in fields or not isinstance(message.data, bytes | bytearray | memoryview):
+        return None
+    if "encoding" in fields and "step" in fields and "width" in fields and "height" in fields:
+        return _raw(message)
+    if "format" in fields:
+        head = bytes(message.data[:8])
+        kind = next((kind for begin, kind in _KINDS if head.startswith(begin)), None)
+        if kind is not None and len(message.data) <= _MOST_COMPRESSED:
+            return {"type": kind, "data": b64encode(message.data).decode()}
+    return None
+
+
+def _raw(image: Any) -> dict[str, Any] | None:
+    width, height, step = image.width, image.height, image.step
+    size, order = _CHANNELS.get(image.encoding, (2, (0, 0, 0)))
+    is_wide = image.encoding in _WIDE
+    if not is_wide and image.encoding not in _CHANNELS:
+        return None
+    if not (width > 0 and height > 0 and width * size <= step and step * height <= len(image.data)):
+        return None
+    each = -(-max(width, height) // _MOST_SIDE)
+    columns, rows = -(-width // each), -(-height // each)
+    data = memoryview(image.data).cast("B")
+    high = 0 if image.is_bigendian else 1  # of two bytes the one that says more
+    rgb = bytearray(3 * columns * rows)
+    for row in range(rows):
+        begin = row * each * step
+        line = bytes(data[begin : begin + width * size])
+        at = 3 * columns * row
+        for channel, where in enumerate(order):
+            picked = line[high if is_wide else where :: size * each]
+            rgb[at + channel : at + 3 * columns : 3] = picked
+    return {"width": columns, "height": rows, "of": [width, height], "rgb": b64encode(rgb).decode()}

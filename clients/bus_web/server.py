@@ -1,0 +1,203 @@
+"""HTTP and WebSockets on loopback or a unix socket: files by GET, and subprotocols by their handlers."""
+
+import errno
+import logging
+import os
+import socket
+import stat
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from http import HTTPStatus
+from pathlib import Path
+
+from websockets.asyncio.server import Server as WebSocketServer
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed, NegotiationError
+from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
+
+from bus_web.files import File, security_headers
+from bus_web.gate import Ask, Enter, Gate, Redirect, Refuse
+from bus_web.page_protocol import Mistake
+from bus_web.place import Place, PlaceError
+
+__all__ = ["Handler", "Server"]
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+"""Speaks one subprotocol on a connection until that ends. Raises Mistake for what the client can't mean."""
+
+_MOST_CLIENTS = 64
+_MOST_FRAME_BYTES = 64 << 10
+"""What a client may send in one frame; more, where it may publish."""
+_OPEN_S, _CLOSE_S, _PING_S = 5.0, 1.0, 20.0
+_BACKLOG = 64
+_POLICY_VIOLATION, _INTERNAL_ERROR = 1008, 1011
+
+
+class Server:
+    """`files` by their paths, `handlers` by their subprotocols; whoever comes must pass the `gate`."""
+
+    def __init__(
+        self,
+        gate: Gate,
+        files: Mapping[str, File],
+        handlers: Mapping[str, Handler],
+        *,
+        most_frame_bytes: int = _MOST_FRAME_BYTES,
+    ) -> None:
+        self._gate = gate
+        self._files = files
+        self._handlers = handlers
+        self._most_frame_bytes = most_frame_bytes
+        self._server: WebSocketServer | None = None
+        self._path: Path | None = None
+        self._clients = 0
+
+    async def open(self, place: Place) -> Place:
+        """Listen; returns where, with the port that the kernel chose. Raises PlaceError where that fails."""
+        listening = _listen(place)
+        self._path = place.path
+        self._server = await serve(
+            self._serve,
+            sock=listening,
+            subprotocols=[Subprotocol(name) for name in self._handlers],
+            select_subprotocol=self._choose,
+            process_request=self._answer,
+            server_header=None,
+            compression=None,
+            max_size=self._most_frame_bytes,
+            open_timeout=_OPEN_S,
+            close_timeout=_CLOSE_S,
+            ping_interval=_PING_S,
+            ping_timeout=_PING_S,
+            logger=_silent(),
+        )
+        return place if place.path is not None else place._replace(port=listening.getsockname()[1])
+
+    async def close(self) -> None:
+        """End all connections: clients are told that the server goes."""
+        if self._server is not None:
+            self._server.close()
+            await self._server.wait_closed()
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+    async def _serve(self, connection: ServerConnection) -> None:
+        if self._clients >= _MOST_CLIENTS:
+            await connection.close(_POLICY_VIOLATION, f"{_MOST_CLIENTS} clients are here already")
+            return
+        self._clients += 1
+        try:
+            await self._handlers[connection.subprotocol or ""](connection)
+        except ConnectionClosed:
+            pass
+        except Mistake as mistake:
+            await connection.close(_POLICY_VIOLATION, str(mistake)[:120])
+        finally:
+            self._clients -= 1
+
+    def _choose(self, connection: ServerConnection, offered: object) -> Subprotocol:
+        for name in self._handlers:
+            if name in (offered or ()):  # type: ignore[operator]
+                return Subprotocol(name)
+        raise NegotiationError(f"speak one of: {', '.join(self._handlers)}")
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """None lets it through to its handler."""
+        headers = request.headers
+        is_socket = "websocket" in headers.get("Upgrade", "").lower()
+        ask = Ask(
+            target=request.path,
+            method=getattr(request, "method", "GET"),  # before websockets 16 there was no other
+            host=headers.get_all("Host"),
+            origin=headers.get_all("Origin"),
+            cookie=headers.get_all("Cookie"),
+        )
+        decision = self._gate.judge(ask, is_socket=is_socket)
+        match decision:
+            case Refuse(status, text):
+                return _response(status, "localhost", File("text/plain; charset=utf-8", f"{text}\n".encode()))
+            case Redirect(location, cookie):
+                return _response(303, "localhost", None, {"Location": location, "Set-Cookie": cookie})
+            case Enter(path, host) if not is_socket:
+                file = self._files.get(path)
+                if file is None:
+                    nothing = File("text/plain; charset=utf-8", b"there is nothing here\n")
+                    return _response(404, host, nothing)
+                return _response(200, host, file)
+        return None
+
+
+def _response(status: int, host: str, file: File | None, more: Mapping[str, str] | None = None) -> Response:
+    body = file.body if file is not None else b""
+    headers = {
+        **security_headers(host),
+        **(more or {}),
+        "Content-Length": str(len(body)),
+        "Connection": "close",
+    }
+    if file is not None:
+        headers["Content-Type"] = file.content_type
+    return Response(status, HTTPStatus(status).phrase, Headers(headers), body)
+
+
+def _listen(place: Place) -> socket.socket:
+    if place.path is not None:
+        return _listen_unix(place.path)
+    family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((place.address, place.port))
+        listening.listen(_BACKLOG)
+    except OSError as error:
+        listening.close()
+        other = "; choose another port with --listen" if error.errno == errno.EADDRINUSE else ""
+        raise PlaceError(f"can't listen on {place}: {error.strerror}{other}") from None
+    return listening
+
+
+def _listen_unix(path: Path) -> socket.socket:
+    """With mode 0600. One that nobody listens on any more is taken over."""
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        _clear(path)
+        mask = os.umask(0o177)
+        try:
+            listening.bind(str(path))
+        finally:
+            os.umask(mask)
+        listening.listen(_BACKLOG)
+    except PlaceError:
+        listening.close()
+        raise
+    except OSError as error:
+        listening.close()
+        raise PlaceError(f"can't listen on unix:{path}: {error.strerror}") from None
+    return listening
+
+
+def _clear(path: Path) -> None:
+    try:
+        kind = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(kind):
+        raise PlaceError(f"can't listen on unix:{path}: there is something else")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            with suppress(FileNotFoundError):
+                path.unlink()
+            return
+    raise PlaceError(f"can't listen on unix:{path}: another process does")
+
+
+def _silent() -> logging.Logger:
+    """Whoever hangs up in the middle of something is no news."""
+    logger = logging.getLogger("bus_web.websockets")
+    logger.propagate = False
+    logger.disabled = True
+    return logger

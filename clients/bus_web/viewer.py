@@ -1,0 +1,236 @@
+"""One page that is open: what it is told, in which pace, and what it looks at."""
+
+import asyncio
+from collections import deque
+from typing import Any, Protocol
+
+from bus.base.version import RELEASE
+from bus_web import page_protocol as protocol
+from bus_web.hub import Hub, Watcher
+from bus_web.outbox import Outbox
+from bus_web.taps import Heard
+from bus_web.tree import tree_of
+
+__all__ = ["Socket", "Viewer"]
+
+ROSOUT = "/rosout"
+_VALUE_S = 0.05
+"""At most 20 values of a topic in a second."""
+_LOG_S = 0.2
+_MOST_LINES = 200
+_MOST_OPENED = 100
+
+
+class Socket(Protocol):
+    """A WebSocket, as far as it is used here."""
+
+    async def send(self, message: str | bytes) -> None: ...
+
+    async def recv(self) -> str | bytes: ...
+
+
+class _Look:
+    """A topic that the page looks at."""
+
+    def __init__(self, opened: frozenset[str]) -> None:
+        self.opened = opened
+        self.shown_s = 0.0
+        self.waiting: Heard | None = None
+        self.timer: asyncio.TimerHandle | None = None
+        self.number = 0
+        """Messages that have come since it looks."""
+
+
+class Viewer(Watcher):
+    """Speaks `busd.page.v1` on `socket` until that ends (`run`)."""
+
+    def __init__(self, hub: Hub, socket: Socket, bus: str) -> None:
+        self._hub = hub
+        self._socket = socket
+        self._bus = bus
+        self._loop = asyncio.get_running_loop()
+        self._outbox = Outbox()
+        self._ready = asyncio.Event()
+        self._sent = protocol.Sent()
+        self._is_graph_due = self._is_first = True
+        self._looks: dict[str, _Look] = {}
+        self._lines: deque[list[Any]] = deque(maxlen=_MOST_LINES)
+        self._lines_left_out = 0
+        self._lines_timer: asyncio.TimerHandle | None = None
+        self._has_log = False
+
+    async def run(self) -> None:
+        """Raises Mistake for what the page can't mean, and what the socket raises when it ends."""
+        self._notify("hello", release=RELEASE, bus=self._bus, most_hz=round(1 / _VALUE_S))
+        sending = self._loop.create_task(self._send())
+        try:
+            async with self._hub.watching(self):
+                if self._hub.is_lost:
+                    self.lost("busd does not answer")
+                elif self._hub.has_looked:
+                    self.looked(is_new=True)
+                while True:
+                    self._hear_page(await self._socket.recv())
+        finally:
+            sending.cancel()
+            self._look_at({})
+            self._show_log(on=False)
+            await asyncio.gather(sending, return_exceptions=True)
+
+    # --- of the hub
+
+    def looked(self, *, is_new: bool) -> None:
+        self._is_graph_due |= is_new
+        if self._outbox.notices:  # it has not read the last look yet: the next it gets is newer
+            return
+        model = self._hub.model
+        if self._is_graph_due:
+            self._is_graph_due = False
+            self._put(protocol.graph(model))
+            if self._is_first:
+                self._is_first = False
+                self._put(protocol.history(model.topics(hidden=True)))
+        self._put(self._sent.rates(model))
+        if self._looks:
+            self._put(protocol.detail([end for topic in self._looks for end in model.endpoints(topic)]))
+        if self._outbox.dropped:
+            self._notify("status", dropped=dict(self._outbox.dropped))
+            self._outbox.dropped.clear()
+
+    def lost(self, text: str) -> None:
+        if not self._outbox.notices:
+            self._notify("bus", is_up=False, text=text)
+
+    # --- of the taps
+
+    def hear(self, topic: str, heard: Heard) -> None:
+        if topic == ROSOUT and self._has_log:
+            self._add_line(heard)
+        look = self._looks.get(topic)
+        if look is None:
+            return
+        look.number += 1
+        look.waiting = heard
+        if look.timer is None:
+            wait_s = look.shown_s + _VALUE_S - self._loop.time()
+            if wait_s <= 0:
+                self._show(topic, look)
+            else:
+                look.timer = self._loop.call_later(wait_s, self._show, topic, look)
+
+    def hear_fault(self, topic: str, text: str) -> None:
+        if topic in self._looks:
+            self._outbox.put(topic, protocol.message("fault", topic=topic, text=text))
+            self._ready.set()
+
+    # --- of the page
+
+    def _hear_page(self, frame: str | bytes) -> None:
+        said = protocol.read(frame)
+        if isinstance(said, protocol.Look):
+            self._look_at(said.topics)
+        else:
+            self._show_log(on=said.on)
+
+    def _look_at(self, topics: dict[str, list[str]]) -> None:
+        for topic in [*self._looks]:
+            if topic not in topics:
+                look = self._looks.pop(topic)
+                if look.timer is not None:
+                    look.timer.cancel()
+                self._outbox.forget(topic)
+                self._leave(topic)
+        for topic, paths in topics.items():
+            opened = frozenset(paths[:_MOST_OPENED])
+            known = self._looks.get(topic)
+            if known is not None:
+                known.opened = opened
+                if known.waiting is None:
+                    continue
+            else:
+                self._looks[topic] = _Look(opened)
+                self._hub.taps.add(topic, self)
+        if topics and self._hub.has_looked and not self._outbox.notices:
+            self._put(protocol.detail([end for one in topics for end in self._hub.model.endpoints(one)]))
+
+    def _show_log(self, *, on: bool) -> None:
+        if on == self._has_log:
+            return
+        self._has_log = on
+        if on:
+            self._hub.taps.add(ROSOUT, self)
+        else:
+            self._lines.clear()
+            if self._lines_timer is not None:
+                self._lines_timer.cancel()
+                self._lines_timer = None
+            self._leave(ROSOUT)
+
+    def _leave(self, topic: str) -> None:
+        if topic not in self._looks and not (topic == ROSOUT and self._has_log):
+            self._hub.taps.remove(topic, self)
+
+    def _show(self, topic: str, look: _Look) -> None:
+        look.timer = None
+        heard, look.waiting = look.waiting, None
+        if heard is None or self._looks.get(topic) is not look:
+            return
+        look.shown_s = self._loop.time()
+        try:
+            message = heard.message
+        except Exception as error:  # of bytes that a stranger has sent
+            self.hear_fault(topic, f"a message does not decode: {error}")
+            return
+        info = heard.info
+        frame = protocol.message(
+            "value",
+            topic=topic,
+            type=heard.type_name,
+            number=look.number,
+            bytes=len(heard.payload),
+            at_ms=info.source_timestamp / 1e6,
+            age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
+            tree=tree_of(message, look.opened),
+        )
+        self._outbox.put(topic, frame)
+        self._ready.set()
+
+    def _add_line(self, heard: Heard) -> None:
+        try:
+            line = heard.message
+            at_s = line.stamp.sec + line.stamp.nanosec / 1e9
+            text = [round(at_s * 1000), line.level, line.name, line.msg[:2000]]
+        except Exception:  # /rosout of some other type
+            return
+        if len(self._lines) == _MOST_LINES:
+            self._lines_left_out += 1
+        self._lines.append(text)
+        if self._lines_timer is None:
+            self._lines_timer = self._loop.call_later(_LOG_S, self._tell_lines)
+
+    def _tell_lines(self) -> None:
+        self._lines_timer = None
+        if self._outbox.notices:  # it does not read: tell it later
+            self._lines_timer = self._loop.call_later(_LOG_S, self._tell_lines)
+            return
+        self._notify("log", lines=[*self._lines], left_out=self._lines_left_out)
+        self._lines.clear()
+        self._lines_left_out = 0
+
+    # --- to the page
+
+    def _notify(self, op: str, **fields: Any) -> None:
+        self._put(protocol.message(op, **fields))
+
+    def _put(self, frame: str) -> None:
+        self._outbox.notify(frame)
+        self._ready.set()
+
+    async def _send(self) -> None:
+        while True:
+            frame = self._outbox.take()
+            if frame is None:
+                self._ready.clear()
+                await self._ready.wait()
+            else:
+                await self._socket.send(frame)

@@ -1,0 +1,114 @@
+"""What page and server say to each other."""
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
+from bus.qos import QoSProfile
+from bus_web import page_protocol as protocol
+from bus_web.model import Model
+from rows import for_each
+
+S = 1_000_000_000
+TALKER = GraphNode(1, "talker", "/", 10)
+LISTENER = GraphNode(2, "listener", "/", 20)
+
+
+def take(model: Model, turn: int, lost: int = 0) -> None:
+    ends = [
+        GraphEndpoint(
+            3 + number, kind, node, "/chatter", "std_msgs/msg/String", "h", bytes([number]) * 16,
+            QoSProfile(7),
+            EndpointStatistics(
+                samples=turn * 10, bytes=turn * 100, at_ns=turn * S, dropped={"replaced": lost}
+            ),
+        )
+        for number, (kind, node) in enumerate((("publisher", TALKER), ("subscription", LISTENER)))
+    ]  # fmt: skip
+    graph = Graph(1, 1, (TALKER, LISTENER), (ends[0],), (ends[1],), (GraphMatch(3, 4, "shm"),))
+    model.take(graph, turn * S)
+
+
+def read(frame: str) -> Any:
+    return msgspec.json.decode(frame)
+
+
+def test_the_graph() -> None:
+    model = Model()
+    take(model, 1)
+    told = read(protocol.graph(model))
+    assert told["nodes"] == [[2, "/listener", 20, False], [1, "/talker", 10, False]]
+    assert told["topics"] == [["/chatter", ["std_msgs/msg/String"], False]]
+    assert told["ends"][0] == [
+        3,
+        "publisher",
+        1,
+        "/chatter",
+        "std_msgs/msg/String",
+        "keep last 7, reliable",
+        7,
+    ]
+    assert told["pairs"] == [[3, 4, "shm", ""]]
+
+
+def test_rates_are_told_where_they_have_changed() -> None:
+    model, sent = Model(), protocol.Sent()
+    take(model, 1)
+    first = read(sent.rates(model))
+    assert first["topics"] == {"/chatter": [None, None, 0, 7, 0, 0.0, ""]}
+    take(model, 2)
+    assert read(sent.rates(model))["topics"]["/chatter"][:2] == [10.0, 100.0]
+    take(model, 3)
+    assert read(sent.rates(model)) == {"op": "rates", "topics": {}, "ends": {}}
+    take(model, 4, lost=12)
+    told = read(sent.rates(model))
+    assert told["topics"]["/chatter"][4] == 12
+    assert told["ends"]["4"][2] == 12
+    again = protocol.Sent()
+    assert set(read(again.rates(model))["ends"]) == {"3", "4"}, "another page has been told nothing"
+
+
+def test_history_is_of_topics_with_messages() -> None:
+    model = Model()
+    take(model, 1)
+    assert read(protocol.history(model.topics())) == {"op": "history", "topics": {}}
+    take(model, 2)
+    take(model, 3)
+    assert read(protocol.history(model.topics()))["topics"] == {"/chatter": [0.0, 10.0, 10.0]}
+
+
+def test_all_counters() -> None:
+    model = Model()
+    take(model, 2, lost=3)
+    ends = read(protocol.detail(model.endpoints("/chatter")))["ends"]
+    assert ends["4"] == [20, 200, 0, {"replaced": 3}]
+
+
+def test_what_the_page_says() -> None:
+    said = protocol.read('{"op":"look","topics":{"/a":["x.y"],"/b":[]}}')
+    assert said == protocol.Look({"/a": ["x.y"], "/b": []})
+    assert protocol.read('{"op":"log","on":true}') == protocol.Log(on=True)
+
+
+@for_each(
+    ("frame", "says"),
+    [
+        ("", "not understood"),
+        ("[]", "not understood"),
+        ('{"op":"publish"}', "not understood"),
+        ('{"op":"look"}', "not understood"),
+        ('{"op":"look","topics":{"/a":[1]}}', "not understood"),
+        ('{"op":"look","topics":[],"more":1}', "not understood"),
+        ("[" * 10000, "not understood"),
+        (b"\x00", "texts"),
+        (
+            msgspec.json.encode({"op": "look", "topics": {f"/{n}": [] for n in range(33)}}).decode(),
+            "33 topics looked at; 32 is the most",
+        ),
+    ],
+)
+def test_what_the_page_can_not_mean(frame: str | bytes, says: str) -> None:
+    with pytest.raises(protocol.Mistake, match=says):
+        protocol.read(frame)

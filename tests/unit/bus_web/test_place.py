@@ -1,0 +1,60 @@
+"""Where the page may be had."""
+
+from pathlib import Path
+
+import pytest
+
+from bus_web.place import DEFAULT, Place, PlaceError, parse_place
+from rows import for_each
+
+
+@for_each(
+    ("text", "place", "authority"),
+    [
+        ("127.0.0.1:8765", DEFAULT, "127.0.0.1:8765"),
+        ("localhost:0", Place("127.0.0.1", 0), "127.0.0.1:0"),
+        ("[::1]:65535", Place("::1", 65535), "[::1]:65535"),
+        ("127.3.2.1:80", Place("127.3.2.1", 80), "127.3.2.1:80"),
+        ("unix:/run/x.sock", Place(path=Path("/run/x.sock")), "127.0.0.1:8765"),
+    ],
+)
+def test_places(text: str, place: Place, authority: str) -> None:
+    assert parse_place(text) == place
+    assert place.authority == authority
+
+
+@for_each(
+    ("text", "says"),
+    [
+        ("8765", "neither address:port, such as 127.0.0.1:8765, nor unix:PATH"),
+        ("", "neither"),
+        (":8765", "neither"),
+        ("localhost:65536", "neither"),
+        ("localhost:-1", "neither"),
+        ("localhost:", "neither"),
+        ("example.org:80", "'example.org' is no address of loopback"),
+        ("0.0.0.0:8765", "0.0.0.0 is not loopback; .* say there: ssh -NL 8765:127.0.0.1:8765 HOST"),
+        ("192.168.1.7:9000", "is not loopback; .* say there: ssh -NL 9000:127.0.0.1:9000 HOST"),
+        ("[::]:0", "is not loopback; .* ssh -NL 8765:127.0.0.1:8765 HOST"),
+        ("unix:", "say unix:PATH"),
+        ("unix:/" + "x" * 107, "107 bytes at most; this one has 108"),
+        ("unix:/a\0b", "107 bytes at most"),
+    ],
+)
+def test_what_is_no_place(text: str, says: str) -> None:
+    with pytest.raises(PlaceError, match=says):
+        parse_place(text)
+
+
+def test_a_relative_path_is_of_this_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    place = parse_place("unix:web.sock")
+    assert place.path == tmp_path / "web.sock"
+    assert place.forwarding == f"ssh -NL 8765:{tmp_path}/web.sock HOST"
+    assert str(place) == f"unix:{tmp_path}/web.sock"
+
+
+def test_servers_of_one_machine_have_cookies_of_their_own() -> None:
+    names = {parse_place(text).cookie for text in ("127.0.0.1:1", "127.0.0.1:2", "unix:/a", "unix:/b")}
+    assert len(names) == 4
+    assert parse_place("localhost:1").cookie in names, "the same after a restart"

@@ -1,0 +1,53 @@
+"""`make vendor`: the page's two libraries, as npm has them, with their licences and hashes."""
+
+import json
+import subprocess
+import sys
+import tarfile
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+VENDOR = Path(__file__).parents[1] / "clients" / "bus_web" / "page" / "vendor"
+
+PACKAGES = {
+    "@dagrejs/dagre@3.1.3": {"dist/dagre.min.js": "dagre.min.js", "LICENSE": "dagre.LICENSE.txt"},
+    "uplot@1.6.32": {
+        "dist/uPlot.iife.min.js": "uplot.min.js",
+        "dist/uPlot.min.css": "uplot.min.css",
+        "LICENSE": "uplot.LICENSE.txt",
+    },
+}
+"""To have newer ones, write their versions here."""
+
+
+def main() -> int:
+    lines = ["# sha256, file, package of npm, file in it. Written by `make vendor`."]
+    with TemporaryDirectory() as folder:
+        for package, files in PACKAGES.items():
+            archive = _fetch(package, Path(folder))
+            for inside, name in files.items():
+                data = _member(archive, f"package/{inside}")
+                (VENDOR / name).write_bytes(data)
+                lines.append(f"{sha256(data).hexdigest()}  {name}  {package}  {inside}")
+    (VENDOR / "versions.txt").write_text("\n".join(lines) + "\n")
+    return 0
+
+
+def _fetch(package: str, folder: Path) -> Path:
+    command = ["npm", "pack", "--json", "--silent", "--pack-destination", str(folder), package]
+    told = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout
+    packed = json.loads(told)
+    one = packed[0] if isinstance(packed, list) else next(iter(packed.values()))
+    return folder / Path(one["filename"].replace("@", "").replace("/", "-"))
+
+
+def _member(archive: Path, name: str) -> bytes:
+    with tarfile.open(archive) as files:
+        found = files.extractfile(name)
+        assert found is not None, name
+        return found.read()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
