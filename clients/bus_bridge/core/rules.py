@@ -75,6 +75,11 @@ class Rules:
         self._topics = [(one, compiled(one.pattern, f"{table}.topics.pattern")) for one in topics]
         self._known: dict[str, Crossing] = {}
 
+    @property
+    def has_transit(self) -> bool:
+        """Whether any topic's messages may go on that another bridge has brought in."""
+        return any(one.transit for one, _ in self._topics)
+
     def crossing(self, topic: str) -> Crossing:
         """What is to become of `topic`, a full name."""
         known = self._known.get(topic)

@@ -1,0 +1,169 @@
+"""Shows the engine what is on this bus, as the graph changes: subscriptions before publishers."""
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+from contextlib import aclosing
+
+from bus.errors import BusError, ConfigurationError
+from bus.graph import Graph
+from bus.node import Node
+from bus.schema import MessageSchema
+from bus_bridge.core.exports import Exports
+from bus_bridge.core.local_graph import LocalGraph, Shown
+from bus_bridge.engine import Engine, LocalNode
+
+__all__ = ["Announcing"]
+
+_GRACE_S = 3.0
+"""How long what was on the bus before busd was started anew has to come back."""
+_MOST_SCHEMAS = 4096
+
+_Type = tuple[str, str]
+
+
+class Announcing:
+    """`warn` gets what the user should know."""
+
+    def __init__(
+        self, node: Node, engine: Engine, local: LocalGraph, exports: Exports, warn: Callable[[str], None]
+    ) -> None:
+        self._node = node
+        self._engine = engine
+        self._local = local
+        self._exports = exports
+        self._warn = warn
+        self._loop = asyncio.get_running_loop()
+        self._schemas: dict[_Type, MessageSchema] = {}
+        self._withdrawals: dict[bytes, Callable[[], None]] = {}
+        self._publishers: dict[bytes, Shown] = {}
+        self._in_use: Counter[int] = Counter()
+        """Publishers and subscriptions that the engine shows, by the number of their node."""
+        self._gone_nodes: dict[int, LocalNode] = {}
+        self._nodes: set[int] = set()
+        self._grace_end_s = 0.0
+        self._newest: Graph | None = None
+        self._has_news = asyncio.Event()
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Nodes, publishers and subscriptions that are shown."""
+        return len(self._nodes), len(self._publishers), len(self._withdrawals)
+
+    async def watch(self) -> None:
+        """Follow the graph, for ever. Raises what busd refuses it with. Cancellation: ended."""
+        watching = self._loop.create_task(self._watch(), name="watch the graph")
+        try:
+            while True:
+                waiting = self._loop.create_task(self._has_news.wait())
+                rest_s = self._grace_end_s - self._loop.time() if self._grace_end_s else None
+                try:
+                    await asyncio.wait(
+                        (watching, waiting), timeout=rest_s, return_when=asyncio.FIRST_COMPLETED
+                    )
+                finally:
+                    waiting.cancel()
+                if watching.done():
+                    watching.result()
+                    return
+                self._has_news.clear()
+                if self._newest is not None:
+                    await self._look(self._newest)
+        finally:
+            watching.cancel()
+
+    async def _watch(self) -> None:
+        async with aclosing(self._node.watch_graph()) as graphs:
+            async for graph in graphs:
+                self._newest = graph
+                self._has_news.set()
+
+    async def _look(self, graph: Graph) -> None:
+        now_s = self._loop.time()
+        if self._local.is_other_busd(graph):
+            self._grace_end_s = now_s + _GRACE_S
+        keeps = now_s < self._grace_end_s
+        if not keeps:
+            self._grace_end_s = 0.0
+        changes = self._local.look(graph, keeps=keeps)
+        for text in changes.warnings:
+            self._warn(text)
+        for shown in changes.gone:
+            self._withdraw(shown)
+        for node in changes.gone_nodes:
+            self._gone_nodes[node.id] = node
+            self._release_node(node.id)
+        for node in changes.nodes:
+            self._nodes.add(node.id)
+            self._engine.announce_node(node)
+        await self._learn({_type_of(one) for one in (*changes.subscriptions, *changes.publishers)})
+        for shown in (*changes.subscriptions, *changes.publishers):
+            self._show(shown)
+
+    async def _learn(self, types: set[_Type]) -> None:
+        """Have the schemas of these types; one that has left already has none."""
+        if len(self._schemas) > _MOST_SCHEMAS:
+            self._schemas.clear()
+
+        async def find(one: _Type) -> None:
+            try:
+                self._schemas[one] = await self._node.get_schema(*one)
+            except (ConfigurationError, TimeoutError):
+                pass
+
+        missing = types - self._schemas.keys()
+        if missing:
+            await asyncio.gather(*map(find, missing))
+
+    def _show(self, shown: Shown) -> None:
+        local = shown.local
+        schema = self._schemas.get(_type_of(shown))
+        if schema is None:
+            return
+        try:
+            if local.kind == "subscription":
+                self._withdrawals[local.gid] = self._engine.announce_subscription(local, schema)
+            else:
+                self._show_publisher(shown, schema)
+        except BusError as error:
+            self._warn(f"'{shown.topic}' does not cross: {error}")
+        except Exception as error:  # one endpoint must not end the bridge
+            self._warn(f"'{shown.topic}' does not cross: {type(error).__name__}: {error}")
+        else:
+            self._in_use[local.node.id] += 1
+
+    def _show_publisher(self, shown: Shown, schema: MessageSchema) -> None:
+        local = shown.local
+        export, rule = self._exports.prepare((shown.topic, *_type_of(shown)), schema, shown)
+        try:
+            writer = self._engine.announce_publisher(local, schema, rule, export.flush)
+        except BaseException:
+            self._exports.discard(local.gid)
+            raise
+        self._publishers[local.gid] = shown
+        self._exports.attach(export, writer, local.qos, rule)
+
+    def _withdraw(self, shown: Shown) -> None:
+        local = shown.local
+        if local.kind == "subscription":
+            withdraw = self._withdrawals.pop(local.gid, None)
+            if withdraw is not None:
+                withdraw()
+                self._release(local.node.id)
+        elif self._publishers.pop(local.gid, None) is not None:
+            self._exports.withdraw(local.gid, lambda: self._release(local.node.id))
+
+    def _release(self, node: int) -> None:
+        self._in_use[node] -= 1
+        self._release_node(node)
+
+    def _release_node(self, number: int) -> None:
+        """A node goes behind its endpoints, of which some have messages left."""
+        if number in self._gone_nodes and self._in_use[number] <= 0:
+            del self._in_use[number]
+            self._nodes.discard(number)
+            self._engine.withdraw_node(self._gone_nodes.pop(number))
+
+
+def _type_of(shown: Shown) -> _Type:
+    return shown.local.type_name, shown.local.type_hash

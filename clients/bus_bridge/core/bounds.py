@@ -1,0 +1,108 @@
+"""What one far bus may ask of this one, and what is a lie. Pure: times come from the caller.
+
+What a far bridge says is hostile until it was looked at here: names, lengths, numbers of things, and how
+often they change.
+"""
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from bus.errors import ConfigurationError
+from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
+from bus.qos import Durability
+from bus.types.schema_form import is_type_name
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode
+
+__all__ = ["Bounds", "News", "wrong_bus", "wrong_endpoint", "wrong_node"]
+
+_GID_BYTES = 16
+_MAX_ID = 100
+_MAX_HASH = 255
+_MAX_VIA = 16
+
+_Count = Annotated[int, Meta(ge=1, le=2**20)]
+
+
+class Bounds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How much one far bus may have here; one that asks for more is not heard any longer."""
+
+    buses: _Count = 256
+    """Far buses at one time, all together."""
+    nodes: _Count = 1000
+    endpoints: _Count = 10_000
+    types: _Count = 1000
+    schema_bytes: Annotated[int, Meta(ge=1024, le=2**24)] = 256 * 1024
+    """Of one type's description."""
+    news_per_s: _Count = 2000
+    """Comings and goings of nodes and endpoints in a second, for long."""
+
+    @property
+    def news_at_once(self) -> int:
+        """As many as a bus has that comes with all it may have, and goes, and comes again."""
+        return 3 * (self.nodes + self.endpoints)
+
+
+class News:
+    """How often one far bus has told of changes."""
+
+    def __init__(self, bounds: Bounds, now_s: float) -> None:
+        self._rate = bounds.news_per_s
+        self._most = self._left = float(bounds.news_at_once)
+        self._at_s = now_s
+
+    def is_too_much(self, now_s: float) -> bool:
+        """Count one more."""
+        self._left = min(self._most, self._left + (now_s - self._at_s) * self._rate) - 1
+        self._at_s = now_s
+        return self._left < 0
+
+
+def wrong_bus(bus: FarBus) -> str:
+    """What is wrong with what it says, in words; "" where nothing is."""
+    return _wrong_id("the id of a bus", bus.id)
+
+
+def wrong_node(node: FarNode) -> str:
+    """As `wrong_bus`."""
+    if len(node.via) > _MAX_VIA:
+        return f"a node that came through {len(node.via)} buses; {_MAX_VIA} are the most"
+    for one in node.via:
+        if wrong := _wrong_id("the id of a bus that a node came through", one):
+            return wrong
+    try:
+        validate_namespace(node.namespace)
+        validate_node_name(node.name)
+    except ConfigurationError as error:
+        return f"a node's name that can't be one: {_first_line(error)}"
+    return ""
+
+
+def wrong_endpoint(endpoint: FarEndpoint) -> str:
+    """As `wrong_bus`."""
+    if len(endpoint.gid) != _GID_BYTES:
+        return f"a gid of {len(endpoint.gid)} bytes; it has {_GID_BYTES}"
+    try:
+        validate_full_topic_name(endpoint.topic)
+    except ConfigurationError as error:
+        return f"a topic's name that can't be one: {_first_line(error)}"
+    where = f"on '{endpoint.topic}'"
+    if not is_type_name(endpoint.type_name):
+        return f"a type {endpoint.type_name[:_MAX_ID]!r} {where}; its name has three parts"
+    if len(endpoint.type_hash) > _MAX_HASH or not endpoint.type_hash.isprintable():
+        return f"a type hash of {len(endpoint.type_hash)} characters {where}"
+    if endpoint.kind == "publisher" and endpoint.qos.durability is Durability.BEST_AVAILABLE:
+        return f"a publisher {where} whose durability is best_available, which is for subscriptions"
+    return ""
+
+
+def _wrong_id(what: str, text: str) -> str:
+    if 0 < len(text) <= _MAX_ID and text.isprintable() and " " not in text:
+        return ""
+    return f"{what} that can't be one: {text[:_MAX_ID]!r}"
+
+
+def _first_line(error: ConfigurationError) -> str:
+    """The rule that is broken, and the name, without the caret."""
+    return " ".join(line.strip() for line in str(error).splitlines()[:2])

@@ -1,0 +1,201 @@
+"""A bridge: shows each side what the other has, and carries messages between them, until it is closed."""
+
+import asyncio
+from collections import OrderedDict
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import msgspec
+
+from bus.base.printable import printable
+from bus.graph import Origin
+from bus.node import Node
+from bus_bridge.core.announcing import Announcing
+from bus_bridge.core.bounds import Bounds
+from bus_bridge.core.exports import Exports
+from bus_bridge.core.far_graph import FarGraph
+from bus_bridge.core.local_graph import LocalGraph
+from bus_bridge.core.mirrors import Mirrors
+from bus_bridge.core.naming import Naming
+from bus_bridge.core.reporting import Reporting
+from bus_bridge.core.rules import Rules
+from bus_bridge.core.schemas import Schemas
+from bus_bridge.core.status import GetStatus
+from bus_bridge.engine import Engine, FarBus, FarEndpoint, FarNode
+
+__all__ = ["Bridge", "BridgeOptions"]
+
+_MOST_SAID = 1000
+_CLOSE_S = 0.3
+_PERIOD_S = 1.0
+
+
+class BridgeOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What a bridge needs to know besides its engine."""
+
+    bus: str
+    """The id of this bus (`bus_id`)."""
+    rules: Rules
+    naming: Naming
+    bounds: Bounds = msgspec.field(default_factory=Bounds)
+    socket: Path | None = None
+    """Where busd is, as for the bridge's own node."""
+
+
+class Bridge:
+    """Joins the bus of `node`, which is open, with what `engine` reaches. It is that engine's far side.
+
+    `node` is the bridge's own: its origin is this bus, so that no bridge shows it to others.
+
+        async with bus.Node("bridge_zenoh", origin=bus.Origin("zenoh", options.bus)) as node:
+            await Bridge(node, engine, options).run()
+    """
+
+    def __init__(self, node: Node, engine: Engine, options: BridgeOptions) -> None:
+        self._node = node
+        self._engine = engine
+        self._options = options
+        self._loop = asyncio.get_running_loop()
+        self._log = node.get_logger()
+        self._began_s = monotonic()
+        self._said: OrderedDict[str, None] = OrderedDict()
+        self._refused: set[str] = set()
+        rules, naming, bounds = options.rules, options.naming, options.bounds
+        self._far = FarGraph(options.bus, bounds, rules, naming)
+        self._local = LocalGraph(rules, naming)
+        self._schemas = Schemas(node, engine, bounds.schema_bytes, self._blame)
+        self._exports = Exports(node, rules, self._local.knows, self.warn)
+        self._announcing = Announcing(node, engine, self._local, self._exports, self.warn)
+        self._mirrors = Mirrors(engine, self._far, self._exports, self._schemas, self._make_node, self.warn)
+        self._reporting = Reporting(self._exports, self._mirrors)
+
+    async def run(self) -> None:
+        """Join the two, for ever. Raises BridgeError where the engine can't begin, and what busd refuses.
+
+        Cancellation is the way to end it: then the far side sees nothing of this bus any more, nor this bus
+        of the far side, within half a second.
+        """
+        tasks: list[asyncio.Task[Any]] = []
+        try:
+            await self._engine.open(self)
+            await self._node.create_service(GetStatus, "~/get_status", lambda request: self.status())
+            tasks += [
+                self._loop.create_task(self._announcing.watch(), name="announce"),
+                self._loop.create_task(self._mirrors.run(), name="mirror"),
+                self._loop.create_task(self._keep_time(), name="keep time"),
+            ]
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            await self._close(tasks)
+
+    async def _close(self, tasks: list[asyncio.Task[Any]]) -> None:
+        for task in tasks:
+            task.cancel()
+        self._exports.close()
+        self._schemas.close()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for closing in (self._engine.close(), self._mirrors.close()):
+            try:
+                async with asyncio.timeout(_CLOSE_S):
+                    await closing
+            except TimeoutError:
+                pass  # it goes with the process
+            except Exception as error:
+                self._log.warning(f"while the bridge was closed: {type(error).__name__}: {error}")
+
+    async def _keep_time(self) -> None:
+        while True:
+            await asyncio.sleep(_PERIOD_S)
+            self._exports.sweep()
+            self._reporting.look(self._loop.time())
+
+    def _make_node(self, name: str, namespace: str, origin: Origin) -> Node:
+        return Node(
+            name,
+            namespace=namespace,
+            arguments=(),
+            socket=self._options.socket,
+            rosout=False,
+            origin=origin,
+        )
+
+    def status(self) -> GetStatus.Response:
+        """How it is, as the service tells it."""
+        return self._reporting.status(
+            engine=self._engine.name,
+            bus=self._options.bus,
+            namespace=self._options.naming.namespace,
+            uptime_s=monotonic() - self._began_s,
+            links=self._engine.links(),
+            buses=[one.id for one in self._far.buses],
+            shown_there=self._announcing.counts,
+        )
+
+    # --- what the engine tells
+
+    def bus_came(self, bus: FarBus) -> None:
+        self._refused.discard(bus.id)
+        if wrong := self._far.bus_came(bus, self._loop.time()):
+            self._refuse(bus.id, wrong)
+            return
+        where = f" at {bus.address}" if bus.address else ""
+        self._log.info(printable(f"bus '{bus.id}'{where} is there", keep=""))
+
+    def bus_went(self, bus_id: str, reason: str) -> None:
+        if all(one.id != bus_id for one in self._far.buses):
+            return
+        self._log.info(printable(f"bus '{bus_id}' has gone: {reason}", keep=""))
+        self._mirrors.bus_went(bus_id)
+        self._far.bus_went(bus_id)
+        self._mirrors.look()
+
+    def node_came(self, node: FarNode) -> None:
+        self._judge(node.bus, self._far.node_came(node, self._loop.time()))
+
+    def node_went(self, key: str) -> None:
+        bus = self._far.bus_of(key)
+        self._judge(bus, self._far.node_went(key, self._loop.time()))
+
+    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+        bus = self._far.bus_of(endpoint.node)
+        self._judge(bus, self._far.endpoint_came(endpoint, self._loop.time()))
+        ways = self._far.ways(endpoint.gid)
+        if len(ways) > 1:
+            self.warn(
+                f"the {endpoint.kind} on '{endpoint.topic}' comes by more than one way, from the buses "
+                f"{', '.join(map(repr, ways))}; the first is used"
+            )
+
+    def endpoint_went(self, gid: bytes, node: str) -> None:
+        bus = self._far.bus_of(node)
+        self._judge(bus, self._far.endpoint_went(gid, node, self._loop.time()))
+
+    def warn(self, text: str) -> None:
+        if text in self._said:
+            self._said.move_to_end(text)
+            return
+        self._said[text] = None
+        if len(self._said) > _MOST_SAID:
+            self._said.popitem(last=False)
+        self._log.warning(printable(text, keep=""))
+
+    # --- inside
+
+    def _judge(self, bus_id: str, wrong: str) -> None:
+        if wrong:
+            self._refuse(bus_id, wrong)
+        self._mirrors.look()
+
+    def _blame(self, endpoint: FarEndpoint, wrong: str) -> None:
+        if bus_id := self._far.bus_of(endpoint.node):
+            self._refuse(bus_id, wrong)
+
+    def _refuse(self, bus_id: str, wrong: str) -> None:
+        self.warn(f"bus '{bus_id}' is refused: {wrong}")
+        self._refused.add(bus_id)
+        self._far.bus_went(bus_id)
+        self._mirrors.look()
+        self._engine.refuse(bus_id, wrong)

@@ -1,0 +1,157 @@
+"""The way out of one publisher's messages: from what a tap has taken to the engine's writer.
+
+Owns what waits, and what became of each message. Must not know nodes, taps or the graph.
+"""
+
+from collections.abc import Callable, Sequence
+
+from bus.qos import History, QoSProfile
+from bus_bridge.core.accounts import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED, Account
+from bus_bridge.core.waiting import RateLimit, Waiting
+from bus_bridge.engine import RouteRule, Sample, Writer
+
+__all__ = ["Export"]
+
+_MOST_BYTES = 64 << 20
+_AT_ONCE = 256
+
+
+class Export:
+    """`depth` is how many messages may wait. `is_matched` says whether a far subscription is matched with the
+    publisher on this bus: then its messages wait until the way is made.
+
+    `on_free` is called when nothing waits any more.
+    """
+
+    def __init__(
+        self,
+        gid: bytes,
+        depth: int,
+        is_matched: Callable[[bytes], bool],
+        on_free: Callable[[], object],
+        *,
+        is_lossless: bool = False,
+    ) -> None:
+        self.gid = gid
+        self.account = Account()
+        self.writer: Writer | None = None
+        self.is_fresh = True
+        """What comes next may begin anywhere: there was no tap before."""
+        self._depth = depth
+        self._patience: int | None = depth
+        self._is_lossless = is_lossless
+        self._is_matched = is_matched
+        self._on_free = on_free
+        self._waiting = Waiting(_MOST_BYTES)
+        self._last = 0
+        self._limit: RateLimit | None = None
+
+    def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
+        """The publisher is shown to the far side."""
+        self.writer = writer
+        self._is_lossless = qos.is_lossless
+        self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth
+        self._limit = None if rule.max_rate_hz is None else RateLimit(rule.max_rate_hz)
+        self.flush()
+
+    @property
+    def waiting(self) -> int:
+        return len(self._waiting)
+
+    @property
+    def sent(self) -> int:
+        """Messages that have gone, without those that the engine has dropped afterwards."""
+        return self.account.sent - sum(self._lost_by_engine.values())
+
+    @property
+    def losses(self) -> dict[str, int]:
+        """All that did not go on, by reason."""
+        found = self.account.losses
+        for reason, count in self._lost_by_engine.items():
+            found[reason] = found.get(reason, 0) + count
+        return found
+
+    @property
+    def _lost_by_engine(self) -> dict[str, int]:
+        return {} if self.writer is None else self.writer.lost
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether its publisher is to wait: what waits here must not be lost."""
+        return self._is_lossless and bool(self._waiting)
+
+    @property
+    def is_flowing(self) -> bool:
+        return self.writer is not None and self.writer.is_wanted
+
+    def put(self, samples: Sequence[Sample]) -> None:
+        """The next messages of the publisher, in order."""
+        account = self.account
+        account.taken += len(samples)
+        last = samples[-1].number
+        if samples[0].number <= self._last:  # a transient local publisher's history, to another tap
+            fresh = [sample for sample in samples if sample.number > self._last]
+            account.drop(REPEATED, len(samples) - len(fresh))
+            if not fresh:
+                return
+            samples = fresh
+        elif not self.is_fresh and (missing := last - self._last - len(samples)) > 0:
+            account.taken += missing
+            account.drop(REPLACED, missing)
+        self.is_fresh = False
+        self._last = last
+        if self._limit is not None:
+            passing = self._limit.passing(samples)
+            account.drop(RATE, len(samples) - len(passing))
+            if not passing:
+                return
+            samples = passing
+        writer = self.writer
+        if writer is not None and not self._waiting and writer.is_wanted:
+            sent = self._write(writer, samples)
+            if sent == len(samples):
+                return
+            samples = samples[sent:]
+        self._wait(samples)
+
+    def flush(self) -> None:
+        """The writer can take more, perhaps, or is wanted no longer; or a match has come or gone."""
+        waiting, writer = self._waiting, self.writer
+        if not waiting:
+            return
+        while waiting and writer is not None and writer.is_wanted:
+            samples = waiting.first(_AT_ONCE)
+            sent = self._write(writer, samples)
+            waiting.remove(sent)
+            if sent < len(samples):
+                return
+        if waiting and writer is not None and not writer.is_wanted and not self._is_matched(self.gid):
+            self.account.drop(NOT_WANTED, waiting.clear())
+        if not waiting:
+            self._on_free()
+
+    def close(self) -> None:
+        """The publisher has gone; what waits is lost."""
+        self.account.drop(DISCONNECTED, self._waiting.clear())
+        writer, self.writer = self.writer, None
+        if writer is not None:
+            writer.close()
+        self._on_free()
+
+    def _wait(self, samples: Sequence[Sample]) -> None:
+        writer, depth = self.writer, self._depth
+        if writer is None or not writer.is_wanted:
+            if not self._is_matched(self.gid):
+                self.account.drop(NOT_WANTED, len(samples))
+                return
+            depth = self._patience or depth
+        replaced, over = self._waiting.put(samples, None if self._is_lossless else depth)
+        self.account.drop(REPLACED, replaced)
+        self.account.drop(MEMORY, over)
+
+    def _write(self, writer: Writer, samples: Sequence[Sample]) -> int:
+        sent = writer.write(samples)
+        account = self.account
+        account.sent += sent
+        account.bytes += sum([len(sample[0]) for sample in samples[:sent]])
+        return sent

@@ -1,0 +1,315 @@
+"""All ways out: the taps that take messages for far subscriptions, and which publisher's way each takes.
+
+There are taps for a topic and type while a far subscription is shown here. Owns the taps; makes no mirrors.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgspec
+
+from bus.errors import BusError
+from bus.node import Node
+from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.schema import MessageSchema, depth_for
+from bus.subscription import Subscription
+from bus_bridge.core.export import Export
+from bus_bridge.core.local_graph import Shown
+from bus_bridge.core.rules import Rules
+from bus_bridge.engine import RouteRule, Sample, Writer
+
+__all__ = ["Exports", "Kind", "TopicRoute"]
+
+Kind = tuple[str, str, str]
+"""A topic of this bus, and the name and hash of a type."""
+
+_BATCH = 256
+_EARLY_S = 5.0
+"""How long messages of a publisher wait that no graph has shown yet."""
+_LINGER_S = 2.0
+"""How long messages wait whose publisher has gone."""
+_LOOK_S = 0.02
+_new_sample: Any = tuple.__new__
+
+
+class TopicRoute:
+    """The ways out of one topic and type."""
+
+    def __init__(
+        self, kind: Kind, depth: int, knows: Callable[[bytes], bool], on_trouble: Callable[[str], object]
+    ) -> None:
+        self.kind = kind
+        self.exports: dict[bytes, Export] = {}
+        """By the publisher's gid."""
+        self.mirrors: dict[Subscription[Any], None] = {}
+        """The far subscriptions, as they are shown here."""
+        self.holders = 0
+        """How many far subscriptions need the taps."""
+        self.taps: list[Subscription[Any]] = []
+        self.depth = depth
+        self.opening = asyncio.Lock()
+        self.early: dict[bytes, float] = {}
+        """Publishers whose messages came before a graph has shown them: when the first did."""
+        self._knows = knows
+        self._on_trouble = on_trouble
+        self._matched: frozenset[bytes] | None = None
+        self._loop = asyncio.get_running_loop()
+        self._sent_by_gone = 0
+        self._due: set[Subscription[Any]] = set()
+
+    def is_matched(self, gid: bytes) -> bool:
+        """Whether a far subscription is matched with this publisher."""
+        if self._matched is None:
+            self._matched = frozenset(match.gid for one in self.mirrors for match in one.matches)
+        return gid in self._matched
+
+    def matches_changed(self) -> None:
+        self._matched = None
+        for export in tuple(self.exports.values()):
+            export.flush()
+
+    @property
+    def sent(self) -> int:
+        """How many messages have gone out."""
+        return self._sent_by_gone + sum(one.account.sent for one in self.exports.values())
+
+    @property
+    def has_news(self) -> bool:
+        """Whether something has come that was not taken yet."""
+        return any(tap.statistics().queued for tap in self.taps)
+
+    def export(self, gid: bytes, *, is_lossless: bool = False) -> Export:
+        """That of a publisher, made when it is first asked for."""
+        found = self.exports.get(gid)
+        if found is None:
+            found = self.exports[gid] = Export(
+                gid, self.depth, self.is_matched, self._on_free, is_lossless=is_lossless
+            )
+        return found
+
+    def forget(self, export: Export) -> None:
+        if self.exports.get(export.gid) is export:
+            del self.exports[export.gid]
+            self._sent_by_gone += export.account.sent
+        self.early.pop(export.gid, None)
+
+    def begin(self) -> None:
+        """New taps are there."""
+        for export in self.exports.values():
+            export.is_fresh = True
+        for tap in self.taps:
+            tap.set_arrival_callback(lambda tap=tap: self.take(tap))  # type: ignore[misc]
+            self.take(tap)
+
+    def take(self, tap: Subscription[Any]) -> None:
+        """Something has come, or may be taken now."""
+        if tap.qos.is_lossless and any(one.is_holding for one in self.exports.values()):
+            return  # so its publishers wait, until there is room
+        batch = tap.take_many(_BATCH)
+        if not batch:
+            return
+        if len(batch) == _BATCH:
+            self._take_on(tap)  # others have their turn first
+        groups: dict[bytes, list[Sample]] = {}
+        gid: bytes | None = None
+        add: Callable[[Sample], None]
+        for payload, info in batch:
+            if info[4] is not gid:
+                gid = info[4]
+                add = groups.setdefault(gid, []).append
+            add(_new_sample(Sample, (payload, info[2], info[0])))
+        for gid, samples in groups.items():
+            export = self.exports.get(gid) or self._early(gid, is_lossless=tap.qos.is_lossless)
+            if export is not None:
+                try:
+                    export.put(samples)
+                except Exception as error:  # one way out must not end the others
+                    self._on_trouble(f"'{self.kind[0]}': {type(error).__name__}: {error}")
+
+    def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
+        if self._knows(gid):  # and it is not to be seen there
+            return None
+        self.early[gid] = self._loop.time()
+        return self.export(gid, is_lossless=is_lossless)
+
+    def _on_free(self) -> None:
+        for tap in self.taps:
+            if tap.qos.is_lossless:
+                self._take_on(tap)
+
+    def _take_on(self, tap: Subscription[Any]) -> None:
+        if tap not in self._due:
+            self._due.add(tap)
+            self._loop.call_soon(self._take_now, tap)
+
+    def _take_now(self, tap: Subscription[Any]) -> None:
+        self._due.discard(tap)
+        if tap in self.taps:
+            self.take(tap)
+
+
+class Exports:
+    """`node` is the bridge's own; `knows` whether the last graph had a publisher."""
+
+    def __init__(
+        self,
+        node: Node,
+        rules: Rules,
+        knows: Callable[[bytes], bool],
+        on_trouble: Callable[[str], object],
+    ) -> None:
+        self._node = node
+        self._rules = rules
+        self._knows = knows
+        self._on_trouble = on_trouble
+        self._routes: dict[Kind, TopicRoute] = {}
+        self._of_gid: dict[bytes, tuple[TopicRoute, Export]] = {}
+        self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], None]]] = {}
+        self._loop = asyncio.get_running_loop()
+        self.shown: dict[Export, Shown] = {}
+        """What the far side sees."""
+
+    def __iter__(self) -> Iterator[tuple[TopicRoute, Export]]:
+        for route in self._routes.values():
+            for export in route.exports.values():
+                yield route, export
+
+    def route(self, kind: Kind, schema: MessageSchema) -> TopicRoute:
+        found = self._routes.get(kind)
+        if found is None:
+            depth = self._rules.crossing(kind[0]).rule.depth or depth_for(schema)
+            found = self._routes[kind] = TopicRoute(kind, depth, self._knows, self._on_trouble)
+        return found
+
+    # --- publishers of this bus
+
+    def prepare(self, kind: Kind, schema: MessageSchema, shown: Shown) -> tuple[Export, RouteRule]:
+        """The way out of a publisher that is about to be shown to the far side, and the rule for it."""
+        gid, route = shown.local.gid, self.route(kind, schema)
+        export = route.export(gid)
+        if export in self._leaving:
+            timer, end = self._leaving[export]
+            timer.cancel()
+            end()
+            route = self.route(kind, schema)
+            export = route.export(gid)
+        self._of_gid[gid] = route, export
+        self.shown[export] = shown
+        return export, msgspec.structs.replace(shown.rule, depth=route.depth)
+
+    def attach(self, export: Export, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
+        route, _ = self._of_gid[export.gid]
+        route.early.pop(export.gid, None)
+        export.attach(writer, qos, rule)
+
+    def discard(self, gid: bytes) -> None:
+        """The engine can't carry it."""
+        self._end(*self._of_gid.pop(gid))
+
+    def withdraw(self, gid: bytes, on_closed: Callable[[], object]) -> None:
+        """A publisher has gone. What waits of it still goes, if that is soon; then `on_closed` is called."""
+        known = self._of_gid.pop(gid, None)
+        if known is None:
+            on_closed()
+            return
+        route, export = known
+
+        def end() -> None:
+            self._leaving.pop(export, None)
+            self._end(route, export)
+            on_closed()
+
+        sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
+
+        def look() -> None:
+            nonlocal sent, end_s
+            if export.account.sent != sent:  # it goes on, however slowly
+                sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
+            if not (export.waiting or route.has_news) or self._loop.time() >= end_s:
+                end()
+            else:
+                self._leaving[export] = self._loop.call_later(_LOOK_S, look), end
+
+        look()
+
+    # --- far subscriptions, as they are shown here
+
+    async def hold(self, kind: Kind, schema: MessageSchema) -> TopicRoute:
+        """Have the taps of a topic and type for one more far subscription. Raises BusError."""
+        route = self.route(kind, schema)
+        route.holders += 1
+        try:
+            async with route.opening:
+                if not route.taps:
+                    await self._open_taps(route, schema)
+        except BaseException:
+            route.holders -= 1
+            self._drop_unused(route)
+            raise
+        return route
+
+    async def release(self, route: TopicRoute) -> None:
+        """A far subscription needs them no longer."""
+        route.holders -= 1
+        async with route.opening:
+            if not route.holders:
+                taps, route.taps = route.taps, []
+                await asyncio.gather(*(tap.close() for tap in taps))
+        route.matches_changed()
+        self._drop_unused(route)
+
+    async def _open_taps(self, route: TopicRoute, schema: MessageSchema) -> None:
+        topic = route.kind[0]
+        is_local = not self._rules.crossing(topic).rule.transit
+        profiles = (
+            QoSProfile(
+                route.depth, reliability=Reliability.BEST_EFFORT, durability=Durability.BEST_AVAILABLE
+            ),
+            QoSProfile(history=History.KEEP_ALL, durability=Durability.BEST_AVAILABLE),
+        )
+        taps: list[Subscription[Any]] = []
+        try:
+            for profile in profiles:
+                taps.append(
+                    await self._node.create_subscription(
+                        schema, topic, profile, raw=True, local_only=is_local, role="tap"
+                    )
+                )
+        except BusError:
+            for tap in taps:
+                await tap.close()
+            raise
+        route.taps = taps
+        route.begin()
+
+    # --- from time to time
+
+    def sweep(self) -> None:
+        """Give up messages of publishers that no graph has shown."""
+        now_s = self._loop.time()
+        for route in tuple(self._routes.values()):
+            for gid, since_s in tuple(route.early.items()):
+                if now_s - since_s > _EARLY_S:
+                    self._end(route, route.exports[gid])
+            self._drop_unused(route)
+
+    def close(self) -> None:
+        """What waits is lost."""
+        for timer, _ in self._leaving.values():
+            timer.cancel()
+        for route in self._routes.values():
+            route.taps = []
+            for export in route.exports.values():
+                export.close()
+        self._routes.clear()
+
+    def _end(self, route: TopicRoute, export: Export) -> None:
+        self.shown.pop(export, None)
+        export.close()
+        route.forget(export)
+        self._drop_unused(route)
+
+    def _drop_unused(self, route: TopicRoute) -> None:
+        if not route.exports and not route.holders:
+            self._routes.pop(route.kind, None)

@@ -1,0 +1,257 @@
+"""The way in of one far publisher's messages: from the engine's reader to its mirror on this bus.
+
+Reads while the mirror has subscriptions. Owns the numbers that came last, what waits for room, and what
+became of each message. Must not know nodes or the graph.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from time import time_ns
+from typing import Any
+
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
+from bus.publisher import Publisher
+from bus.schema import MessageSchema
+from bus_bridge.core.accounts import DISCONNECTED, EXPIRED, MEMORY, REFUSED, REPEATED, TOO_LARGE, Account
+from bus_bridge.core.lateness import Lateness
+from bus_bridge.core.waiting import Waiting
+from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
+
+__all__ = ["Import"]
+
+_MOST_BYTES = 64 << 20
+_LINGER_S = 2.0
+"""How long messages are still read after the last subscription has gone: with busd it comes back soon."""
+_RETRY_S = 2.0
+_STUCK_S = 2.0
+_MAX_TIME_NS = 1 << 63
+
+
+class Import:
+    """`on_trouble` hears, in words, what keeps messages out."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        endpoint: FarEndpoint,
+        schema: MessageSchema,
+        publisher: Publisher[Any],
+        lateness: Lateness,
+        on_trouble: Callable[[str], object],
+    ) -> None:
+        self.account = Account()
+        self.publisher = publisher
+        self._engine = engine
+        self._endpoint = endpoint
+        self._schema = schema
+        self._publish = publisher.publish_encoded
+        self._lateness = lateness
+        self._on_trouble = on_trouble
+        self._loop = asyncio.get_running_loop()
+        self._reader: Reader | None = None
+        self._reader_losses: dict[str, int] = {}
+        self._last = 0
+        self._is_fresh = True
+        self._lifespan_ns = endpoint.qos.lifespan_ns
+        self._is_lossless = endpoint.qos.is_lossless
+        self._waiting = Waiting(_MOST_BYTES)
+        self._pumping: asyncio.Task[None] | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_closed = False
+
+    @property
+    def waiting(self) -> int:
+        return len(self._waiting)
+
+    @property
+    def is_flowing(self) -> bool:
+        return self._reader is not None
+
+    @property
+    def losses(self) -> dict[str, int]:
+        """All that did not go on, by reason."""
+        found = self.account.losses
+        now = {} if self._reader is None else self._reader.lost
+        for part in (self._reader_losses, now):
+            for reason, count in part.items():
+                found[reason] = found.get(reason, 0) + count
+        return found
+
+    def look(self) -> None:
+        """The mirror's matches have changed: read, or read no longer."""
+        if self._is_closed:
+            return
+        is_wanted = self.publisher.get_subscription_count() > 0
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if is_wanted and self._reader is None:
+            self._read()
+        elif not is_wanted and self._reader is not None:
+            self._timer = self._loop.call_later(_LINGER_S, self._stop)
+
+    def begin_again(self, endpoint: FarEndpoint) -> None:
+        """The far side was away and is back: what it had before does not come twice."""
+        self._stop()
+        self._endpoint = endpoint
+        self.look()
+
+    def end(self) -> None:
+        """The bridge ends: read no more; what waits is lost."""
+        self._is_closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._pumping is not None:
+            self._pumping.cancel()
+        self._stop()
+
+    async def finish(self) -> None:
+        """The far publisher has gone: read no more, and publish what waits for room, for as long as that goes
+        on. Cancellation: as at the end, what waits is lost."""
+        self._is_closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        self._stop()
+        try:
+            while self._pumping is not None:
+                before = self.account.sent
+                await asyncio.wait((self._pumping,), timeout=_STUCK_S)
+                if self.account.sent == before:
+                    break
+        finally:
+            if self._pumping is not None:
+                self._pumping.cancel()
+            self.account.drop(DISCONNECTED, self._waiting.clear())
+
+    def receive(self, samples: Sequence[Sample]) -> None:
+        """The next messages of the far publisher, from the reader. Never raises."""
+        if self._is_closed or not samples:
+            return
+        try:
+            self._receive(samples)
+        except Exception as error:  # one way in must not end the others
+            self._on_trouble(f"{type(error).__name__}: {error}")
+
+    def _receive(self, samples: Sequence[Sample]) -> None:
+        account = self.account
+        account.taken += len(samples)
+        if not self._is_next(samples):
+            samples = self._without_repeated(samples)
+        if self._lifespan_ns:
+            samples = self._without_expired(samples)
+        elif samples:
+            self._lateness.note(time_ns(), samples[-1].source_time_ns)
+        if self._is_lossless:
+            _, over = self._waiting.put(samples, None)
+            account.drop(MEMORY, over)
+            self._pump()
+            return
+        publish, size = self._publish, 0
+        for payload, _, source_time_ns in samples:
+            try:
+                if 0 < source_time_ns < _MAX_TIME_NS:
+                    publish(payload, source_time_ns=source_time_ns)
+                else:
+                    publish(payload)
+            except BusError as error:
+                self._fail(error)
+                continue
+            account.sent += 1
+            size += len(payload)
+        account.bytes += size
+
+    # --- inside
+
+    def _is_next(self, samples: Sequence[Sample]) -> bool:
+        """Whether they go on where the last ones ended, each once: they nearly always do."""
+        number = first = samples[0][1]
+        if first != self._last + 1 or samples[-1][1] - first != len(samples) - 1:
+            return False
+        for sample in samples:
+            if sample[1] != number:
+                return False
+            number += 1
+        self._last = number - 1
+        self._is_fresh = False
+        return True
+
+    def _without_repeated(self, samples: Sequence[Sample]) -> list[Sample]:
+        account, found = self.account, []
+        for sample in samples:
+            if number := sample.number:
+                if number <= self._last:
+                    account.drop(REPEATED)
+                    continue
+                if not self._is_fresh:
+                    account.lost += number - self._last - 1
+                self._last, self._is_fresh = number, False
+            found.append(sample)
+        return found
+
+    def _without_expired(self, samples: Sequence[Sample]) -> Sequence[Sample]:
+        now_ns, lateness = time_ns(), self._lateness
+        for sample in samples:
+            lateness.note(now_ns, sample.source_time_ns)
+        kept = [one for one in samples if lateness.age_ns(now_ns, one.source_time_ns) <= self._lifespan_ns]
+        self.account.drop(EXPIRED, len(samples) - len(kept))
+        return kept
+
+    def _pump(self) -> None:
+        """Publish what waits, as far as there is room."""
+        if self._pumping is None and self._publish_waiting():
+            self._pumping = self._loop.create_task(self._pump_on())
+
+    async def _pump_on(self) -> None:
+        try:
+            while True:
+                await self.publisher.wait_for_room()
+                if not self._publish_waiting():
+                    return
+        except ConnectionClosed as error:
+            self._fail(error, len(self._waiting))
+            self._waiting.clear()
+        finally:
+            self._pumping = None
+
+    def _publish_waiting(self) -> bool:
+        """Returns whether there is no room for the next one."""
+        account, waiting, size = self.account, self._waiting, 0
+        is_full = False
+        while waiting and not is_full:
+            batch, done = waiting.first(64), 0
+            for payload, _, source_time_ns in batch:
+                try:
+                    time_ns = source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None
+                    if not self._publish(payload, source_time_ns=time_ns):
+                        is_full = True
+                        break
+                    account.sent += 1
+                    account.bytes += len(payload)
+                except BusError as error:
+                    self._fail(error)
+                size += len(payload)
+                done += 1
+            waiting.remove(done)
+        if size and self._reader is not None:
+            self._reader.taken(size)
+        return is_full
+
+    def _fail(self, error: BusError, count: int = 1) -> None:
+        reason = TOO_LARGE if isinstance(error, PayloadTooLarge) else REFUSED
+        self.account.drop(reason, count)
+        self._on_trouble(str(error))
+
+    def _read(self) -> None:
+        try:
+            self._reader = self._engine.read(self._endpoint, self._schema, self.receive)
+        except BusError as error:
+            self._on_trouble(str(error))
+            self._timer = self._loop.call_later(_RETRY_S, self.look)
+
+    def _stop(self) -> None:
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            for reason, count in reader.lost.items():
+                self._reader_losses[reason] = self._reader_losses.get(reason, 0) + count
+            reader.close()
+        self._is_fresh = True

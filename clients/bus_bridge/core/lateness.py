@@ -1,0 +1,33 @@
+"""How old messages from another machine are, whose clock may be wrong by an hour. Pure.
+
+The difference of the two clocks is not known. But the message that was least late of all that came lately
+took next to no time: by how much another was later than that, so old it was.
+"""
+
+__all__ = ["Lateness"]
+
+_WINDOW_NS = 30_000_000_000
+
+
+class Lateness:
+    """Of the messages of one far bus. Clocks may be set and drift: what counts is the last half minute."""
+
+    def __init__(self) -> None:
+        self._least_ns: int | None = None  # since `_since_ns`
+        self._before_ns: int | None = None  # in the window before
+        self._since_ns = 0
+
+    def note(self, now_ns: int, source_ns: int) -> None:
+        """A message came; of many that come together, the newest is enough."""
+        if now_ns - self._since_ns > _WINDOW_NS:
+            is_next = now_ns - self._since_ns <= 2 * _WINDOW_NS
+            self._before_ns = self._least_ns if is_next else None
+            self._least_ns, self._since_ns = None, now_ns
+        lateness_ns = now_ns - source_ns
+        if self._least_ns is None or lateness_ns < self._least_ns:
+            self._least_ns = lateness_ns
+
+    def age_ns(self, now_ns: int, source_ns: int) -> int:
+        """How old a message is that has been noted, or has come with one that was."""
+        least_ns = min((one for one in (self._least_ns, self._before_ns) if one is not None), default=None)
+        return 0 if least_ns is None else max(0, now_ns - source_ns - least_ns)

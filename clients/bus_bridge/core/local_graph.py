@@ -1,0 +1,163 @@
+"""What of this bus the far side is to see, and what has changed of it since the last look. Pure."""
+
+import msgspec
+
+from bus.errors import ConfigurationError
+from bus.graph import Graph, GraphEndpoint, GraphNode
+from bus_bridge.core.naming import Naming
+from bus_bridge.core.rules import Rules
+from bus_bridge.engine import Kind, LocalEndpoint, LocalNode, RouteRule
+
+__all__ = ["Changes", "LocalGraph", "Shown"]
+
+_Key = tuple[object, ...]
+"""Process, namespace, name and origin of a node."""
+
+
+class Shown(msgspec.Struct, frozen=True):
+    """An endpoint of this bus that the far side is to see."""
+
+    local: LocalEndpoint
+    topic: str
+    """Its name on this bus."""
+    node: str
+    """Full name of its node on this bus."""
+    rule: RouteRule
+
+
+class Changes(msgspec.Struct):
+    """In the order in which they are to be made known: what has gone, then nodes, subscriptions and
+    publishers.
+
+    A service's client has its subscription for answers on the far side before its request goes there.
+    """
+
+    gone: list[Shown] = []
+    gone_nodes: list[LocalNode] = []
+    nodes: list[LocalNode] = []
+    subscriptions: list[Shown] = []
+    publishers: list[Shown] = []
+    warnings: list[str] = []
+
+
+class LocalGraph:
+    """Knows endpoints by gid, and nodes by process and name: so a busd that comes back changes nothing."""
+
+    def __init__(self, rules: Rules, naming: Naming) -> None:
+        self._rules = rules
+        self._naming = naming
+        self._node_numbers = 0
+        self._nodes: dict[int, tuple[_Key, LocalNode | None]] = {}  # by busd's number
+        self._absent: dict[_Key, list[LocalNode]] = {}
+        """Nodes of an earlier busd that this one does not know yet."""
+        self._seen: dict[bytes, GraphEndpoint] = {}
+        self._seen_at: tuple[int, int] = (0, -1)
+        self.endpoints: dict[bytes, Shown] = {}
+        """What is to be seen there now, by gid."""
+
+    def knows(self, gid: bytes) -> bool:
+        """Whether an endpoint was on this bus at the last look, to be seen there or not."""
+        return gid in self._seen
+
+    def is_other_busd(self, graph: Graph) -> bool:
+        """Whether `graph` is of another busd than the last one: much of what it lacks will come back."""
+        pid, revision = self._seen_at
+        return revision >= 0 and (pid != graph.broker_pid or graph.revision < revision)
+
+    @property
+    def nodes(self) -> list[LocalNode]:
+        """Those to be seen there now."""
+        return [node for _, node in self._nodes.values() if node is not None]
+
+    def look(self, graph: Graph, *, keeps: bool = False) -> Changes:
+        """Take over `graph`. With `keeps` nothing goes: what is not in it yet is waited for."""
+        changes = Changes()
+        looks_at_all = keeps or self.is_other_busd(graph)
+        present = {one.gid: one for one in graph.subscriptions}
+        present.update((one.gid, one) for one in graph.publishers)
+        if self.is_other_busd(graph):
+            for key, node in self._nodes.values():
+                if node is not None:
+                    self._absent.setdefault(key, []).append(node)
+            self._nodes.clear()
+        self._seen_at = graph.broker_pid, graph.revision
+        self._look_at_nodes(graph, changes)
+        if not keeps:
+            for gid in self._seen.keys() - present.keys():
+                del self._seen[gid]
+                if (gone := self.endpoints.pop(gid, None)) is not None:
+                    changes.gone.append(gone)
+            changes.gone_nodes += [node for nodes in self._absent.values() for node in nodes]
+            self._absent.clear()
+        for gid in tuple(present) if looks_at_all else present.keys() - self._seen.keys():
+            self._look_at(present[gid], changes)
+        return changes
+
+    def _look_at(self, endpoint: GraphEndpoint, changes: Changes) -> None:
+        gid = endpoint.gid
+        self._seen[gid] = endpoint
+        known, shown = self.endpoints.pop(gid, None), self._show(endpoint, changes)
+        if shown is not None:
+            self.endpoints[gid] = shown
+        if shown == known:
+            return
+        if known is not None:
+            changes.gone.append(known)
+        if shown is not None:
+            is_publisher = shown.local.kind == "publisher"
+            (changes.publishers if is_publisher else changes.subscriptions).append(shown)
+
+    def _look_at_nodes(self, graph: Graph, changes: Changes) -> None:
+        present = {one.id: one for one in graph.nodes}
+        for number in self._nodes.keys() - present.keys():
+            _, node = self._nodes.pop(number)
+            if node is not None:
+                changes.gone_nodes.append(node)
+        transits: set[int] = set()
+        if self._rules.has_transit:
+            transits = {
+                one.node.id
+                for one in (*graph.publishers, *graph.subscriptions)
+                if one.node.origin is not None and self._rules.crossing(one.topic).rule.transit
+            }
+        for number in present.keys() - self._nodes.keys():
+            found = present[number]
+            if found.origin is not None and number not in transits:
+                continue
+            key = (found.pid, found.namespace, found.name, found.origin)
+            if absent := self._absent.get(key):
+                local: LocalNode | None = absent.pop()
+            elif (local := self._make_node(found, changes)) is not None:
+                changes.nodes.append(local)
+            self._nodes[number] = key, local
+
+    def _make_node(self, node: GraphNode, changes: Changes) -> LocalNode | None:
+        try:
+            namespace = self._naming.namespace_to_wire(node.namespace)
+        except ConfigurationError as error:
+            changes.warnings.append(f"node {node.full_name} is not seen on the far side: {error}")
+            return None
+        self._node_numbers += 1
+        via = () if node.origin is None else (*node.origin.via, node.origin.bus)
+        return LocalNode(self._node_numbers, node.name, namespace, via)
+
+    def _show(self, endpoint: GraphEndpoint, changes: Changes) -> Shown | None:
+        crossing = self._rules.crossing(endpoint.topic)
+        is_publisher = endpoint.kind == "publisher"
+        if not (crossing.goes_out if is_publisher else crossing.comes_in):
+            return None
+        if endpoint.node.origin is not None and not crossing.rule.transit:
+            return None
+        _, node = self._nodes.get(endpoint.node.id, (None, None))
+        if node is None:
+            return None
+        try:
+            topic = self._naming.topic_to_wire(endpoint.topic)
+        except ConfigurationError as error:
+            changes.warnings.append(f"'{endpoint.topic}' does not cross: {error}")
+            return None
+        kind: Kind = "publisher" if is_publisher else "subscription"
+        local = LocalEndpoint(
+            kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, endpoint.qos
+        )
+        return Shown(local, endpoint.topic, endpoint.node.full_name, crossing.rule)

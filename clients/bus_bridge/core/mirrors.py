@@ -1,0 +1,412 @@
+"""Far nodes and endpoints as they are shown on this bus: made and closed in order, by one task.
+
+Owns the nodes, publishers and subscriptions that stand for others. What is to be there it looks up in the
+`FarGraph`, as often as that changes: so however much comes and goes there, nothing piles up here.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from typing import Any, TypeVar
+
+import msgspec
+
+from bus.errors import BusError
+from bus.events import PublisherEvents, SubscriptionEvents
+from bus.graph import Origin
+from bus.node import Node
+from bus.publisher import Publisher
+from bus.qos import Durability, Liveliness, QoSProfile
+from bus.schema import MessageSchema
+from bus.subscription import Subscription
+from bus_bridge.core.exports import Exports, TopicRoute
+from bus_bridge.core.far_graph import FarGraph, Mirrored, MirroredNode
+from bus_bridge.core.imports import Import
+from bus_bridge.core.lateness import Lateness
+from bus_bridge.core.schemas import Schemas
+from bus_bridge.engine import Engine
+
+__all__ = ["EndpointMirror", "Mirrors", "NodeMirror"]
+
+T = TypeVar("T")
+
+_AT_ONCE = 64
+_CLOSE_S = 1.0
+_FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 30.0
+_LINGER_S = 5.0
+"""How long a transient local publisher stays when the link to its bus ends: when it is back by then, those
+that have its messages don't get them again."""
+_NEVER_S = float("inf")
+
+
+class NodeMirror:
+    """A far node, as it is shown here."""
+
+    def __init__(self, far: MirroredNode) -> None:
+        self.far = far
+        self.node: Node | None = None
+        self.failures = 0
+        self.retry_s = 0.0
+
+
+class EndpointMirror:
+    """A far publisher or subscription, as it is shown here."""
+
+    def __init__(self, far: Mirrored, node: NodeMirror) -> None:
+        self.far = far
+        self.node = node
+        self.publisher: Publisher[Any] | None = None
+        self.subscription: Subscription[Any] | None = None
+        self.way: Import | None = None
+        """Of a publisher's messages."""
+        self.route: TopicRoute | None = None
+        """Of messages to a subscription."""
+        self.sent_before = 0
+        """What had gone that route before the subscription was there."""
+        self.failures = 0
+        self.retry_s = 0.0
+        self.is_leaving = False
+
+    @property
+    def is_open(self) -> bool:
+        return self.publisher is not None or self.subscription is not None
+
+    @property
+    def is_publisher(self) -> bool:
+        return self.far.far.kind == "publisher"
+
+
+class Mirrors:
+    """`make_node(name, namespace, origin)` makes a node, which is opened here; `warn` gets what the user
+    should know."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        far: FarGraph,
+        exports: Exports,
+        schemas: Schemas,
+        make_node: Callable[[str, str, Origin], Node],
+        warn: Callable[[str], None],
+    ) -> None:
+        self._engine = engine
+        self._far = far
+        self._exports = exports
+        self._schemas = schemas
+        self._make_node = make_node
+        self._warn = warn
+        self._loop = asyncio.get_running_loop()
+        self._nodes: dict[str, NodeMirror] = {}
+        self._endpoints: dict[bytes, EndpointMirror] = {}
+        self._leaving: dict[bytes, asyncio.Task[None]] = {}
+        """Publishers that have gone and have messages left."""
+        self._lateness: dict[str, Lateness] = {}
+        self._stays_s: dict[str, float] = {}
+        """By bus: until when its transient local publishers stay though the link has ended."""
+        self._is_due = asyncio.Event()
+        self._timer: asyncio.TimerHandle | None = None
+        schemas.on_found = self.look
+
+    def __iter__(self) -> Iterator[EndpointMirror]:
+        return iter(self._endpoints.values())
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Nodes, publishers and subscriptions that are shown here."""
+        publishers = sum(one.publisher is not None for one in self._endpoints.values())
+        subscriptions = sum(one.subscription is not None for one in self._endpoints.values())
+        return sum(one.node is not None for one in self._nodes.values()), publishers, subscriptions
+
+    def look(self) -> None:
+        """The far graph has changed, perhaps."""
+        self._is_due.set()
+
+    def bus_went(self, bus: str) -> None:
+        """The link to it has ended. To be called before `look`."""
+        self._stays_s[bus] = self._loop.time() + _LINGER_S
+        self._lateness.pop(bus, None)
+
+    async def run(self) -> None:
+        """Make and close what is to be, for ever. Cancellation: `close` has to follow."""
+        while True:
+            await self._is_due.wait()
+            self._is_due.clear()
+            await self._settle()
+
+    async def close(self) -> None:
+        """Close all. Cancellation: what is left goes with the connection."""
+        if self._timer is not None:
+            self._timer.cancel()
+        for task in self._leaving.values():
+            task.cancel()
+        for mirror in self._endpoints.values():
+            if mirror.way is not None:
+                mirror.way.end()
+        nodes = [one.node for one in self._nodes.values() if one.node is not None]
+        await asyncio.gather(*(node.close() for node in nodes), return_exceptions=True)
+
+    # --- one look at everything
+
+    async def _settle(self) -> None:
+        self._take_over_nodes()
+        self._take_over_endpoints()
+        gone = [one for one in self._endpoints.values() if self._is_to_go(one)]
+        gone.sort(key=lambda one: not one.is_publisher)
+        await self._each(gone, self._close_endpoint)
+        used = {id(one.node) for one in self._endpoints.values()}
+        idle = [one for one in self._nodes.values() if self._is_gone(one) and id(one) not in used]
+        await self._each(idle, self._close_node)
+        for far in self._far.nodes.values():
+            self._nodes.setdefault(far.key, NodeMirror(far))
+        now_s = self._loop.time()
+        closed = [one for one in self._nodes.values() if one.node is None and not self._is_gone(one)]
+        await self._each([one for one in closed if one.retry_s <= now_s], self._open_node)
+        # A service's client has its subscription for answers here before its requests come.
+        await self._each(self._missing("subscription"), self._open_endpoint)
+        await self._each(self._missing("publisher"), self._open_endpoint)
+        self._arm()
+
+    async def _each(self, items: Iterable[T], act: Callable[[T], Awaitable[None]]) -> None:
+        left = list(items)
+        while left:
+            await asyncio.gather(*map(act, left[:_AT_ONCE]))
+            del left[:_AT_ONCE]
+
+    def _is_gone(self, node: NodeMirror) -> bool:
+        return self._far.nodes.get(node.far.key) is not node.far
+
+    def _is_to_go(self, mirror: EndpointMirror) -> bool:
+        if mirror.is_leaving or self._far.endpoints.get(mirror.far.far.gid) is mirror.far:
+            return False
+        return self._stays_until(mirror) <= self._loop.time()
+
+    def _stays_until(self, mirror: EndpointMirror) -> float:
+        is_kept = (
+            mirror.publisher is not None
+            and mirror.far.far.gid not in self._far.endpoints
+            and mirror.far.far.qos.durability is Durability.TRANSIENT_LOCAL
+        )
+        return self._stays_s.get(mirror.node.far.bus, 0.0) if is_kept else 0.0
+
+    def _take_over_nodes(self) -> None:
+        """What is left of a bus whose bridge is back stands for the nodes that it shows now."""
+        lost = {one.far.identity: key for key, one in self._nodes.items() if self._is_gone(one)}
+        if not lost:
+            return
+        for key, far in tuple(self._far.nodes.items()):
+            known = self._nodes.get(key)
+            if (known is None or known.far is not far) and far.identity in lost:
+                mirror = self._nodes.pop(lost.pop(far.identity))
+                mirror.far, mirror.retry_s = far, 0.0
+                self._nodes[key] = mirror
+
+    def _take_over_endpoints(self) -> None:
+        for gid, mirror in self._endpoints.items():
+            far = self._far.endpoints.get(gid)
+            if far is None or far is mirror.far or mirror.is_leaving or mirror.way is None:
+                continue
+            is_same = (
+                far.topic == mirror.far.topic
+                and msgspec.structs.replace(far.far, node=mirror.far.far.node) == mirror.far.far
+                and self._nodes.get(far.node.key) is mirror.node
+            )
+            if is_same:
+                mirror.far = far
+                mirror.way.begin_again(far.far)
+
+    def _missing(self, kind: str) -> list[tuple[EndpointMirror, MessageSchema]]:
+        """Endpoints of `kind` that are to be made and can be, now."""
+        found: list[tuple[EndpointMirror, MessageSchema]] = []
+        now_s = self._loop.time()
+        unready: set[str] = set()
+        if kind == "publisher":
+            unready = {
+                one.node.far.key
+                for one in self._endpoints.values()
+                if not one.is_publisher and not one.is_open and not one.failures
+            }
+        for gid, far in self._far.endpoints.items():
+            if far.far.kind != kind:
+                continue
+            mirror = self._endpoints.get(gid)
+            if mirror is None:
+                node = self._nodes.get(far.node.key)
+                if node is None or node.node is None:
+                    continue
+                mirror = self._endpoints[gid] = EndpointMirror(far, node)
+            if mirror.far is not far or mirror.is_open or mirror.retry_s > now_s:
+                continue
+            try:
+                schema = self._schemas.get(far.far)
+            except BusError as error:
+                self._fail(mirror, error)
+                continue
+            if schema is not None and far.node.key not in unready:
+                found.append((mirror, schema))
+        return found
+
+    def _arm(self) -> None:
+        """Look again when something is to be tried again, or need not stay any longer."""
+        now_s = self._loop.time()
+        retries = [one.retry_s for one in self._nodes.values()]
+        retries += [one.retry_s for one in self._endpoints.values()]
+        due_s = min((one for one in retries if one > now_s), default=_NEVER_S)
+        if any(until_s > now_s for until_s in self._stays_s.values()):
+            due_s = min(due_s, *(one for one in self._stays_s.values() if one > now_s))
+        self._stays_s = {bus: until_s for bus, until_s in self._stays_s.items() if until_s > now_s}
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if due_s < _NEVER_S:
+            self._timer = self._loop.call_later(due_s - now_s + 0.01, self.look)
+
+    # --- single steps
+
+    async def _open_node(self, mirror: NodeMirror) -> None:
+        if self._is_gone(mirror):
+            return
+        far = mirror.far
+        try:
+            node = self._make_node(far.name, far.namespace, Origin(self._engine.name, far.bus, far.via))
+            await node.open()
+        except Exception as error:
+            self._count_failure(mirror)
+            self._warn(f"node {_full_name(far)} of '{far.bus}' can't be shown here: {_said(error)}")
+            return
+        mirror.node = node
+        mirror.failures = 0
+
+    async def _close_node(self, mirror: NodeMirror) -> None:
+        if self._nodes.get(mirror.far.key) is mirror:
+            del self._nodes[mirror.far.key]
+        node, mirror.node = mirror.node, None
+        if node is not None:
+            await self._within_bounds(node.close())
+
+    async def _open_endpoint(self, one: tuple[EndpointMirror, MessageSchema]) -> None:
+        mirror, schema = one
+        far, node = mirror.far, mirror.node.node
+        if node is None or self._far.endpoints.get(far.far.gid) is not far:
+            return
+        try:
+            if mirror.is_publisher:
+                await self._open_publisher(mirror, schema, node)
+            else:
+                await self._open_subscription(mirror, schema, node)
+        except Exception as error:
+            self._fail(mirror, error)
+        else:
+            mirror.failures = 0
+
+    async def _open_publisher(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
+        far = mirror.far
+
+        def look(change: object) -> None:
+            if mirror.way is not None:
+                mirror.way.look()
+
+        publisher = await node.create_publisher(
+            schema,
+            far.topic,
+            self._offer(far),
+            events=PublisherEvents(matched=look),
+            gid=far.far.gid,
+        )
+        lateness = self._lateness.setdefault(mirror.node.far.bus, Lateness())
+        mirror.publisher = publisher
+        mirror.way = Import(
+            self._engine,
+            far.far,
+            schema,
+            publisher,
+            lateness,
+            lambda text: self._warn(f"messages on '{far.topic}' of '{far.node.bus}' don't come in: {text}"),
+        )
+        mirror.way.look()
+
+    async def _open_subscription(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
+        far = mirror.far
+        kind = far.topic, schema.type_name, schema.type_hash
+        route = await self._exports.hold(kind, schema)
+        try:
+            subscription = await node.create_subscription(
+                schema,
+                far.topic,
+                far.far.qos,
+                raw=True,
+                events=SubscriptionEvents(matched=lambda change: route.matches_changed()),
+                gid=far.far.gid,
+                role="mirror",
+            )
+        except BaseException:
+            await self._exports.release(route)
+            raise
+        mirror.subscription, mirror.route, mirror.sent_before = subscription, route, route.sent
+        route.mirrors[subscription] = None
+        route.matches_changed()
+
+    async def _close_endpoint(self, mirror: EndpointMirror) -> None:
+        gid = mirror.far.far.gid
+        if not self._is_to_go(mirror):
+            return
+        mirror.is_leaving = True
+        if mirror.subscription is not None and mirror.route is not None:
+            mirror.route.mirrors.pop(mirror.subscription, None)
+            await self._within_bounds(mirror.subscription.close())
+            await self._within_bounds(self._exports.release(mirror.route))
+        elif mirror.publisher is not None and mirror.way is not None:
+            if mirror.way.waiting:  # others need not wait for that
+                self._leaving[gid] = self._loop.create_task(self._leave(gid, mirror), name="leave a topic")
+                return
+            await mirror.way.finish()
+            await self._within_bounds(mirror.publisher.close())
+        self._endpoints.pop(gid, None)
+
+    async def _leave(self, gid: bytes, mirror: EndpointMirror) -> None:
+        assert mirror.way is not None and mirror.publisher is not None
+        try:
+            await mirror.way.finish()
+            await self._within_bounds(mirror.publisher.close())
+        finally:
+            self._endpoints.pop(gid, None)
+            self._leaving.pop(gid, None)
+            self.look()
+
+    async def _within_bounds(self, closing: Awaitable[None]) -> None:
+        """Nothing that is closed may hold up the rest for long, nor end it."""
+        try:
+            async with asyncio.timeout(_CLOSE_S):
+                await closing
+        except (TimeoutError, BusError):
+            pass
+
+    def _offer(self, far: Mirrored) -> QoSProfile:
+        qos = far.far.qos
+        if qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
+            self._warn(
+                f"'{far.topic}': manual liveliness can't be seen through a bridge; that of far publishers is "
+                "offered as automatic here"
+            )
+            qos = msgspec.structs.replace(qos, liveliness=Liveliness.AUTOMATIC)
+        return qos
+
+    def _fail(self, mirror: EndpointMirror, error: Exception) -> None:
+        self._count_failure(mirror)
+        far = mirror.far
+        self._warn(
+            f"the {far.far.kind} of {_full_name(far.node)} of '{far.node.bus}' on '{far.topic}' can't be "
+            f"shown here: {_said(error)}"
+        )
+
+    def _count_failure(self, mirror: NodeMirror | EndpointMirror) -> None:
+        mirror.failures += 1
+        pause_s = min(_FIRST_RETRY_S * 2 ** (mirror.failures - 1), _LONGEST_RETRY_S)
+        mirror.retry_s = self._loop.time() + pause_s
+
+
+def _full_name(far: MirroredNode) -> str:
+    return f"{far.namespace.rstrip('/')}/{far.name}"
+
+
+def _said(error: Exception) -> str:
+    """An error of ours in its own words, any other with its type: it is a fault of the bridge."""
+    return str(error) if isinstance(error, BusError) else f"{type(error).__name__}: {error}"

@@ -1,0 +1,144 @@
+"""What a bridge tells of its routes: in the graph, as counters of mirrors, and as its status."""
+
+from collections.abc import Sequence
+
+from bus_bridge.core.exports import Exports
+from bus_bridge.core.mirrors import EndpointMirror, Mirrors
+from bus_bridge.core.status import GetStatus, LinkState, MirrorCounts, RouteState
+from bus_bridge.engine import LinkStatus
+
+__all__ = ["Reporting"]
+
+_STUCK_S = 3.0
+
+
+class Reporting:
+    """Of the routes of `exports` and `mirrors`."""
+
+    def __init__(self, exports: Exports, mirrors: Mirrors) -> None:
+        self._exports = exports
+        self._mirrors = mirrors
+        self._reported: dict[bytes, object] = {}
+        self._progress: dict[object, tuple[int, float]] = {}
+        """Of routes where messages wait: how many had gone, and since when none has."""
+        self._now_s = 0.0
+
+    def look(self, now_s: float) -> None:
+        """Tell the graph what has changed; to be called each second."""
+        self._now_s = now_s
+        present: set[bytes] = set()
+        for mirror in self._mirrors:
+            gid = mirror.far.far.gid
+            present.add(gid)
+            self._report(gid, mirror)
+        for gid in self._reported.keys() - present:
+            del self._reported[gid]
+        waiting: dict[object, tuple[int, float]] = {}
+        for _, export in self._exports:
+            if export.waiting and export.is_flowing:
+                waiting[export] = self._since(export, export.account.sent)
+        for mirror in self._mirrors:
+            if mirror.way is not None and mirror.way.waiting:
+                waiting[mirror.way] = self._since(mirror.way, mirror.way.account.sent)
+        self._progress = waiting
+
+    def _since(self, way: object, sent: int) -> tuple[int, float]:
+        known = self._progress.get(way)
+        return known if known is not None and known[0] == sent else (sent, self._now_s)
+
+    def _is_stuck(self, way: object) -> bool:
+        known = self._progress.get(way)
+        return known is not None and self._now_s - known[1] >= _STUCK_S
+
+    def _report(self, gid: bytes, mirror: EndpointMirror) -> None:
+        if mirror.subscription is not None and mirror.route is not None:
+            crossed = mirror.route.sent - mirror.sent_before
+            if crossed and self._reported.get(gid) != crossed:
+                self._reported[gid] = crossed
+                mirror.subscription.report_besides(samples=crossed)
+        elif mirror.publisher is not None and mirror.way is not None:
+            losses = mirror.way.losses
+            if losses and self._reported.get(gid) != losses:
+                self._reported[gid] = losses
+                mirror.publisher.report_besides(dropped=losses)
+
+    def status(
+        self,
+        *,
+        engine: str,
+        bus: str,
+        namespace: str,
+        uptime_s: float,
+        links: Sequence[LinkStatus],
+        buses: list[str],
+        shown_there: tuple[int, int, int],
+    ) -> GetStatus.Response:
+        routes = [*self._ways_out(), *self._ways_in()]
+        routes.sort(key=lambda one: (one.topic, one.direction, one.node))
+        return GetStatus.Response(
+            engine=engine,
+            bus=bus,
+            namespace=namespace,
+            uptime_s=uptime_s,
+            links=[
+                LinkState(address=one.address, state=one.state, bus=one.bus, text=one.text) for one in links
+            ],
+            buses=buses,
+            shown_here=_counts(self._mirrors.counts),
+            shown_there=_counts(shown_there),
+            repeated=sum(one.dropped.get("repeated", 0) for one in routes),
+            routes=routes,
+        )
+
+    def _ways_out(self) -> list[RouteState]:
+        found = []
+        for route, export in self._exports:
+            shown = self._exports.shown.get(export)
+            account = export.account
+            found.append(
+                RouteState(
+                    topic=route.kind[0],
+                    type_name=route.kind[1],
+                    direction="out",
+                    node="" if shown is None else shown.node,
+                    gid=export.gid.hex(),
+                    is_flowing=export.is_flowing,
+                    is_stuck=self._is_stuck(export),
+                    taken=account.taken,
+                    sent=export.sent,
+                    bytes=account.bytes,
+                    waiting=export.waiting,
+                    dropped=export.losses,
+                )
+            )
+        return found
+
+    def _ways_in(self) -> list[RouteState]:
+        found = []
+        for mirror in self._mirrors:
+            way, far = mirror.way, mirror.far
+            if way is None:
+                continue
+            found.append(
+                RouteState(
+                    topic=far.topic,
+                    type_name=far.far.type_name,
+                    direction="in",
+                    node=f"{far.node.namespace.rstrip('/')}/{far.node.name}",
+                    bus=far.node.bus,
+                    gid=far.far.gid.hex(),
+                    is_flowing=way.is_flowing,
+                    is_stuck=self._is_stuck(way),
+                    taken=way.account.taken,
+                    sent=way.account.sent,
+                    bytes=way.account.bytes,
+                    waiting=way.waiting,
+                    dropped=way.losses,
+                )
+            )
+        return found
+
+
+def _counts(shown: tuple[int, int, int]) -> MirrorCounts:
+    nodes, publishers, subscriptions = shown
+    return MirrorCounts(nodes=nodes, publishers=publishers, subscriptions=subscriptions)
