@@ -1,0 +1,312 @@
+"""The engine for zenoh: a bridge shows its bus, and finds others, by zenoh's tokens and keys."""
+
+import asyncio
+import secrets
+import time
+from collections.abc import Callable, Sequence
+
+from bus.errors import ConfigurationError
+from bus.schema import MessageSchema
+from bus.types.schema import build
+from bus_bridge.engine import (
+    FarEndpoint,
+    FarSide,
+    LinkStatus,
+    LocalEndpoint,
+    LocalNode,
+    RouteRule,
+    Sample,
+)
+from bus_bridge.errors import BridgeError
+from bus_bridge.zenoh import keys, records
+from bus_bridge.zenoh.links import Links
+from bus_bridge.zenoh.options import ZenohOptions, check
+from bus_bridge.zenoh.presence import MAX_TOKENS, Presence
+from bus_bridge.zenoh.routes import ZenohReader, ZenohWriter
+from bus_bridge.zenoh.session import Declared, Query, Session
+
+__all__ = ["ZenohEngine"]
+
+_CLOSE_S = 0.4
+_LOOK_S = 1.0
+_ASK_SCHEMA_S = 2.0
+_ASK_SCHEMA_TIMES = 3
+_MAX_SCHEMA_BYTES = 1 << 20
+_MAX_QUERIES = 10_000
+_DOUBLE_S = 15.0  # longer than what is left of a bridge that was killed
+
+
+class ZenohEngine:
+    """An Engine. `bus`: the id of this bus, which no other may have. Raises BridgeError for options that
+    can't be, or may not."""
+
+    name = "zenoh"
+
+    def __init__(self, bus: str, options: ZenohOptions) -> None:
+        self._bus = bus
+        self._options = options
+        self._warnings = check(options)
+        # Later runs sort behind earlier ones; chance keeps two of one moment apart.
+        self._run = f"{time.time_ns():016x}{secrets.token_hex(4)}"
+        self._session: Session | None = None
+        self._far: FarSide | None = None
+        self._presence: Presence | None = None
+        self._links: Links | None = None
+        self._declared: list[Declared] = []
+        self._nodes: dict[int, Declared] = {}
+        self._schemas: dict[tuple[str, str], tuple[bytes, int]] = {}
+        """How a type is described, and of how many endpoints it is."""
+        self._writers: dict[bytes, ZenohWriter] = {}
+        self._readers: dict[tuple[bytes, str], ZenohReader] = {}
+        """By gid and bus."""
+        self._crowd: set[str] = set()
+        self._doubles: dict[str, float] = {}
+        self._looking: asyncio.Task[None] | None = None
+
+    async def open(self, far: FarSide) -> None:
+        """As `Engine.open`."""
+        self._far = far
+        session = Session(self._options)
+        await session.open()
+        self._session = session
+        for text in self._warnings:
+            far.warn(text)
+        self._presence = Presence(self._bus, self._run, far, self._see_interests)
+        self._links = Links(self._options, session, far.warn)
+        tokens = session.source(self._see_token, 5 * MAX_TOKENS, self._lose_token, keeps_oldest=True)
+        self._declared = [
+            session.token(keys.bus_token(self._bus, self._run, session.zenoh_id)),
+            session.watch_tokens(keys.ALL_TOKENS, tokens),
+            session.watch_tokens(keys.ALL_BUSES, tokens),
+        ]
+        for expression, take in (
+            (keys.type_keys(self._bus), self._answer_type),
+            (keys.kept_keys(self._bus), self._answer_kept),
+        ):
+            asked = session.source(take, _MAX_QUERIES, Query.drop, keeps_oldest=True)
+            self._declared.append(session.answer(expression, asked))
+        heard = session.source(self._see_word, _MAX_QUERIES, lambda _: None)
+        self._declared.append(
+            session.subscribe(keys.word_keys(self._bus), lambda key, payload, _: heard.push((key, payload)))
+        )
+        self._looking = asyncio.get_running_loop().create_task(self._look())
+
+    async def close(self) -> None:
+        """As `Engine.close`."""
+        session, self._session = self._session, None
+        if self._looking is not None:
+            self._looking.cancel()
+        for writer in list(self._writers.values()):
+            writer.end()
+        for reader in list(self._readers.values()):
+            reader.close()
+        if session is not None:
+            await session.close(_CLOSE_S)
+
+    # --- from this bus to the far side
+
+    def announce_node(self, node: LocalNode) -> None:
+        if node.id not in self._nodes:
+            self._nodes[node.id] = self._opened().token(keys.node_token(self._bus, self._run, node))
+
+    def withdraw_node(self, node: LocalNode) -> None:
+        token = self._nodes.pop(node.id, None)
+        if token is not None:
+            token.undeclare()
+
+    def announce_publisher(
+        self,
+        endpoint: LocalEndpoint,
+        schema: MessageSchema,
+        rule: RouteRule,
+        on_change: Callable[[], None],
+    ) -> ZenohWriter:
+        """As `Engine.announce_publisher`."""
+        if endpoint.gid in self._writers:
+            raise BridgeError(
+                f"the publisher {endpoint.gid.hex()} on {endpoint.topic} has been announced already"
+            )
+        withdraw = self._announce(endpoint, schema)
+
+        def end() -> None:
+            del self._writers[endpoint.gid]
+            withdraw()
+
+        writer = ZenohWriter(self._opened(), self._bus, endpoint, rule, on_change, end)
+        self._writers[endpoint.gid] = writer
+        self._see_interests(endpoint.gid)
+        return writer
+
+    def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
+        """As `Engine.announce_subscription`."""
+        return self._announce(endpoint, schema)
+
+    def _announce(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
+        kind = (schema.type_name, schema.type_hash)
+        encoded, uses = self._schemas.get(kind, (schema.encoded, 0))
+        self._schemas[kind] = encoded, uses + 1
+        token = self._opened().token(keys.endpoint_token(self._bus, self._run, endpoint))
+
+        def withdraw() -> None:
+            token.undeclare()
+            encoded, uses = self._schemas.pop(kind)
+            if uses > 1:
+                self._schemas[kind] = encoded, uses - 1
+
+        return withdraw
+
+    # --- from the far side to this bus
+
+    async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
+        """As `Engine.find_schema`."""
+        assert self._presence is not None
+        bus = self._presence.bus_of(endpoint.node)
+        if bus is None:
+            raise BridgeError(f"the node of {endpoint.topic} has gone")
+        name = endpoint.type_name
+        key = keys.type_key(bus, name, endpoint.type_hash)
+        for _ in range(_ASK_SCHEMA_TIMES):
+            encoded = await self._ask(key, _ASK_SCHEMA_S)
+            if encoded is not None:
+                break
+        else:
+            raise BridgeError(f"bus '{bus}' does not say how {name} on {endpoint.topic} is described")
+        if len(encoded) > _MAX_SCHEMA_BYTES:
+            raise BridgeError(
+                f"bus '{bus}' describes {name} in {len(encoded)} bytes, the limit is {_MAX_SCHEMA_BYTES}"
+            )
+        schema = MessageSchema(name, endpoint.type_hash, encoded)
+        try:
+            description = schema.description
+            build(description)
+        except ConfigurationError as error:
+            raise BridgeError(f"bus '{bus}' describes {name} in a way that can't be: {error}") from None
+        return schema
+
+    async def _ask(self, key: str, timeout_s: float) -> bytes | None:
+        answered: asyncio.Future[bytes | None] = asyncio.get_running_loop().create_future()
+
+        def hear(payload: bytes | None, _: bytes | None) -> None:
+            if not answered.done():
+                answered.set_result(payload)
+
+        self._opened().ask(key, b"", timeout_s, hear)
+        try:
+            async with asyncio.timeout(2 * timeout_s):  # the thread for declarations may be held up
+                return await answered
+        except TimeoutError:
+            return None
+
+    def read(
+        self,
+        endpoint: FarEndpoint,
+        schema: MessageSchema,
+        on_samples: Callable[[Sequence[Sample]], None],
+    ) -> ZenohReader:
+        """As `Engine.read`."""
+        assert self._presence is not None
+        bus = self._presence.bus_of(endpoint.node)
+        if bus is None:
+            raise BridgeError(f"the node of {endpoint.topic} has gone")
+        place = endpoint.gid, bus
+        if place in self._readers:
+            raise BridgeError(f"the publisher {endpoint.gid.hex()} on {endpoint.topic} is read already")
+        reader = ZenohReader(
+            self._opened(),
+            self._bus,
+            self._run,
+            bus,
+            endpoint,
+            on_samples,
+            lambda reason: self.refuse(bus, reason),
+            lambda: self._forget(place),
+        )
+        self._readers[place] = reader
+        return reader
+
+    def _forget(self, place: tuple[bytes, str]) -> None:
+        del self._readers[place]
+
+    def refuse(self, bus_id: str, reason: str) -> None:
+        """As `Engine.refuse`."""
+        assert self._presence is not None
+        self._presence.refuse(bus_id, reason)
+        for (_, bus), reader in list(self._readers.items()):
+            if bus == bus_id:
+                reader.close()
+
+    def links(self) -> Sequence[LinkStatus]:
+        """As `Engine.links`."""
+        if self._links is None or self._presence is None:
+            return ()
+        return self._links.status(self._presence.buses())
+
+    # --- what zenoh brings
+
+    def _see_token(self, news: tuple[str, bool]) -> None:
+        assert self._presence is not None
+        key, is_there = news
+        if is_there:
+            self._presence.came(key)
+        else:
+            self._presence.went(key)
+
+    def _lose_token(self, news: tuple[str, bool]) -> None:  # in zenoh's thread
+        bus = keys.token_bus(news[0])
+        if bus not in self._crowd and len(self._crowd) < 1000 and self._session is not None:
+            self._crowd.add(bus)
+            self._session.call(self.refuse, bus, "it shows more tokens at once than can be read")
+
+    def _see_interests(self, gid: bytes) -> None:
+        assert self._presence is not None
+        writer = self._writers.get(gid)
+        if writer is not None:
+            writer.see_interests(self._presence.interests(gid))
+
+    def _see_word(self, word: tuple[str, bytes]) -> None:
+        found, said = keys.parse_importer(word[0]), records.read_word(word[1])
+        if found is not None and said is not None and found[0] in self._writers:
+            self._writers[found[0]].see_word(found[1], *said)
+
+    def _answer_kept(self, query: Query) -> None:
+        found, after = keys.parse_importer(query.key), records.read_number(query.payload)
+        writer = None if found is None else self._writers.get(found[0])
+        if writer is None or after is None:
+            query.drop()
+        else:
+            assert found is not None
+            writer.reply(query, found[1], after)
+
+    def _answer_type(self, query: Query) -> None:
+        kind = keys.parse_type(query.key)
+        known = None if kind is None else self._schemas.get(kind)
+        if known is None:
+            query.drop()
+        else:
+            query.reply(known[0])
+
+    async def _look(self) -> None:
+        assert self._links is not None
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            for writer in list(self._writers.values()):
+                writer.look()
+            self._look_at_doubles()
+            await self._links.look()
+
+    def _look_at_doubles(self) -> None:
+        """Another bus with our id: at once where it is the later one, else when it can't be what is left of
+        us."""
+        assert self._presence is not None and self._far is not None
+        now, doubles = asyncio.get_running_loop().time(), self._presence.doubles
+        self._doubles = {run: self._doubles.get(run, now) for run in doubles}
+        if any(run > self._run or now - since > _DOUBLE_S for run, since in self._doubles.items()):
+            self._far.warn(
+                f"another bus has the id '{self._bus}' too, so neither sees the other: give one of them "
+                "another by --id"
+            )
+
+    def _opened(self) -> Session:
+        if self._session is None:
+            raise BridgeError("the engine for zenoh is not open")
+        return self._session

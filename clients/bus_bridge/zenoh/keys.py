@@ -1,0 +1,287 @@
+"""Key expressions: what the bridges of two buses call each other, their publishers and their messages. Pure.
+
+Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` is a bridge from
+its start to its end: a bridge that comes back is told from the one that it was by that alone.
+
+    @busd/1/<bus>/B/<run>/<zenoh id>                                     a bus
+    @busd/1/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
+    @busd/1/<bus>/P/<run>/<node>/<gid>/<topic>/<type>/<hash>/<qos>       a publisher; S: a subscription
+    @busd/1/<bus>/I/<run>/<publisher's bus>/<gid>                        the bus takes what it sends
+
+    busd/1/data/<topic without its first slash>/<type>/<hash>/<bus>/<gid>
+    busd/1/type/<bus>/<type>/<hash>          queryable: how the type is described
+    busd/1/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps
+    busd/1/word/<bus>/<gid>/<importer>       how far the importer has come
+
+Each part between two slashes is percent-encoded, so that no name means anything in a key expression. The
+slashes in the topic and the type of a data key stay: users can route by them. What comes in is hostile: a
+token that can't be read is `Broken`, any other key None.
+"""
+
+from typing import NamedTuple
+from urllib.parse import quote, unquote
+
+from bus.qos import QoSProfile
+from bus_bridge.engine import FarEndpoint, FarNode, LocalEndpoint, LocalNode
+from bus_bridge.zenoh import qos_text
+
+__all__ = [
+    "ALL_BUSES",
+    "ALL_TOKENS",
+    "VERSION",
+    "Broken",
+    "BusToken",
+    "EndpointToken",
+    "InterestToken",
+    "NodeToken",
+    "OtherVersion",
+    "bus_token",
+    "data_key",
+    "endpoint_token",
+    "interest_token",
+    "kept_key",
+    "kept_keys",
+    "node_key",
+    "node_token",
+    "parse_importer",
+    "parse_token",
+    "parse_type",
+    "token_bus",
+    "type_key",
+    "type_keys",
+    "word_key",
+    "word_keys",
+]
+
+VERSION = 1
+_TOKENS = f"@busd/{VERSION}"
+_KEYS = f"busd/{VERSION}"
+ALL_TOKENS = f"{_TOKENS}/**"
+ALL_BUSES = "@busd/*/*/B/**"
+"""Of every protocol version, so that another one can be named."""
+
+_MAX_KEY = 8192
+_MAX_PART = 2048
+_MAX_VIA = 64
+_GID_DIGITS = 32
+
+
+class BusToken(NamedTuple):
+    bus: str
+    run: str
+    zenoh_id: str
+
+
+class NodeToken(NamedTuple):
+    bus: str
+    run: str
+    node: FarNode
+
+
+class EndpointToken(NamedTuple):
+    bus: str
+    run: str
+    endpoint: FarEndpoint
+
+
+class InterestToken(NamedTuple):
+    """That `bus` takes what the publisher `gid` on the bus `of` sends."""
+
+    bus: str
+    run: str
+    of: str
+    gid: bytes
+
+
+class OtherVersion(NamedTuple):
+    bus: str
+    version: str
+
+
+class Broken(NamedTuple):
+    """A token of this protocol that can't be read."""
+
+    bus: str
+    reason: str
+
+
+Token = BusToken | NodeToken | EndpointToken | InterestToken | OtherVersion | Broken
+
+
+# --- tokens
+
+
+def bus_token(bus: str, run: str, zenoh_id: str) -> str:
+    return _join(_TOKENS, bus, "B", run, zenoh_id)
+
+
+def node_token(bus: str, run: str, node: LocalNode) -> str:
+    via = ",".join(["", *(_part(one) for one in node.via)]) or ","
+    return f"{_join(_TOKENS, bus, 'N', run, str(node.id), node.name, node.namespace)}/{via}"
+
+
+def endpoint_token(bus: str, run: str, endpoint: LocalEndpoint) -> str:
+    kind = "P" if endpoint.kind == "publisher" else "S"
+    return _join(
+        _TOKENS,
+        bus,
+        kind,
+        run,
+        str(endpoint.node.id),
+        endpoint.gid.hex(),
+        endpoint.topic,
+        endpoint.type_name,
+        endpoint.type_hash,
+        qos_text.write(endpoint.qos),
+    )
+
+
+def interest_token(bus: str, run: str, of: str, gid: bytes) -> str:
+    return _join(_TOKENS, bus, "I", run, of, gid.hex())
+
+
+def token_bus(key: str) -> str:
+    """The bus that a token speaks for, as it is written there; for counting, before anything is read."""
+    parts = key.split("/", 3)
+    return parts[2] if len(parts) > 3 else ""
+
+
+def parse_token(key: str) -> Token:
+    """What a liveliness token says."""
+    parts = key.split("/")
+    if len(parts) < 5 or parts[0] != "@busd":
+        return Broken(_shown(token_bus(key)), f"its token {_shown(key)} is too short")
+    bus = unquote(parts[2])
+    if parts[1] != str(VERSION):
+        return OtherVersion(_shown(bus), _shown(parts[1]))
+    try:
+        if len(key) > _MAX_KEY or any(len(part) > _MAX_PART for part in parts):
+            raise ValueError(f"is longer than {_MAX_KEY} characters, or a part of it than {_MAX_PART}")
+        return _parse(bus, parts[3], parts[4], parts[5:])
+    except ValueError as error:
+        return Broken(_shown(bus), f"its token {_shown(key)} {error}")
+
+
+def _parse(bus: str, kind: str, run: str, rest: list[str]) -> Token:
+    if not bus or not run:
+        raise ValueError("has an empty part")
+    match kind, rest:
+        case "B", [zenoh_id]:
+            return BusToken(bus, run, zenoh_id)
+        case "N", [node, name, namespace, via]:
+            return NodeToken(
+                bus, run, FarNode(node_key(bus, run, node), bus, _text(name), _text(namespace), _via(via))
+            )
+        case (("P" | "S"), [node, gid, topic, type_name, type_hash, qos]):
+            endpoint = FarEndpoint(
+                "publisher" if kind == "P" else "subscription",
+                _gid(gid),
+                node_key(bus, run, node),
+                _text(topic),
+                _text(type_name),
+                _text(type_hash),
+                _qos(_text(qos)),
+            )
+            return EndpointToken(bus, run, endpoint)
+        case "I", [of, gid]:
+            return InterestToken(bus, run, _text(of), _gid(gid))
+    raise ValueError("has a wrong number of parts")
+
+
+def node_key(bus: str, run: str, node: str) -> str:
+    """What the bridge calls a far node."""
+    return f"{bus}/{run}/{node}"
+
+
+# --- keys
+
+
+def data_key(topic: str, type_name: str, type_hash: str, bus: str, gid: bytes) -> str:
+    names = "/".join(_part(part) for part in f"{topic}/{type_name}".split("/") if part)
+    return f"{_KEYS}/data/{names}/{_join(_part(type_hash), bus, gid.hex())}"
+
+
+def type_key(bus: str, type_name: str, type_hash: str) -> str:
+    return _join(f"{_KEYS}/type", bus, type_name, type_hash)
+
+
+def type_keys(bus: str) -> str:
+    return f"{_KEYS}/type/{_part(bus)}/*/*"
+
+
+def kept_key(bus: str, gid: bytes, importer: str) -> str:
+    return _join(f"{_KEYS}/kept", bus, gid.hex(), importer)
+
+
+def kept_keys(bus: str) -> str:
+    return f"{_KEYS}/kept/{_part(bus)}/*/*"
+
+
+def word_key(bus: str, gid: bytes, importer: str) -> str:
+    return _join(f"{_KEYS}/word", bus, gid.hex(), importer)
+
+
+def word_keys(bus: str) -> str:
+    return f"{_KEYS}/word/{_part(bus)}/*/*"
+
+
+def parse_type(key: str) -> tuple[str, str] | None:
+    """Name and hash in a key that `type_keys` covers."""
+    parts = key.split("/")
+    return None if len(parts) != 6 else (unquote(parts[4]), unquote(parts[5]))
+
+
+def parse_importer(key: str) -> tuple[bytes, str] | None:
+    """The publisher's gid and the importing bus in a key that `kept_keys` or `word_keys` covers."""
+    parts = key.split("/")
+    if len(parts) != 6:
+        return None
+    try:
+        return _gid(parts[4]), unquote(parts[5])
+    except ValueError:
+        return None
+
+
+# --- parts
+
+
+def _join(first: str, *parts: str) -> str:
+    return "/".join([first, *(_part(part) for part in parts)])
+
+
+def _part(text: str) -> str:
+    return quote(text, safe="") or "%"
+
+
+def _text(part: str) -> str:
+    if not part or part == "%":
+        raise ValueError("has an empty part")
+    text = unquote(part, errors="strict")
+    if not text.isprintable():
+        raise ValueError("has a character that can't be printed")
+    return text
+
+
+def _gid(part: str) -> bytes:
+    if len(part) != _GID_DIGITS:
+        raise ValueError(f"has a gid of {len(part)} digits instead of {_GID_DIGITS}")
+    return bytes.fromhex(part)
+
+
+def _via(part: str) -> tuple[str, ...]:
+    first, *buses = part.split(",")
+    if first or len(buses) > _MAX_VIA:
+        raise ValueError("names the buses that it came through in a wrong way")
+    return tuple(_text(one) for one in buses if one)
+
+
+def _qos(text: str) -> QoSProfile:
+    found = qos_text.read(text)
+    if found is None:
+        raise ValueError("has a QoS that does not exist")
+    return found
+
+
+def _shown(text: str) -> str:
+    text = "".join(one if one.isprintable() else "?" for one in text)
+    return text if len(text) <= 80 else f"{text[:80]}..."

@@ -1,0 +1,118 @@
+"""Which of the addresses that the user gave are up, and why others are not."""
+
+import asyncio
+import os
+import socket
+import ssl
+from collections.abc import Callable, Sequence
+
+from bus_bridge.engine import LinkStatus
+from bus_bridge.zenoh.options import Address, ZenohOptions, parse_address
+from bus_bridge.zenoh.session import Link, Session
+
+__all__ = ["Links"]
+
+_PROBE_S = 2.0
+_PATIENCE = 3
+"""So many looks in a row without a link, then the user is told."""
+
+
+class Links:
+    """`look` is called about once a second."""
+
+    def __init__(self, options: ZenohOptions, session: Session, warn: Callable[[str], None]) -> None:
+        self._options = options
+        self._session = session
+        self._warn = warn
+        self._listen = [parse_address(text) for text in options.listen]
+        self._connect = [parse_address(text) for text in options.connect]
+        self._resolved: dict[str, frozenset[str]] = {}
+        self._missed: dict[str, int] = {}
+        self._reasons: dict[str, str] = {}
+
+    async def look(self) -> None:
+        """Ask those that are not up for the reason, and say it once."""
+        links = self._session.links()
+        for address in self._connect:
+            if self._find(address, links) is not None:
+                self._missed[address.text] = 0
+                self._reasons.pop(address.text, None)
+                continue
+            missed = self._missed[address.text] = self._missed.get(address.text, 0) + 1
+            if missed % _PATIENCE:
+                continue
+            reason = await self._probe(address)
+            if reason:
+                self._reasons[address.text] = reason
+                self._warn(f"--connect {address.text}: {reason}; trying on")
+            elif missed >= 2 * _PATIENCE and not self._is_joined(address, links):
+                reason = "somebody listens there, but no bridge of busd that takes this one"
+                self._reasons[address.text] = reason
+                self._warn(f"--connect {address.text}: {reason}; trying on")
+
+    def status(self, buses: Sequence[tuple[str, str, str]]) -> list[LinkStatus]:
+        """`buses`: id, zenoh id and refusal of each."""
+        links = self._session.links()
+        names = {zenoh_id: bus for bus, zenoh_id, _ in buses}
+        found = [LinkStatus(f"listen {one.text}", "up") for one in self._listen]
+        for address in self._connect:
+            link = self._find(address, links)
+            if link is not None:
+                found.append(LinkStatus(f"connect {address.text}", "up", names.get(link.zenoh_id, "")))
+            elif self._is_joined(address, links):
+                found.append(LinkStatus(f"connect {address.text}", "up", text="by another link"))
+            else:
+                reason = self._reasons.get(address.text, "")
+                found.append(LinkStatus(f"connect {address.text}", "trying", text=reason))
+        where = {link.zenoh_id: link.dst for link in links}
+        for bus, zenoh_id, refusal in buses:
+            address_of = where.get(zenoh_id, "")
+            found.append(LinkStatus(address_of, "refused" if refusal else "up", bus, refusal))
+        return found
+
+    def _find(self, address: Address, links: Sequence[Link]) -> Link | None:
+        places = self._resolved.get(address.text) or frozenset((_place(address.host, address.port),))
+        for link in links:
+            protocol, _, place = link.dst.partition("?")[0].partition("#")[0].partition("/")
+            if protocol == address.protocol and place in places:
+                return link
+        return None
+
+    def _is_joined(self, address: Address, links: Sequence[Link]) -> bool:
+        """Whether there is another link with the same machine: zenoh makes one only between two bridges."""
+        places = self._resolved.get(address.text, frozenset())
+        hosts = {place.rpartition(":")[0] for place in places}
+        return any(link.dst.partition("/")[2].rpartition(":")[0] in hosts for link in links)
+
+    async def _probe(self, address: Address) -> str:
+        """Why it can't be reached; "" where it can."""
+        loop = asyncio.get_running_loop()
+        try:
+            async with asyncio.timeout(_PROBE_S):
+                found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
+                self._resolved[address.text] = frozenset(_place(one[4][0], one[4][1]) for one in found)
+                if address.protocol == "quic":
+                    return "no answer"
+                context = self._context() if address.protocol == "tls" else None
+                _, writer = await asyncio.open_connection(address.host, address.port, ssl=context)
+                writer.close()
+        except TimeoutError:
+            return "no answer"
+        except socket.gaierror:
+            return f"nobody knows the host '{address.host}'"
+        except ssl.SSLCertVerificationError as error:
+            return f"its certificate is not valid here: {error.verify_message}"
+        except ssl.SSLError as error:
+            return f"no TLS: {error.reason or error}"
+        except OSError as error:
+            return os.strerror(error.errno).lower() if error.errno else str(error)
+        return ""
+
+    def _context(self) -> ssl.SSLContext:
+        context = ssl.create_default_context(cafile=self._options.ca)
+        context.load_cert_chain(self._options.certificate, self._options.key)
+        return context
+
+
+def _place(host: object, port: object) -> str:
+    return f"[{host}]:{port}" if ":" in str(host) else f"{host}:{port}"

@@ -1,0 +1,116 @@
+"""What the user asks of the engine for zenoh, checked before anything is opened. Reads files, no more."""
+
+import ipaddress
+import ssl
+from pathlib import Path
+
+import msgspec
+
+from bus_bridge.errors import BridgeError
+
+__all__ = ["Address", "ZenohOptions", "check", "parse_address"]
+
+_PROTOCOLS = ("tcp", "tls", "quic")
+_PROTECTED = ("tls", "quic")
+_LOCAL_NAMES = ("localhost", "ip6-localhost")
+
+
+class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """Addresses are `tls/HOST:PORT`, `quic/HOST:PORT` or `tcp/HOST:PORT`."""
+
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    ca: str = ""
+    """File with the certificates (PEM) of whom this side trusts."""
+    certificate: str = ""
+    """File with this side's own certificate (PEM), shown to whom it connects to and who connects."""
+    key: str = ""
+    """File with the private key of `certificate`."""
+    insecure: bool = False
+    """Addresses that are not loopback may do without certificates."""
+
+
+class Address(msgspec.Struct, frozen=True):
+    text: str
+    protocol: str
+    host: str
+    port: int
+
+    @property
+    def is_loopback(self) -> bool:
+        if self.host in _LOCAL_NAMES:
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @property
+    def is_protected(self) -> bool:
+        return self.protocol in _PROTECTED
+
+
+def parse_address(text: str) -> Address:
+    """Raises BridgeError for what is no address."""
+    protocol, slash, rest = text.partition("/")
+    if not slash or protocol not in _PROTOCOLS:
+        meant = text.rpartition("/")[2] or "HOST:PORT"
+        raise BridgeError(f"address '{text}' must begin with tls/, quic/ or tcp/: tls/{meant}")
+    host, colon, port = rest.rpartition(":")
+    bare = host[1:-1] if host[:1] == "[" and host[-1:] == "]" else host
+    if not colon or not bare or (":" in bare and bare == host):
+        raise BridgeError(f"address '{text}' must end with a host and a port, as {protocol}/robot.local:7447")
+    if not port.isascii() or not port.isdecimal() or not 1 <= int(port) <= 65535:
+        raise BridgeError(f"address '{text}' has port '{port}'; ports are from 1 to 65535")
+    if any(letter in bare for letter in "/#?;*$ ") or not bare.isprintable():
+        raise BridgeError(f"address '{text}' has a host with a character that no host has")
+    return Address(text, protocol, bare, int(port))
+
+
+def check(options: ZenohOptions) -> list[str]:
+    """Raises BridgeError for what can't be, or may not; returns what the user should be told all the same."""
+    addresses = [(parse_address(text), "--listen") for text in options.listen]
+    addresses += [(parse_address(text), "--connect") for text in options.connect]
+    warnings = []
+    if not addresses:
+        warnings.append("neither --listen nor --connect is given: nobody can be reached")
+    is_protected = False
+    for address, flag in addresses:
+        if address.is_protected:
+            is_protected = True
+            missing = [name for name in ("ca", "certificate", "key") if not getattr(options, name)]
+            if missing:
+                flags = ", ".join(f"--{name} FILE" for name in missing)
+                raise BridgeError(
+                    f"{flag} {address.text} needs certificates for both sides: {flags} is missing"
+                )
+        elif not address.is_loopback:
+            if not options.insecure:
+                raise BridgeError(
+                    f"{flag} {address.text} is not protected, and not on this machine alone: use tls/ with "
+                    "certificates, or --insecure where everybody who reaches it may hear and say everything"
+                )
+            warnings.append(
+                f"{flag} {address.text} is not protected: everybody who reaches it may hear and say all"
+            )
+    if is_protected:
+        _check_files(options)
+    return warnings
+
+
+def _check_files(options: ZenohOptions) -> None:
+    for flag, name in (("--ca", options.ca), ("--certificate", options.certificate), ("--key", options.key)):
+        try:
+            Path(name).read_bytes()
+        except OSError as error:
+            raise BridgeError(f"{flag} {name}: {error.strerror}") from None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    try:
+        context.load_verify_locations(options.ca)
+    except (ssl.SSLError, OSError):
+        raise BridgeError(f"--ca {options.ca} has no certificate in PEM") from None
+    try:
+        context.load_cert_chain(options.certificate, options.key, password="")
+    except (ssl.SSLError, OSError) as error:
+        what = "does not belong to" if "MISMATCH" in str(error) else "is no private key (PEM, no password) of"
+        raise BridgeError(f"--key {options.key} {what} --certificate {options.certificate}") from None

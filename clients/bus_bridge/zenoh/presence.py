@@ -1,0 +1,223 @@
+"""Which buses there are, and what is on them: out of tokens, which come and go in any order. Pure.
+
+Tells a FarSide, in an order that it can follow: a bus, its nodes, its subscriptions, its publishers. Of a bus
+whose bridge has started anew only the newer run counts.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, FarSide
+from bus_bridge.zenoh.keys import (
+    VERSION,
+    Broken,
+    BusToken,
+    EndpointToken,
+    InterestToken,
+    NodeToken,
+    OtherVersion,
+    parse_token,
+)
+
+__all__ = ["MAX_TOKENS", "Interest", "Presence"]
+
+MAX_TOKENS = 100_000
+"""Of one bus. Far above what the bridge takes from it; here it bounds memory."""
+
+
+class Interest(NamedTuple):
+    """A bus that takes what a publisher of ours sends; `run` is that of its bridge."""
+
+    bus: str
+    run: str
+
+
+class _Run:
+    """One bridge of a bus, from its start to its end."""
+
+    def __init__(self, bus: str, run: str) -> None:
+        self.bus, self.run = bus, run
+        self.token: BusToken | None = None
+        self.nodes: dict[str, FarNode] = {}
+        self.endpoints: dict[str, FarEndpoint] = {}
+        """By token."""
+        self.interests: dict[str, bytes] = {}
+        self.is_told = False
+        self.refusal = ""
+
+    @property
+    def tokens(self) -> int:
+        return len(self.nodes) + len(self.endpoints) + len(self.interests) + (self.token is not None)
+
+
+class Presence:
+    """`own`: this bus, and the run of its bridge. `on_interest(gid)`: other buses than before take what this
+    publisher of ours sends."""
+
+    def __init__(self, own: str, run: str, far: FarSide, on_interest: Callable[[bytes], None]) -> None:
+        self._own, self._run = own, run
+        self._far = far
+        self._on_interest = on_interest
+        self._runs: dict[tuple[str, str], _Run] = {}
+        self._heard: dict[str, _Run] = {}
+        """Of each bus, the run that is told of."""
+        self._node_bus: dict[str, _Run] = {}
+        self._interests: dict[bytes, set[Interest]] = {}
+        self.doubles: set[str] = set()
+        """Runs of other bridges that call their bus by our bus' id."""
+
+    def came(self, key: str) -> None:
+        """A token is there."""
+        token = parse_token(key)
+        match token:
+            case OtherVersion(bus, version):
+                self._far.warn(
+                    f"bus '{bus}' speaks version {version} of the bridges' protocol, this one version "
+                    f"{VERSION}: use the same busd on both sides"
+                )
+                return
+            case Broken(bus, reason):
+                if bus != self._own:
+                    self.refuse(bus, reason)
+                return
+        if token.bus == self._own:
+            if isinstance(token, BusToken) and token.run != self._run:
+                self.doubles.add(token.run)
+            return
+        run = self._runs.get((token.bus, token.run))
+        if run is None:
+            run = self._runs[token.bus, token.run] = _Run(token.bus, token.run)
+        if run.refusal:
+            return
+        if run.tokens >= MAX_TOKENS:
+            self.refuse(run.bus, f"it has shown more than {MAX_TOKENS} tokens")
+            return
+        match token:
+            case BusToken():
+                run.token = token
+                self._hear(run)
+            case NodeToken(_, _, node):
+                is_new = node.key not in run.nodes
+                run.nodes[node.key] = node
+                self._node_bus[node.key] = run
+                if is_new and run.is_told:
+                    self._tell_node(run, node)
+            case EndpointToken(_, _, endpoint):
+                is_new = key not in run.endpoints
+                run.endpoints[key] = endpoint
+                if is_new and run.is_told and endpoint.node in run.nodes:
+                    self._far.endpoint_came(endpoint)
+            case InterestToken(_, _, of, gid):
+                if of == self._own and key not in run.interests:
+                    run.interests[key] = gid
+                    self._interests.setdefault(gid, set()).add(Interest(run.bus, run.run))
+                    self._on_interest(gid)
+
+    def went(self, key: str) -> None:
+        """A token has gone."""
+        token = parse_token(key)
+        if isinstance(token, OtherVersion | Broken):
+            return
+        if token.bus == self._own:
+            self.doubles.discard(token.run)
+            return
+        run = self._runs.get((token.bus, token.run))
+        if run is None:
+            return
+        match token:
+            case BusToken():
+                run.token = None
+                run.refusal = ""
+                self._unhear(run, "its bridge has gone, or can't be reached")
+            case NodeToken(_, _, node):
+                if run.nodes.pop(node.key, None) is not None:
+                    self._node_bus.pop(node.key, None)
+                    if run.is_told:
+                        self._far.node_went(node.key)
+            case EndpointToken(_, _, endpoint):
+                gone = run.endpoints.pop(key, None)
+                if gone is not None and run.is_told and gone.node in run.nodes:
+                    self._far.endpoint_went(endpoint.gid, endpoint.node)
+            case InterestToken(_, _, _, gid):
+                if run.interests.pop(key, None) is not None:
+                    self._lose_interest(run, gid)
+        if not run.tokens and not run.refusal:
+            del self._runs[run.bus, run.run]
+
+    def refuse(self, bus: str, reason: str) -> None:
+        """Nothing of this bus is heard again, until another run of its bridge comes."""
+        for run in [one for one in self._runs.values() if one.bus == bus and not one.refusal]:
+            run.refusal = reason
+            self._unhear(run, reason)
+            for gid in run.interests.values():
+                self._lose_interest(run, gid)
+            for key in run.nodes:
+                self._node_bus.pop(key, None)
+            run.nodes.clear()
+            run.endpoints.clear()
+            run.interests.clear()
+
+    def _lose_interest(self, run: _Run, gid: bytes) -> None:
+        known = self._interests[gid]
+        known.discard(Interest(run.bus, run.run))
+        if not known:
+            del self._interests[gid]
+        self._on_interest(gid)
+
+    # --- what is known
+
+    def interests(self, gid: bytes) -> frozenset[Interest]:
+        """Who takes what this publisher of ours sends."""
+        return frozenset(self._interests.get(gid, ()))
+
+    def bus_of(self, node: str) -> str | None:
+        """The bus of a far node."""
+        run = self._node_bus.get(node)
+        return None if run is None else run.bus
+
+    def buses(self) -> list[tuple[str, str, str]]:
+        """Id, zenoh id and why it is refused, of each bus that has been heard."""
+        return [
+            (run.bus, run.token.zenoh_id, run.refusal) for run in self._runs.values() if run.token is not None
+        ]
+
+    # --- one bus
+
+    def _hear(self, run: _Run) -> None:
+        heard = self._heard.get(run.bus)
+        if heard is run:
+            return
+        if heard is not None:
+            if heard.run > run.run:
+                return  # what is left of the bridge that was there before
+            self._drop(heard, "its bridge has started anew")
+        self._heard[run.bus] = run
+        run.is_told = True
+        assert run.token is not None
+        self._far.bus_came(FarBus(run.bus, run.token.zenoh_id))
+        for node in run.nodes.values():
+            self._far.node_came(node)
+        self._tell_endpoints(one for one in run.endpoints.values() if one.node in run.nodes)
+
+    def _drop(self, run: _Run, reason: str) -> None:
+        run.is_told = False
+        del self._heard[run.bus]
+        self._far.bus_went(run.bus, reason)
+
+    def _unhear(self, run: _Run, reason: str) -> None:
+        """Not told of any more; an earlier run that is still there takes its place."""
+        if not run.is_told:
+            return
+        self._drop(run, reason)
+        others = [one for one in self._runs.values() if one.bus == run.bus and one.token and not one.refusal]
+        if others:
+            self._hear(max(others, key=lambda one: one.run))
+
+    def _tell_node(self, run: _Run, node: FarNode) -> None:
+        self._far.node_came(node)
+        self._tell_endpoints(one for one in run.endpoints.values() if one.node == node.key)
+
+    def _tell_endpoints(self, endpoints: Iterable[FarEndpoint]) -> None:
+        """Subscriptions first: who answers must find them there."""
+        for endpoint in sorted(endpoints, key=lambda one: one.kind == "publisher"):
+            self._far.endpoint_came(endpoint)

@@ -1,0 +1,453 @@
+"""zenoh's session: all that is used of the package `zenoh`, among it what zenoh calls unstable.
+
+zenoh calls back in threads of its own. What it brings is put into a `Source` and taken out on the event loop.
+Declarations wait for room in the link, so a thread of the bridge's own makes them, one by one and in order.
+Only `put` and `reply` are called on the loop: with congestion control DROP they hardly wait.
+"""
+
+import asyncio
+import json
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus_bridge.engine import Priority
+from bus_bridge.errors import BridgeError
+from bus_bridge.zenoh.options import ZenohOptions
+
+__all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
+
+_T = TypeVar("_T")
+
+_LEASE_MS = 10_000
+_RETRY = {"period_init_ms": 500, "period_max_ms": 2000, "period_increase_factor": 2}
+_QUEUE_BATCHES = 16  # of 64 KiB, for each priority of each link: the most that zenoh has
+_WAIT_BEFORE_DROP_US = 100
+_MAX_MESSAGE_BYTES = 256 << 20
+_AT_ONCE = 64  # that one source gives in a turn of the loop
+_PRIORITIES: dict[Priority, Any] = {
+    "real_time": zenoh.Priority.REAL_TIME,
+    "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
+    "interactive_low": zenoh.Priority.INTERACTIVE_LOW,
+    "data_high": zenoh.Priority.DATA_HIGH,
+    "data": zenoh.Priority.DATA,
+    "data_low": zenoh.Priority.DATA_LOW,
+    "background": zenoh.Priority.BACKGROUND,
+}
+
+
+class Link(NamedTuple):
+    zenoh_id: str
+    """Of the session at its other end."""
+    src: str
+    dst: str
+
+
+class Source(Generic[_T]):
+    """Things from zenoh's threads, on their way to the loop: `push` in any thread, `take` on the loop.
+
+    `bound` is in the unit of the sizes given to `push`. Where it is reached, the oldest goes, or with
+    `keeps_oldest` the new one, to `on_lost` (in zenoh's thread).
+    """
+
+    def __init__(
+        self,
+        inbox: "_Inbox",
+        take: Callable[[_T], None],
+        bound: int,
+        on_lost: Callable[[_T], None],
+        *,
+        keeps_oldest: bool = False,
+        after: Callable[[], None] | None = None,
+    ) -> None:
+        self._inbox = inbox
+        self._take = take
+        self._bound = bound
+        self._on_lost = on_lost
+        self._keeps_oldest = keeps_oldest
+        self._after = after
+        self._things: deque[tuple[_T, int]] = deque()
+        self._put_in, self._taken_out = 0, 0  # each is written by one side only
+        self._discarded = 0
+        self.is_due = False
+        self.is_closed = False
+
+    def push(self, thing: _T, size: int = 1) -> None:
+        if self._put_in - self._taken_out - self._discarded + size > self._bound and self._things:
+            if self._keeps_oldest:
+                self._on_lost(thing)
+                return
+            with suppress(IndexError):  # the loop was quicker
+                lost, lost_size = self._things.popleft()
+                self._discarded += lost_size
+                self._on_lost(lost)
+        self._things.append((thing, size))
+        self._put_in += size
+        if not self.is_due:
+            self.is_due = True
+            self._inbox.wake(self)
+
+    def drain(self) -> None:
+        self.is_due = False  # first: what is pushed from here on wakes again
+        things, left = self._things, _AT_ONCE
+        while left and not self.is_closed:
+            try:
+                thing, size = things.popleft()
+            except IndexError:
+                break
+            self._taken_out += size
+            self._take(thing)
+            left -= 1
+        if self._after is not None and not self.is_closed:
+            self._after()
+        if not left and things and not self.is_due:
+            self.is_due = True
+            self._inbox.wake(self)
+
+    def close(self) -> None:
+        self.is_closed = True
+        self._things.clear()
+
+
+class _Inbox:
+    """Wakes the loop once, however much comes until it looks."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._due: deque[Source[Any]] = deque()
+        self._is_awake = False
+
+    def wake(self, source: Source[Any]) -> None:
+        self._due.append(source)
+        if not self._is_awake:
+            self._is_awake = True
+            with suppress(RuntimeError):  # the loop has been closed
+                self._loop.call_soon_threadsafe(self._drain)
+
+    def _drain(self) -> None:
+        self._is_awake = False
+        for _ in range(len(self._due)):
+            self._due.popleft().drain()
+
+
+class Declared:
+    """Something that a session has declared, or will have in a moment; undeclared when nobody holds it."""
+
+    def __init__(self, session: "Session", declare: Callable[[], Any]) -> None:
+        self._session = session
+        self._declare = declare
+        self._entity: Any = None
+        self._is_gone = False
+        session.do(self._make)
+
+    def undeclare(self) -> None:
+        """Once is enough; what zenoh still brings must be expected."""
+        self._is_gone = True
+        self._session.do(self._end)
+
+    def _make(self) -> None:
+        if not self._is_gone:
+            self._entity = self._declare()
+
+    def _end(self) -> None:
+        entity, self._entity = self._entity, None
+        if entity is not None:
+            entity.undeclare()
+
+
+class Outlet(Declared):
+    """A zenoh publisher: `put` as soon as it `is_ready`, which `on_ready` is told."""
+
+    def __init__(
+        self, session: "Session", key: str, priority: Priority, on_ready: Callable[[], None]
+    ) -> None:
+        self.put: Any = None
+        self._on_ready = on_ready
+        super().__init__(session, lambda: session.declare_publisher(key, priority))
+
+    @property
+    def is_ready(self) -> bool:
+        return self.put is not None
+
+    def _make(self) -> None:
+        super()._make()
+        if self._entity is not None:
+            self._session.call(self._ready)
+
+    def _ready(self) -> None:
+        if self._entity is not None:
+            self.put = self._entity.put
+            self._on_ready()
+
+
+class Query:
+    """Somebody asks. Answered on the loop, once."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+        self.payload: bytes = b"" if query.payload is None else query.payload.to_bytes()
+
+    def reply(self, payload: bytes, attachment: bytes | None = None) -> None:
+        with suppress(zenoh.ZError):  # who asked has gone
+            self._query.reply(self.key, payload, attachment=attachment)
+        self.drop()
+
+    def drop(self) -> None:
+        """No answer."""
+        self._query.drop()
+
+
+class Session:
+    """A session in mode peer, without scouting, with the links that `options` name and no other."""
+
+    def __init__(self, options: ZenohOptions) -> None:
+        self._config = _config(options)
+        self._options = options
+        self._loop = asyncio.get_running_loop()
+        self._inbox = _Inbox(self._loop)
+        self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._zenoh: Any = None
+        self._links: dict[tuple[str, str, str], Link] = {}
+        self.zenoh_id = ""
+
+    async def open(self) -> None:
+        """Raises BridgeError. Cancellation: closed."""
+        opened: asyncio.Future[None] = self._loop.create_future()
+        threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
+        self._jobs.put(lambda: self._open(opened))
+        try:
+            await opened
+        except BaseException:
+            self._jobs.put(self._close)
+            self._jobs.put(None)
+            raise
+
+    async def close(self, timeout_s: float) -> None:
+        """Everything declared has gone then; what takes longer is left to its thread."""
+        closed: asyncio.Future[None] = self._loop.create_future()
+        self._jobs.put(self._close)
+        self._jobs.put(lambda: self.call(_settle, closed))
+        self._jobs.put(None)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                await closed
+
+    # --- declarations
+
+    def token(self, key: str) -> Declared:
+        return Declared(self, lambda: self._zenoh.liveliness().declare_token(key))
+
+    def watch_tokens(self, keys: str, source: Source[tuple[str, bool]]) -> Declared:
+        """`source` gets each token, and whether it has come."""
+
+        def see(sample: Any) -> None:
+            source.push((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+
+        return Declared(
+            self,
+            lambda: self._zenoh.liveliness().declare_subscriber(keys, _direct(see), history=True),
+        )
+
+    def subscribe(self, key: str, push: Callable[[str, bytes, bytes | None], None]) -> Declared:
+        """`push` is called in zenoh's thread: key, payload and attachment of each put."""
+
+        def see(sample: Any) -> None:
+            attachment = sample.attachment
+            push(
+                str(sample.key_expr),
+                sample.payload.to_bytes(),
+                None if attachment is None else attachment.to_bytes(),
+            )
+
+        return Declared(self, lambda: self._zenoh.declare_subscriber(key, _direct(see)))
+
+    def answer(self, keys: str, source: Source[Query]) -> Declared:
+        """`source` gets whoever asks for one of `keys`."""
+        return Declared(
+            self,
+            lambda: self._zenoh.declare_queryable(keys, _direct(lambda query: source.push(Query(query)))),
+        )
+
+    def outlet(self, key: str, priority: Priority, on_ready: Callable[[], None]) -> Outlet:
+        return Outlet(self, key, priority, on_ready)
+
+    def declare_publisher(self, key: str, priority: Priority) -> Any:
+        return self._zenoh.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=_PRIORITIES[priority],
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+
+    # --- messages
+
+    def put(self, key: str, payload: bytes) -> None:
+        """A word in between, which may be lost."""
+        with suppress(zenoh.ZError):
+            self._zenoh.put(
+                key,
+                payload,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.DATA_HIGH,
+                allowed_destination=zenoh.Locality.REMOTE,
+            )
+
+    def ask(
+        self,
+        key: str,
+        payload: bytes,
+        timeout_s: float,
+        on_answer: Callable[[bytes | None, bytes | None], None],
+    ) -> None:
+        """The payload and the attachment of the first answer; None where there is none. Once, on the loop."""
+        answers: list[tuple[bytes, bytes | None]] = []
+
+        def hear(reply: Any) -> None:
+            if not answers and (sample := reply.ok) is not None:
+                attachment = sample.attachment
+                answers.append(
+                    (sample.payload.to_bytes(), None if attachment is None else attachment.to_bytes())
+                )
+
+        def end() -> None:
+            self.call(on_answer, *(answers[0] if answers else (None, None)))
+
+        def ask() -> None:
+            try:
+                self._zenoh.get(
+                    key,
+                    Callback(hear, end, indirect=False),
+                    payload=payload,
+                    timeout=timeout_s,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    allowed_destination=zenoh.Locality.REMOTE,
+                    consolidation=zenoh.ConsolidationMode.NONE,
+                )
+            except zenoh.ZError:
+                end()
+
+        self.do(ask)
+
+    # --- links
+
+    def links(self) -> list[Link]:
+        """Those that are up."""
+        return list(self._links.values())
+
+    def _see_link(self, event: Any) -> None:  # in zenoh's thread
+        link = event.link
+        found = Link(str(link.zid), str(link.src), str(link.dst))
+        if event.kind == zenoh.SampleKind.PUT:
+            self._links[found] = found
+        else:
+            self._links.pop(found, None)
+
+    # --- threads
+
+    def source(
+        self,
+        take: Callable[[_T], None],
+        bound: int,
+        on_lost: Callable[[_T], None],
+        *,
+        keeps_oldest: bool = False,
+        after: Callable[[], None] | None = None,
+    ) -> Source[_T]:
+        return Source(self._inbox, take, bound, on_lost, keeps_oldest=keeps_oldest, after=after)
+
+    def call(self, what: Callable[..., None], *arguments: Any) -> None:
+        """On the loop, soon; from any thread."""
+        with suppress(RuntimeError):  # the loop has been closed
+            self._loop.call_soon_threadsafe(what, *arguments)
+
+    def do(self, job: Callable[[], None]) -> None:
+        """In the thread for declarations, after all before it."""
+        self._jobs.put(job)
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            try:
+                job()
+            except zenoh.ZError:
+                pass  # the session has been closed
+            except Exception as error:
+                self.call(self._loop.call_exception_handler, {"message": "bridge", "exception": error})
+
+    def _open(self, opened: "asyncio.Future[None]") -> None:
+        try:
+            self._zenoh = zenoh.open(self._config)
+            self.zenoh_id = str(self._zenoh.zid())
+            self._zenoh.info.declare_link_events_listener(_direct(self._see_link), history=True)
+        except zenoh.ZError as error:
+            self.call(_settle, opened, _explain(error, self._options))
+        else:
+            self.call(_settle, opened)
+
+    def _close(self) -> None:
+        if self._zenoh is not None:
+            self._zenoh.close()
+
+
+def _direct(callback: Callable[[Any], None]) -> Any:
+    # In zenoh's own thread: with `indirect` there would be one thread for each subscriber.
+    return Callback(callback, indirect=False)
+
+
+def _settle(future: "asyncio.Future[None]", error: BridgeError | None = None) -> None:
+    if future.done():
+        return
+    if error is None:
+        future.set_result(None)
+    else:
+        future.set_exception(error)
+
+
+def _config(options: ZenohOptions) -> Any:
+    settings: dict[str, object] = {
+        "mode": "peer",
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": list(options.listen),
+        "listen/exit_on_failure": True,
+        "connect/endpoints": list(options.connect),
+        "connect/exit_on_failure": False,
+        "connect/timeout_ms": -1,
+        "connect/retry": _RETRY,
+        "timestamping/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": _LEASE_MS,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAIT_BEFORE_DROP_US,
+        "transport/link/rx/max_message_size": _MAX_MESSAGE_BYTES,
+    }
+    for priority in ("control", *_PRIORITIES):
+        settings[f"transport/link/tx/queue/size/{priority}"] = _QUEUE_BATCHES
+    if options.certificate:
+        tls = "transport/link/tls"
+        settings |= {
+            f"{tls}/root_ca_certificate": options.ca,
+            f"{tls}/enable_mtls": True,
+            f"{tls}/listen_private_key": options.key,
+            f"{tls}/listen_certificate": options.certificate,
+            f"{tls}/connect_private_key": options.key,
+            f"{tls}/connect_certificate": options.certificate,
+        }
+    config = zenoh.Config()
+    for name, value in settings.items():
+        config.insert_json5(name, json.dumps(value))
+    return config
+
+
+def _explain(error: Exception, options: ZenohOptions) -> BridgeError:
+    text = str(error)
+    where = ", ".join(options.listen)
+    for known in ("Address already in use", "Cannot assign requested address", "Permission denied"):
+        if known in text:
+            return BridgeError(f"can't listen on {where}: {known.lower()}")
+    return BridgeError(f"zenoh can't be opened: {text.partition(' at ')[0]}")

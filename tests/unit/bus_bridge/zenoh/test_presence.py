@@ -1,0 +1,185 @@
+"""Which buses there are, out of tokens in any order."""
+
+from itertools import permutations
+
+import pytest
+
+from bus.qos import QoSProfile
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode
+from bus_bridge.zenoh import keys, presence
+from bus_bridge.zenoh.presence import Interest, Presence
+
+GID = bytes(range(16))
+NODE = LocalNode(4, "talker", "/", ("robot",))
+
+
+class Heard:
+    """A FarSide that writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.news: list[tuple[object, ...]] = []
+        self.interests: list[bytes] = []
+        self.presence = Presence("laptop", "5", self, self.interests.append)
+
+    def bus_came(self, bus: FarBus) -> None:
+        self.news.append(("bus", bus.id))
+
+    def bus_went(self, bus_id: str, reason: str) -> None:
+        self.news.append(("no bus", bus_id, reason))
+
+    def node_came(self, node: FarNode) -> None:
+        self.news.append(("node", node.key))
+
+    def node_went(self, key: str) -> None:
+        self.news.append(("no node", key))
+
+    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+        self.news.append((endpoint.kind, endpoint.node))
+
+    def endpoint_went(self, gid: bytes, node: str) -> None:
+        self.news.append(("no endpoint", gid, node))
+
+    def warn(self, text: str) -> None:
+        self.news.append(("warning", text))
+
+    def take(self) -> list[tuple[object, ...]]:
+        news, self.news = self.news, []
+        return news
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return Heard()
+
+
+def tokens(bus: str = "robot", run: str = "1") -> dict[str, str]:
+    qos = QoSProfile(10)
+    ends = {
+        kind: LocalEndpoint(kind, GID[:15] + number, NODE, "/a", "p/msg/T", "h", qos)  # type: ignore[arg-type]
+        for kind, number in (("publisher", b"p"), ("subscription", b"s"))
+    }
+    return {
+        "bus": keys.bus_token(bus, run, "f00"),
+        "node": keys.node_token(bus, run, NODE),
+        **{kind: keys.endpoint_token(bus, run, end) for kind, end in ends.items()},
+    }
+
+
+def test_a_bus_is_told_before_its_nodes_and_a_node_before_its_endpoints() -> None:
+    for order in permutations(tokens().values()):
+        heard = Heard()
+        for key in order:
+            heard.presence.came(key)
+        news = heard.take()
+        assert sorted(map(str, news)) == sorted(
+            map(
+                str,
+                [
+                    ("bus", "robot"),
+                    ("node", "robot/1/4"),
+                    ("publisher", "robot/1/4"),
+                    ("subscription", "robot/1/4"),
+                ],
+            )
+        )
+        assert news[0] == ("bus", "robot") and news[1] == ("node", "robot/1/4")
+
+
+def test_subscriptions_are_told_before_publishers(heard: Heard) -> None:
+    known = tokens()
+    for what in ("publisher", "subscription", "node", "bus"):
+        heard.presence.came(known[what])
+    assert [one[0] for one in heard.take()] == ["bus", "node", "subscription", "publisher"]
+
+
+def test_what_goes_is_told_once(heard: Heard) -> None:
+    known = tokens()
+    for key in known.values():
+        heard.presence.came(key)
+        heard.presence.came(key)
+    assert len(heard.take()) == 4
+    heard.presence.went(known["publisher"])
+    heard.presence.went(known["publisher"])
+    heard.presence.went(known["node"])
+    heard.presence.went(known["subscription"])
+    assert heard.take() == [("no endpoint", GID[:15] + b"p", "robot/1/4"), ("no node", "robot/1/4")]
+    heard.presence.went(known["bus"])
+    assert [one[:2] for one in heard.take()] == [("no bus", "robot")]
+    assert heard.presence.buses() == []
+
+
+def test_a_bridge_that_started_anew_takes_the_place_of_what_it_was(heard: Heard) -> None:
+    old, new = tokens(run="1"), tokens(run="2")
+    for key in (*old.values(), new["publisher"], new["node"], new["bus"]):
+        heard.presence.came(key)
+    news = heard.take()[4:]
+    assert news[0] == ("no bus", "robot", "its bridge has started anew")
+    assert news[1:] == [("bus", "robot"), ("node", "robot/2/4"), ("publisher", "robot/2/4")]
+    for key in old.values():
+        heard.presence.went(key)
+    assert heard.take() == []
+    assert heard.presence.bus_of("robot/2/4") == "robot" and heard.presence.bus_of("robot/1/4") is None
+
+
+def test_what_is_left_of_an_earlier_run_is_not_heard(heard: Heard) -> None:
+    heard.presence.came(tokens(run="2")["bus"])
+    for key in tokens(run="1").values():
+        heard.presence.came(key)
+    assert heard.take() == [("bus", "robot")]
+    heard.presence.went(tokens(run="2")["bus"])
+    assert [one[0] for one in heard.take()] == ["no bus", "bus", "node", "subscription", "publisher"]
+
+
+def test_who_lies_is_not_heard_until_its_bridge_comes_back(heard: Heard) -> None:
+    for key in tokens().values():
+        heard.presence.came(key)
+    heard.take()
+    heard.presence.came("@busd/1/robot/N/1/5/bad%00name/%2F/,")
+    ((what, bus, reason),) = heard.take()
+    assert (what, bus) == ("no bus", "robot") and "can't be printed" in str(reason)
+    assert heard.presence.buses() == [("robot", "f00", reason)]
+    for key in tokens().values():
+        heard.presence.came(key)
+    assert heard.take() == []
+    heard.presence.came(tokens(run="2")["bus"])
+    assert heard.take() == [("bus", "robot")]
+
+
+def test_a_bus_has_so_many_tokens_and_no_more(heard: Heard, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "MAX_TOKENS", 3)
+    for key in tokens().values():
+        heard.presence.came(key)
+    assert heard.take()[-1] == ("no bus", "robot", "it has shown more than 3 tokens")
+
+
+def test_who_takes_what_we_send(heard: Heard) -> None:
+    ours, theirs = (keys.interest_token("robot", "1", of, GID) for of in ("laptop", "other"))
+    heard.presence.came(theirs)
+    heard.presence.came(ours)
+    heard.presence.came(ours)
+    assert heard.interests == [GID] and heard.presence.interests(GID) == {Interest("robot", "1")}
+    heard.presence.came(keys.interest_token("second", "1", "laptop", GID))
+    heard.presence.refuse("robot", "why not")
+    assert heard.presence.interests(GID) == {Interest("second", "1")}
+    heard.presence.went(keys.interest_token("second", "1", "laptop", GID))
+    assert heard.presence.interests(GID) == frozenset()
+    assert heard.interests == [GID] * 4
+
+
+def test_own_tokens_are_no_news_but_those_of_a_double_are_known(heard: Heard) -> None:
+    heard.presence.came(keys.bus_token("laptop", "5", "f00"))
+    assert not heard.presence.doubles
+    heard.presence.came(keys.bus_token("laptop", "6", "f00"))
+    assert heard.presence.doubles == {"6"} and heard.take() == []
+    heard.presence.went(keys.bus_token("laptop", "6", "f00"))
+    assert not heard.presence.doubles
+
+
+def test_another_version_is_said(heard: Heard) -> None:
+    heard.presence.came("@busd/2/robot/B/1/2")
+    heard.presence.went("@busd/2/robot/B/1/2")
+    ((_, text),) = heard.take()
+    assert text == (
+        "bus 'robot' speaks version 2 of the bridges' protocol, this one version 1: "
+        "use the same busd on both sides"
+    )
