@@ -55,7 +55,7 @@ class Totals:
         """Lost for subscriptions, and replaced at publishers, by topic, node and reason."""
         self.lost = Sums(most)
         """What subscriptions lost, by topic and node; 0 where nothing was, so that the first loss shows."""
-        self._heard: dict[bytes, EndpointStatistics] = {}
+        self._heard: dict[tuple[bytes, int], EndpointStatistics] = {}
 
     def take(self, publishers: Iterable[GraphEndpoint], subscriptions: Iterable[GraphEndpoint]) -> None:
         """All endpoints of one moment, with their statistics.
@@ -63,13 +63,15 @@ class Totals:
         A total that is lower than before, as right after a restart of busd, counts from where it was.
         """
         sent, taken = _Amounts(), _Amounts()
-        heard: dict[bytes, EndpointStatistics] = {}
+        heard: dict[tuple[bytes, int], EndpointStatistics] = {}
         for amounts, endpoints in ((sent, publishers), (taken, subscriptions)):
             for endpoint in endpoints:
-                before = self._heard.get(endpoint.gid) or EndpointStatistics()
-                after = heard[endpoint.gid] = _highest(before, endpoint.statistics or before)
+                # A bridge that is made anew brings the same gids, and counts from 0.
+                key = endpoint.gid, endpoint.node.pid if endpoint.node.origin is not None else 0
+                before = self._heard.get(key) or EndpointStatistics()
+                after = heard[key] = _highest(before, endpoint.statistics or before)
                 amounts.add(endpoint, before, after)
-        gone = [(gid, totals) for gid, totals in self._heard.items() if gid not in heard]
+        gone = [(key, totals) for key, totals in self._heard.items() if key not in heard]
         self._heard = {**dict(gone[-_MOST_GONE:]), **heard}
         self.messages.add(sent.by_topic(sent.samples))
         self.bytes.add(sent.by_topic(sent.bytes))

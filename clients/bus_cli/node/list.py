@@ -3,6 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_node
+from bus_cli.origin import origin_record, origin_text
 from bus_cli.output import complain, show
 from bus_cli.query import get_graph
 
@@ -21,15 +22,16 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     found = sorted(
-        (node.full_name, node.pid)
-        for node in get_graph(args).nodes
-        if args.all or not is_hidden_node(node.name)
+        (node for node in get_graph(args).nodes if args.all or not is_hidden_node(node.name)),
+        key=lambda node: (node.full_name, node.pid),
     )
     if args.count_nodes:
         show(len(found), {"count": len(found)}, as_json=args.json)
         return 0
-    if len({name for name, _ in found}) < len(found):
+    if len({node.full_name for node in found}) < len(found):
         complain(_NOT_UNIQUE)
-    for name, pid in found:
-        show(name, {"node": name, "pid": pid}, as_json=args.json)
+    for node in found:
+        name = node.full_name
+        text = name if node.origin is None else f"{name} ({origin_text(node.origin)})"
+        show(text, {"node": name, "pid": node.pid, **origin_record(node)}, as_json=args.json)
     return 0

@@ -4,11 +4,12 @@ from argparse import ArgumentParser, Namespace
 from functools import cache
 from typing import Any
 
-from bus.diagnostics.mismatch import Describe, mismatch
+from bus.diagnostics.mismatch import Describe, kept_apart, mismatch
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint
 from bus.process.address import socket_path
 from bus.qos import History, describe_profile
 from bus_cli.completion import completed_by, topics
+from bus_cli.origin import origin_record, origin_text
 from bus_cli.output import CommandError, dropped_text, print_json, say, size_text
 from bus_cli.query import Query, full_topic_name
 
@@ -30,7 +31,8 @@ def main(args: Namespace) -> int:
     topic = full_topic_name(args.topic_name)
     with Query(socket_path(args.socket, args.domain)) as query:
         graph = query.graph(statistics=args.verbose)
-        there = [*graph.publishers_of(topic), *graph.subscriptions_of(topic)] if args.verbose else []
+        taps = [one for one in graph.taps if one.topic == topic] if args.verbose else []
+        there = [*graph.publishers_of(topic), *graph.subscriptions_of(topic), *taps] if args.verbose else []
         describe = cache(query.description)
         matches = {one.id: _matches(graph, one, describe) for one in there}
     types = graph.topics().get(topic)
@@ -38,7 +40,8 @@ def main(args: Namespace) -> int:
         from bus_cli.suggestions import near_topic
 
         raise CommandError(f"Unknown topic '{args.topic_name}'{near_topic(topic, graph)}")
-    sides = (("Publisher", graph.publishers_of(topic)), ("Subscription", graph.subscriptions_of(topic)))
+    sides = [("Publisher", graph.publishers_of(topic)), ("Subscription", graph.subscriptions_of(topic))]
+    sides += [("Tap", taps)] if taps else []
     if args.json:
         record: dict[str, Any] = {"topic": topic, "types": types}
         for name, endpoints in sides:
@@ -64,6 +67,7 @@ def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
     lines = [
         f"Node name: {endpoint.node.name}",
         f"Node namespace: {endpoint.node.namespace}",
+        *([] if endpoint.node.origin is None else [f"Origin: {origin_text(endpoint.node.origin)}"]),
         f"Topic type: {endpoint.type_name}",
         f"Topic type hash: {endpoint.type_hash}",
         f"Endpoint type: {endpoint.kind.upper()}",
@@ -71,11 +75,11 @@ def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
         *describe_profile(endpoint.qos),
         f"Messages: {counters.samples} ({size_text(counters.bytes)})",
     ]
-    if endpoint.kind == "subscription":
+    if endpoint.kind != "publisher":
         bound = f" of {endpoint.qos.depth}" if endpoint.qos.history is History.KEEP_LAST else ""
         lines.append(f"Queue: {counters.queued}{bound}")
     lines.append(f"Dropped: {dropped_text(counters.dropped)}")
-    if endpoint.kind == "subscription":
+    if endpoint.kind != "publisher":
         lines.append(f"Expected: {counters.expected}")
     lines.append(f"Matches: {sum('route' in match for match in matches)}")
     for match in matches:
@@ -85,7 +89,10 @@ def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
 
 
 def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[dict[str, str]]:
-    """Every endpoint on the other side, with the route of the match or the reason why there is none."""
+    """Every endpoint on the other side, with the route of the match or the reason why there is none.
+
+    Of a tap only those that it takes from: it is not meant for all.
+    """
     routes = {(match.publisher, match.subscription): match.route for match in graph.matches}
     found = []
     is_publisher = endpoint.kind == "publisher"
@@ -95,7 +102,10 @@ def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[
         publisher, subscription = (endpoint, other) if is_publisher else (other, endpoint)
         route = routes.get((publisher.id, subscription.id))
         if route is None:
-            how = {"reason": mismatch(publisher, subscription, describe) or "unknown"}
+            if endpoint.kind == "tap":
+                continue
+            reason = kept_apart(publisher, subscription) or mismatch(publisher, subscription, describe)
+            how = {"reason": reason or "unknown"}
         else:
             how = {"route": route}
         found.append({"node": other.node.full_name, **how})
@@ -109,6 +119,7 @@ def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str,
     return {
         "node": endpoint.node.full_name,
         "pid": endpoint.node.pid,
+        **origin_record(endpoint.node),
         "type": endpoint.type_name,
         "type_hash": endpoint.type_hash,
         "gid": endpoint.gid.hex("."),
@@ -117,6 +128,6 @@ def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str,
         "bytes": counters.bytes,
         "queued": counters.queued,
         "dropped": counters.dropped,
-        **({"expected": counters.expected} if endpoint.kind == "subscription" else {}),
+        **({"expected": counters.expected} if endpoint.kind != "publisher" else {}),
         "matches": matches,
     }

@@ -1,0 +1,23 @@
+"""Where a node comes from that a bridge has brought, as a text and as JSON."""
+
+from typing import Any
+
+from bus.graph import GraphNode, Origin
+
+__all__ = ["origin_record", "origin_text"]
+
+
+def origin_text(origin: Origin) -> str:
+    """As `from laptop-1f2e3d4c by zenoh`; the bus on which the node lives comes first."""
+    home, *through = (*origin.via, origin.bus)
+    way = f" through {', '.join(through)}" if through else ""
+    return f"from {home}{way} by {origin.bridge}"
+
+
+def origin_record(node: GraphNode) -> dict[str, Any]:
+    """What a record of the node has besides: nothing where it lives on this bus."""
+    if node.origin is None:
+        return {}
+    from msgspec import to_builtins
+
+    return {"origin": to_builtins(node.origin)}
