@@ -24,14 +24,18 @@ class OwnTerminal:
         if not self._pid:
             os.execv(sys.executable, [sys.executable, *words])
 
-    def read_until(self, pattern: str) -> None:
-        """Read until it has shown this, behind what was read before. Raises TimeoutError."""
+    def read_until(self, pattern: str) -> str:
+        """Read until it has shown this, behind what was read before; returns all up to there.
+
+        Raises TimeoutError.
+        """
         end = time.monotonic() + WAIT_S
         while not (found := re.search(pattern, self._text)):
             if time.monotonic() > end or not select.select([self._end], [], [], WAIT_S)[0]:
                 raise TimeoutError(f"no {pattern!r} in {self._text!r}")
             self._text += os.read(self._end, 1 << 16).decode()
-        self._text = self._text[found.end() :]
+        read, self._text = self._text[: found.end()], self._text[found.end() :]
+        return read
 
     def write(self, keys: str) -> None:
         os.write(self._end, keys.encode())

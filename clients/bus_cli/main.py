@@ -141,6 +141,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "throughput": "Messages a second, and what is lost",
         },
     ),
+    "top": ("Show topics and nodes, with their rates and losses, live", {}),
     "metrics": ("Serve what happens on the bus to Prometheus", {}),
     "web": ("Show the bus in a browser: graph, rates, values, plots and log", {}),
     "run": ("Run a script, a module or a program of a package", {}),

@@ -81,8 +81,17 @@ def choose_profile(graph: Graph, topic: str, args: Namespace) -> QoSProfile:
             "Some, but not all, publishers are offering QoSDurabilityPolicy.TRANSIENT_LOCAL. Falling back to "
             "QoSDurabilityPolicy.VOLATILE as it will connect to all publishers"
         )
+    return serving_all(profile, offers)
+
+
+def serving_all(profile: QoSProfile, offers: list[QoSProfile]) -> QoSProfile:
+    """`profile`, reliable where all `offers` are, and transient local where all are; so it matches them."""
+    reliable = all(offer.reliability is Reliability.RELIABLE for offer in offers)
+    lasting = all(offer.durability is Durability.TRANSIENT_LOCAL for offer in offers)
+    if not offers:
+        return profile
     return replace(
         profile,
-        reliability=Reliability.RELIABLE if all(reliable) else Reliability.BEST_EFFORT,
-        durability=Durability.TRANSIENT_LOCAL if all(lasting) else Durability.VOLATILE,
+        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if lasting else Durability.VOLATILE,
     )

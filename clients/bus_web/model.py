@@ -201,7 +201,12 @@ class _Counters:
             )  # fmt: skip
         elif self.ages is not None and now_ns - self.ages[0] > _NOW_NS:
             self.ages = None
-        lost, losses = sum(statistics.dropped.values()), self.losses
+        losses = self.losses
+        lost = sum(statistics.dropped.values()) if statistics.dropped else 0
+        if losses and losses[0][1] == lost:
+            losses[:] = [(max(losses[0][0], now_ns - _NOW_NS), lost)]
+            self.lost_per_s = 0.0
+            return
         if losses and lost < losses[-1][1]:
             losses.clear()
         losses.append((now_ns, lost))
@@ -230,6 +235,8 @@ class Model:
         self._matches: dict[int, list[GraphMatch]] = {}
         """By the ids of both ends."""
         self._pairs: dict[str, tuple[Pair, ...]] = {}
+        self._fixed: dict[str | int, dict[str, Any]] = {}
+        """Of rows, by name or id: what is the same as long as the graph is."""
 
     @property
     def has_graph(self) -> bool:
@@ -250,7 +257,7 @@ class Model:
         before, self._graph = self._graph, graph
         is_new = before is None or _identity(before) != _identity(graph)
         if is_new:
-            self._pairs = {}
+            self.forget_pairs()
             self._matches = {}
             for match in graph.matches:
                 self._matches.setdefault(match.publisher, []).append(match)
@@ -272,13 +279,16 @@ class Model:
         together: list[tuple[str | int, _Ends]] = [*self._ends.items(), *by_node.items()]
         for key, (publishers, _) in together:
             history = histories[key] = self._histories.get(key) or Seconds()
-            history.add(now_ns, self._rate(publishers, 0) or 0.0)
+            rate = self._rate(publishers, 0)
+            if rate is not None or history.values:  # what is not known yet is not nothing
+                history.add(now_ns, rate or 0.0)
         self._histories = histories
         return is_new
 
     def forget_pairs(self) -> None:
         """`describe` knows more than when it was asked."""
         self._pairs = {}
+        self._fixed = {}
 
     def topics(self, *, hidden: bool = False) -> list[TopicRow]:
         """A row for each topic, sorted by name; `hidden` ones too."""
@@ -301,8 +311,8 @@ class Model:
                 node=one.full_name,
                 id=one.id,
                 pid=one.pid,
-                **self._together(one.id, ends),
-                mismatches=self._mismatches_of(ends),
+                **self._fixed_of(one.id, ends),
+                **self._counted(one.id, ends),
             )
             for one in nodes
             if (hidden or not is_hidden_node(one.name)) and (ends := self._by_node.get(one.id)) is not None
@@ -350,23 +360,34 @@ class Model:
     def _topic(
         self, name: str, publishers: list[GraphEndpoint], subscriptions: list[GraphEndpoint]
     ) -> TopicRow:
-        return TopicRow(
-            topic=name,
-            types=tuple(sorted({one.type_name for one in (*publishers, *subscriptions)})),
-            **self._together(name, (publishers, subscriptions)),
-            mismatches=sum(not pair.route for pair in self.pairs(name)),
-        )
+        ends = (publishers, subscriptions)
+        return TopicRow(topic=name, **self._fixed_of(name, ends), **self._counted(name, ends))
 
-    def _together(self, key: str | int, ends: _Ends) -> dict[str, Any]:
-        """What they count together: the fields that rows have in common, but mismatches."""
+    def _fixed_of(self, key: str | int, ends: _Ends) -> dict[str, Any]:
+        """The fields of a topic's or a node's row that change with the graph only."""
+        if (known := self._fixed.get(key)) is not None:
+            return known
         publishers, subscriptions = ends
-        routes: set[str] = set()
+        found: dict[str, Any] = {"publishers": len(publishers), "subscriptions": len(subscriptions)}
+        if isinstance(key, str):
+            found["types"] = tuple(sorted({one.type_name for one in (*publishers, *subscriptions)}))
+            found["mismatches"] = sum(not pair.route for pair in self.pairs(key))
+            matched = subscriptions
+        else:
+            found["mismatches"] = self._mismatches_of(ends)
+            matched = [*publishers, *subscriptions]
+        found["routes"] = tuple(sorted({route for one in matched for route in self._routes(one)}))
+        self._fixed[key] = found
+        return found
+
+    def _counted(self, key: str | int, ends: _Ends) -> dict[str, Any]:
+        """The fields that rows have in common and that change with every look."""
+        publishers, subscriptions = ends
         dropped: dict[str, int] = {}
         queued, most, depth, lost_per_s = 0, -1, None, 0.0
         ages = []
         for one in subscriptions:
             counters, mine = one.statistics or _NOTHING, self._counters[one.gid]
-            routes.update(self._routes(one))
             for reason, count in counters.dropped.items():
                 dropped[reason] = dropped.get(reason, 0) + count
             queued += counters.queued
@@ -375,15 +396,10 @@ class Model:
             lost_per_s += mine.lost_per_s
             if mine.ages is not None:
                 ages.append(mine.ages)
-        if isinstance(key, int):  # a node: its publishers' matches are its own, too
-            routes.update(*map(self._routes, publishers))
         return {
             "hz": self._rate(publishers, 0),
             "bytes_per_s": self._rate(publishers, 1),
             "history": self._histories[key].values,
-            "publishers": len(publishers),
-            "subscriptions": len(subscriptions),
-            "routes": tuple(sorted(routes)),
             "queued": queued,
             "depth": depth,
             "age": _ages(ages),

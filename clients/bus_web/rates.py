@@ -18,10 +18,13 @@ HISTORY_S = 60
 class Meter:
     """Some counters of one endpoint that grow together, such as messages and bytes, told at the same time."""
 
-    __slots__ = ("_told",)
+    __slots__ = ("_rates", "_silent_ns", "_told")
 
     def __init__(self) -> None:
         self._told: deque[tuple[int, tuple[int, ...]]] = deque()
+        self._rates: tuple[float, ...] | None = None
+        """Of what was told, until `_silent_ns`; None: not worked out."""
+        self._silent_ns = 0
 
     def add(self, at_ns: int, *counters: int) -> None:
         """What they were at `at_ns`; 0, or what has been told before, is no news."""
@@ -30,6 +33,7 @@ class Meter:
             last_ns, last = told[-1]
             if at_ns <= last_ns:
                 return
+            self._rates = None
             if any(new < old for new, old in zip(counters, last, strict=True)):
                 told.clear()  # another process has them now, or another busd
         elif not at_ns:
@@ -40,13 +44,17 @@ class Meter:
 
     def rates(self, now_ns: int) -> tuple[float, ...] | None:
         """Per second, of each counter; None until they were told twice."""
-        told = self._told
-        if len(told) < 2:
-            return None
-        (began_ns, first), (ended_ns, last) = told[0], told[-1]
-        if now_ns - ended_ns > max(_SILENCE_NS, 2 * (ended_ns - told[-2][0])):
-            return (0.0,) * len(last)
-        return tuple((new - old) * _NS / (ended_ns - began_ns) for old, new in zip(first, last, strict=True))
+        if self._rates is None:
+            told = self._told
+            if len(told) < 2:
+                return None
+            (began_ns, first), (ended_ns, last) = told[0], told[-1]
+            span_ns = ended_ns - began_ns
+            self._rates = tuple([(new - old) * _NS / span_ns for old, new in zip(first, last, strict=True)])
+            self._silent_ns = ended_ns + max(_SILENCE_NS, 2 * (ended_ns - told[-2][0]))
+        if now_ns > self._silent_ns:
+            return (0.0,) * len(self._rates)
+        return self._rates
 
 
 class Seconds:

@@ -76,6 +76,7 @@ LINES = {
     "pkg list": "--help",
     "pkg prefix": "--help",
     "pkg xml": "--help",
+    "top": "--once -d 0.1",
     "doctor": "",
     "completion": "bash",
 }

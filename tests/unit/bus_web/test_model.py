@@ -75,7 +75,7 @@ def test_rates_queues_and_losses() -> None:
     assert (row.hz, row.bytes_per_s, row.queued, row.depth) == (100.0, 5000.0, 3, 7)
     assert (row.lost, row.why, row.dropped) == (16, "replaced", {"replaced": 15, "expired": 1})
     assert row.lost_per_s == 16 / 3
-    assert row.history == (0.0, 100.0, 100.0, 100.0)
+    assert row.history == (100.0, 100.0, 100.0)
     publisher, subscription = model.endpoints("/chatter")
     assert (publisher.kind, publisher.node, publisher.pid, publisher.hz) == (
         "publisher",
@@ -239,7 +239,7 @@ def test_nodes() -> None:
     assert (listener.queued, listener.depth, listener.lost, listener.why) == (3, 7, 4, "replaced")
     assert (listener.mismatches, listener.routes, listener.hz) == (1, ("shm",), None)
     assert (talker.hz, talker.routes, talker.mismatches, talker.lost) == (10.0, ("shm",), 1, 0)
-    assert talker.history == (0.0, 10.0)
+    assert talker.history == (10.0,)
     assert [one.topic for one in model.endpoints_of_node(talker.id)] == ["/chatter", "/b"]
     assert [one.node for one in model.nodes(hidden=True)] == ["/_bus_web_30", "/ns/listener", "/talker"]
     assert model.endpoints_of_node(99) == []

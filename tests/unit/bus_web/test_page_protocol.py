@@ -76,7 +76,7 @@ def test_history_is_of_topics_with_messages() -> None:
     assert read(protocol.history(model.topics())) == {"op": "history", "topics": {}}
     take(model, 2)
     take(model, 3)
-    assert read(protocol.history(model.topics()))["topics"] == {"/chatter": [0.0, 10.0, 10.0]}
+    assert read(protocol.history(model.topics()))["topics"] == {"/chatter": [10.0, 10.0]}
 
 
 def test_all_counters() -> None:

@@ -1,0 +1,79 @@
+"""`bus top`: topics and nodes with their rates and losses, live."""
+
+import os
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+
+from bus.process.address import socket_path
+from bus_cli.output import CommandError, print_json, say
+from bus_cli.stream import positive
+from bus_cli.top.table import SORT_KEYS
+
+_EPILOG = """\
+Keys: s next column to sort by, r reverse, / filter, h hidden ones, n by node, Enter live values, space pause,
+? help, q quit. --once and --json need no terminal; the rest needs textual: pip install 'busd[top]'
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = _EPILOG
+    parser.add_argument(
+        "-d", "--delay", metavar="S", type=_delay, default=1.0, help="seconds between two looks (default: 1)"
+    )
+    parser.add_argument(
+        "--sort",
+        metavar="KEY",
+        type=_sort_key,
+        default="topic",
+        help=f"column to sort by: {', '.join(SORT_KEYS)} (default: topic)",
+    )
+    parser.add_argument("--once", action="store_true", help="print the table once rates are known, and exit")
+
+
+def main(args: Namespace) -> int:
+    """Show the bus until `q` or Ctrl-C."""
+    if args.once or args.json:
+        from bus_cli.top.plain import looks, record, report
+
+        hidden = args.include_hidden_topics
+        for model in looks(socket_path(args.socket, args.domain), args.delay, is_once=args.once):
+            if args.json:
+                print_json(record(model, args.sort, hidden=hidden))
+            else:
+                say(report(model, args.sort, _width(), hidden=hidden))
+            sys.stdout.flush()
+        return 0
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise CommandError("bus top needs a terminal; without one, use --once or --json")
+    try:
+        from bus_cli.top.screen import run
+    except ImportError as error:
+        raise CommandError(
+            f"bus top needs textual ({error}): pip install 'busd[top]'; --once and --json do without"
+        ) from None
+    return run(args)
+
+
+def _width() -> int | None:
+    """Of the terminal; None where the output goes elsewhere."""
+    return os.get_terminal_size(sys.stdout.fileno()).columns if sys.stdout.isatty() else None
+
+
+def _delay(text: str) -> float:
+    """For argparse."""
+    seconds = positive(text)
+    if not 0.1 <= seconds <= 3600:
+        raise ArgumentTypeError(f"a look every {text} s is too often or too seldom: 0.1 to 3600")
+    return seconds
+
+
+def _sort_key(text: str) -> str:
+    """For argparse."""
+    key = text.lower()
+    if key not in SORT_KEYS:
+        from bus.base.suggest import did_you_mean
+
+        raise ArgumentTypeError(
+            f"no column to sort by is {text!r}: {', '.join(SORT_KEYS)}{did_you_mean(key, SORT_KEYS)}"
+        )
+    return key

@@ -1,0 +1,98 @@
+"""`bus top --once` and `--json`: looks at the bus without a screen, and needs no event loop."""
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic, monotonic_ns
+from typing import Any
+
+from msgspec import structs, to_builtins
+
+from bus.errors import ConnectionClosed
+from bus_cli.output import complain
+from bus_cli.query import Query
+from bus_cli.top.table import BY_TOPIC, sums_text
+from bus_web.model import EndpointRow, Model, TopicRow
+
+__all__ = ["looks", "record", "report"]
+
+_LOOKS_FOR_RATES = 3
+"""Counters come twice a second and make a rate once they have come twice."""
+
+
+def looks(path: Path, delay_s: float, *, is_once: bool) -> Iterator[Model]:
+    """The bus every `delay_s` seconds, first when rates are known; `is_once`: then no more.
+
+    Goes on over a restart of busd. Raises what `Query` raises.
+    """
+    query = Query(path)
+    model = Model({os.getpid()}, lambda name, number: query.description(name, number))
+    number = 0
+    due_s = monotonic()
+    try:
+        while True:
+            try:
+                graph = query.graph(statistics=True)
+            except ConnectionClosed as error:
+                complain(f"{error}; looking for it again")
+                query.close()
+                query = Query(path)
+                continue
+            model.take(graph, monotonic_ns())
+            number += 1
+            if number >= _LOOKS_FOR_RATES:
+                yield model
+                if is_once:
+                    return
+            due_s = max(due_s + delay_s, monotonic())
+            time.sleep(max(0.0, due_s - monotonic()))
+    finally:
+        query.close()
+
+
+def report(model: Model, by: str, width: int | None, *, hidden: bool) -> str:
+    """The sums, and the table of topics."""
+    rows = model.topics(hidden=hidden)
+    title, lines = BY_TOPIC.lines(BY_TOPIC.sort(rows, by), width)
+    return "\n".join((sums_text(model.sums(rows)), "", title, *(line.text for line in lines)))
+
+
+def record(model: Model, by: str, *, hidden: bool) -> dict[str, Any]:
+    """All of it, for programs."""
+    rows = model.topics(hidden=hidden)
+    return {
+        "time": time.time(),
+        **structs.asdict(model.sums(rows)),
+        "rows": [_topic(model, row) for row in BY_TOPIC.sort(rows, by)],
+    }
+
+
+def _topic(model: Model, row: TopicRow) -> dict[str, Any]:
+    endpoints = model.endpoints(row.topic)
+    names = {one.id: one.node for one in endpoints}
+    found: dict[str, Any] = to_builtins(row)
+    del found["history"]
+    return {
+        "topic": found.pop("topic"),
+        **found,
+        "lost": row.lost,
+        "endpoints": [_endpoint(one) for one in endpoints],
+        "no_match": [
+            {
+                "publisher": names.get(pair.publisher, ""),
+                "subscription": names.get(pair.subscription, ""),
+                "reason": pair.reason,
+            }
+            for pair in model.pairs(row.topic)
+            if not pair.route
+        ],
+    }
+
+
+def _endpoint(row: EndpointRow) -> dict[str, Any]:
+    found: dict[str, Any] = to_builtins(row)
+    for name in ("id", "node_id", "topic"):
+        del found[name]
+    qos = {name: to_builtins(getattr(row.qos, name)) for name in row.qos.__struct_fields__}
+    return {**found, "lost": row.lost, "qos": qos}

@@ -1,0 +1,149 @@
+"""What `bus top` shows just now: by which column, which rows, which of them is chosen. Pure."""
+
+from collections.abc import Sequence
+
+from bus_cli.top.table import BY_NODE, BY_TOPIC, Row, Table, name_of, sums_text
+from bus_web.model import EndpointRow, Model, NodeRow, Pair, TopicRow
+
+__all__ = ["State"]
+
+
+class State:
+    """`by`: the key that rows are sorted by; `hidden`: whether hidden topics and nodes are shown."""
+
+    def __init__(self, by: str = "topic", *, hidden: bool = False) -> None:
+        self.by = by
+        self.filter = ""
+        self.is_paused = False
+        self.is_away = False
+        """Whether busd does not answer."""
+        self.rows: Sequence[Row] = ()
+        self.sums = "looking for the bus"
+        self._hidden = hidden
+        self._is_reversed = False
+        self._is_by_node = False
+        self._model: Model | None = None
+        self._name = ""
+        """Of the row that the user chose, which may not be there at the moment."""
+        self._place = 0
+
+    @property
+    def table(self) -> Table:
+        return BY_NODE if self._is_by_node else BY_TOPIC
+
+    @property
+    def index(self) -> int:
+        """The place of the chosen row; -1 where there is none."""
+        for place, row in enumerate(self.rows):
+            if name_of(row) == self._name:
+                return place
+        return min(self._place, len(self.rows) - 1)
+
+    @property
+    def chosen(self) -> Row | None:
+        return self.rows[self.index] if self.rows else None
+
+    @property
+    def endpoints(self) -> list[EndpointRow]:
+        """Of the chosen row."""
+        if self._model is None or (row := self.chosen) is None:
+            return []
+        if isinstance(row, NodeRow):
+            return self._model.endpoints_of_node(row.id)
+        return self._model.endpoints(row.topic)
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """Those that the chosen row's endpoints may be in."""
+        if self._model is None:
+            return []
+        topics = dict.fromkeys(one.topic for one in self.endpoints)
+        return [pair for topic in topics for pair in self._model.pairs(topic)]
+
+    @property
+    def names(self) -> dict[int, str]:
+        """The nodes of the ends of `pairs`."""
+        if self._model is None:
+            return {}
+        topics = dict.fromkeys(one.topic for one in self.endpoints)
+        return {one.id: one.node for topic in topics for one in self._model.endpoints(topic)}
+
+    @property
+    def about(self) -> str:
+        """What stands over the endpoints of the chosen row."""
+        row = self.chosen
+        if row is None:
+            return ""
+        if isinstance(row, TopicRow):
+            return f"{row.topic}  {', '.join(row.types)}"
+        return f"{row.node}  process {row.pid}"
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know of what is shown."""
+        notes = []
+        if self.is_away:
+            notes.append("busd does not answer, this is how it was")
+        if self.is_paused:
+            notes.append("paused")
+        if self.filter:
+            notes.append(f"only with {self.filter!r}")
+        if self._hidden:
+            notes.append("hidden ones too")
+        if self._is_reversed:
+            notes.append("reversed")
+        return notes
+
+    def take(self, model: Model) -> None:
+        """The bus was looked at."""
+        self._model = model
+        self._arrange()
+
+    def choose(self, index: int) -> None:
+        self._place = index
+        self._name = name_of(self.rows[index])
+
+    def sort_by_next(self) -> None:
+        keys = self.table.sort_keys
+        at = keys.index(self.by) if self.by in keys else -1
+        self.by = keys[(at + 1) % len(keys)]
+        self._is_reversed = False
+        self._arrange()
+
+    def reverse(self) -> None:
+        self._is_reversed = not self._is_reversed
+        self._arrange()
+
+    def toggle_hidden(self) -> None:
+        self._hidden = not self._hidden
+        self._arrange()
+
+    def toggle_nodes(self) -> None:
+        self._is_by_node = not self._is_by_node
+        self._name, self._place = "", 0
+        if self.by not in (keys := self.table.sort_keys):
+            self.by = keys[0]
+        self._arrange()
+
+    def set_filter(self, text: str) -> None:
+        """Only rows with `text` in their name, type or process; case does not count."""
+        self.filter = text
+        self._arrange()
+
+    def _arrange(self) -> None:
+        model = self._model
+        if model is None:
+            return
+        index = self.index
+        topics = model.topics(hidden=self._hidden)
+        rows: Sequence[Row] = model.nodes(hidden=self._hidden) if self._is_by_node else topics
+        if text := self.filter.lower():
+            rows = [row for row in rows if text in _searched(row)]
+        self.rows = self.table.sort(rows, self.by, reverse=self._is_reversed)
+        self.sums = sums_text(model.sums(topics))
+        self._place = max(index, 0)
+
+
+def _searched(row: Row) -> str:
+    others = row.types if isinstance(row, TopicRow) else (str(row.pid),)
+    return " ".join((name_of(row), *others)).lower()
