@@ -79,7 +79,9 @@ async def _serve(args: Namespace) -> int:
 
 def _tell(addresses: "Addresses", *, as_json: bool) -> None:
     if as_json:
-        print_json({"page": addresses.page, "foxglove": addresses.foxglove})
+        from msgspec import to_builtins
+
+        print_json(to_builtins(addresses))
         return
     if addresses.forwarding:
         say(f"first: {addresses.forwarding}")

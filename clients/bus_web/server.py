@@ -1,5 +1,6 @@
 """HTTP and WebSockets on loopback or a unix socket: files by GET, and subprotocols by their handlers."""
 
+import asyncio
 import errno
 import logging
 import os
@@ -9,12 +10,14 @@ from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
+from weakref import WeakSet
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, NegotiationError
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 from websockets.typing import Subprotocol
 
 from bus_web.files import File, security_headers
@@ -53,17 +56,26 @@ class Server:
         self._server: WebSocketServer | None = None
         self._path: Path | None = None
         self._clients = 0
+        self._connections: WeakSet[ServerConnection] = WeakSet()
 
     async def open(self, place: Place) -> Place:
         """Listen; returns where, with the port that the kernel chose. Raises PlaceError where that fails."""
         listening = _listen(place)
         self._path = place.path
+        connections = self._connections
+
+        class Connection(ServerConnection):
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                super().connection_made(transport)
+                connections.add(self)
+
         self._server = await serve(
             self._serve,
             sock=listening,
             subprotocols=[Subprotocol(name) for name in self._handlers],
             select_subprotocol=self._choose,
             process_request=self._answer,
+            create_connection=Connection,
             server_header=None,
             compression=None,
             max_size=self._most_frame_bytes,
@@ -78,6 +90,9 @@ class Server:
     async def close(self) -> None:
         """End all connections: clients are told that the server goes."""
         if self._server is not None:
+            for connection in self._connections:
+                if connection.state is State.CONNECTING:  # it would be waited for until it has asked
+                    connection.transport.abort()
             self._server.close()
             await self._server.wait_closed()
         if self._path is not None:

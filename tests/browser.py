@@ -1,0 +1,98 @@
+"""A headless Chromium, for tests of the page."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from conftest import WAIT_S
+
+_LOOK_S = 0.05
+_SIZE = (1360, 860)
+
+
+def need_chromium() -> tuple[str, str]:
+    """The browser and its driver, or the test is skipped."""
+    browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if browser is None or driver is None:
+        pytest.skip("no chromium with its driver (Debian: apt install chromium chromium-driver)")
+    return browser, driver
+
+
+class Page:
+    """An open page."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def open(self, address: str) -> None:
+        self.driver.get(address)
+
+    def run(self, script: str, *arguments: object) -> Any:
+        """What a script returns."""
+        return self.driver.execute_script(script, *arguments)
+
+    def wait(self, script: str, *arguments: object, fits: Callable[[Any], object] = bool) -> Any:
+        """Until what a script returns fits."""
+        end = time.monotonic() + WAIT_S
+        while not fits(found := self.run(script, *arguments)):
+            if time.monotonic() > end:
+                pytest.fail(f"{script!r} still gives {found!r}; the console says {self.console()}")
+            time.sleep(_LOOK_S)
+        return found
+
+    def texts(self, selector: str) -> list[str]:
+        """Of all elements that are shown there."""
+        found: list[str] = self.run(
+            "return [...document.querySelectorAll(arguments[0])].map(one => one.textContent)", selector
+        )
+        return found
+
+    def press(self, selector: str) -> None:
+        """A click on the first element there."""
+        self.wait(
+            "const one = document.querySelector(arguments[0]);"
+            "one?.dispatchEvent(new MouseEvent('click', {bubbles: true})); return one !== null",
+            selector,
+        )
+
+    def scheme(self, name: str) -> None:
+        """`light` or `dark`, as the user's system says."""
+        features = [{"name": "prefers-color-scheme", "value": name}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+
+    def console(self) -> list[str]:
+        """What the console says since the last look."""
+        return [f"{line['level']} {line['message']}" for line in self.driver.get_log("browser")]
+
+    def picture(self, path: Path) -> None:
+        self.driver.save_screenshot(str(path))
+
+
+@contextmanager
+def chromium() -> Iterator[Page]:
+    """One that has no page yet."""
+    browser, driver = need_chromium()
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = browser
+    for word in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--hide-scrollbars",
+        f"--window-size={_SIZE[0]},{_SIZE[1]}",
+    ):
+        options.add_argument(word)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    running = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    try:
+        yield Page(running)
+    finally:
+        running.quit()

@@ -1,0 +1,356 @@
+"""`bus web` as its users run it: who gets in, what is told, what it costs, how it ends."""
+
+import json
+import re
+import signal
+import socket
+import stat
+import time
+from contextlib import closing
+from http.client import HTTPResponse
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cli import LISTENER, TALKER, bus, script, start, wait_for_graph
+from conftest import Daemon
+from rows import for_each
+
+pytest.importorskip("websockets", reason="the page's server is made of websockets")
+
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from web_clients import CAMERA, LOSER, PAGE, Silent, serving
+
+MIB = 1 << 20
+
+
+def text_of(answer: HTTPResponse) -> str:
+    return str(answer.text)  # type: ignore[attr-defined]
+
+
+def own_bytes(pid: int) -> int:
+    """Memory of a process, without the rings of others that it has mapped."""
+    found = re.search(r"RssAnon:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    assert found is not None
+    return int(found[1]) * 1024
+
+
+class TestGettingIn:
+    def test_the_token_gets_a_cookie_and_leaves_the_address(self, daemon: Daemon) -> None:
+        with serving() as server:
+            assert server.foxglove == server.page.replace("http:", "ws:")
+            first = server.get(f"/?token={server.token}")
+            assert (first.status, first.headers["Location"]) == (303, "/")
+            cookie = first.headers["Set-Cookie"]
+            assert cookie.endswith("; Path=/; HttpOnly; SameSite=Strict")
+            page = server.get("/", {"Cookie": cookie.partition(";")[0]})
+            assert page.status == 200
+            assert page.headers["Content-Type"] == "text/html; charset=utf-8"
+            assert "default-src 'none'" in page.headers["Content-Security-Policy"]
+            assert page.headers["X-Content-Type-Options"] == "nosniff"
+            assert [name for name in page.headers if name.startswith("Access-Control")] == []
+            assert server.token not in text_of(page)
+
+    def test_who_is_refused(self, daemon: Daemon) -> None:
+        with serving() as server:
+            cookie = {"Cookie": server.cookie()}
+            here = f"{server.host}:{server.port}"
+
+            def status(target: str = "/", **headers: str) -> int:
+                return server.get(target, headers).status
+
+            assert status(**cookie, Origin=f"http://{here}") == 200
+            assert status() == 403
+            assert status("/?token=wrong") == 403
+            assert status("/page.js") == 403, "not even the page's files"
+            assert status(**cookie, Host="evil.example") == 403
+            assert status(f"/?token={server.token}", Host=f"evil.example:{server.port}") == 403
+            assert status(**cookie, Origin="http://evil.example") == 403
+            assert status(**cookie, Origin="null") == 403
+            assert status("/../server.py", **cookie) == 404
+            assert status("/vendor/..%2f..%2fserver.py", **cookie) == 404
+
+    def test_websockets_are_refused_in_the_same_way(self, daemon: Daemon) -> None:
+        with serving("--allow-origin", "http://localhost:3000") as server:
+            here = f"ws://{server.host}:{server.port}/"
+
+            def status(address: str, origin: str | None = None, *protocols: str) -> int:
+                offered = [Subprotocol(one) for one in protocols or (PAGE,)]
+                given = Origin(origin) if origin else None
+                try:
+                    with connect(address, origin=given, subprotocols=offered, proxy=None):
+                        return 101
+                except InvalidStatus as refused:
+                    return refused.response.status_code
+
+            with_token = f"{here}?token={server.token}"
+            assert status(with_token) == 101
+            assert status(with_token, "https://app.foxglove.dev") == 101
+            assert status(with_token, "http://localhost:3000") == 101
+            assert status(here) == 403
+            assert status(f"{here}?token=wrong") == 403
+            assert status(with_token, "http://evil.example") == 403
+            assert status(with_token, None, "nonsense.v1") == 400
+
+    def test_what_is_no_http_is_no_news(self, daemon: Daemon) -> None:
+        with serving() as server:
+            for garbage in (b"\x00\xff\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b"POST / HTTP/1.1\r\n\r\n", b"G"):
+                with socket.create_connection((server.host, server.port)) as rude:
+                    rude.sendall(garbage)
+                    rude.shutdown(socket.SHUT_WR)
+                    while rude.recv(4096):
+                        pass
+            assert server.get("/", {"Cookie": server.cookie()}).status == 200
+            assert server.running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
+
+
+class TestWhatIsTold:
+    def test_the_graph_rates_and_values(self, daemon: Daemon, route: str) -> None:
+        with script(LISTENER), script(TALKER, "0.01"), serving() as server, server.viewer() as viewer:
+            assert viewer.hear("hello")["bus"] == str(daemon.path)
+            graph = viewer.hear("graph", lambda told: len(told["ends"]) >= 2 and told["pairs"])
+            names = {one[1] for one in graph["nodes"] if not one[3]}
+            assert names == {"/minimal_publisher", "/minimal_subscriber"}
+            (pair,) = [pair for pair in graph["pairs"] if pair[2] == route]
+            viewer.hear("rates", lambda told: 50 < (told["topics"].get("/topic", [0])[0] or 0) < 150)
+            viewer.say("look", topics={"/topic": []})
+            first = viewer.hear("value")
+            assert (first["topic"], first["type"]) == ("/topic", "std_msgs/msg/String")
+            assert re.fullmatch(r"Hello World: \d+", first["tree"]["data"])
+            assert viewer.hear("value")["tree"] != first["tree"]
+            assert 0 <= first["age_ms"] < 10_000
+            detail = viewer.hear("detail")["ends"]
+            assert {str(pair[0]), str(pair[1])} == detail.keys()
+
+    def test_at_most_twenty_values_a_second(self, daemon: Daemon) -> None:
+        with script(TALKER, "0.001"), serving() as server, server.viewer() as viewer:
+            viewer.hear("graph", lambda told: told["ends"])
+            viewer.say("look", topics={"/topic": []})
+            first = viewer.hear("value")
+            began_s = time.monotonic()
+            for _ in range(20):
+                last = viewer.hear("value")
+            assert time.monotonic() - began_s > 0.9
+            assert last["number"] - first["number"] > 40, "all have come, most are not shown"
+
+    def test_losses_are_those_of_topic_info(self, daemon: Daemon) -> None:
+        with script(LOSER), serving() as server, server.viewer() as viewer:
+            with script(TALKER, "0.001"):
+                viewer.hear("rates", lambda told: (told["topics"].get("/topic") or [0] * 7)[4] > 50)
+            viewer.say("look", topics={"/topic": []})
+            info = json.loads(bus("topic", "info", "-v", "/topic", "--json").out)
+            (loser,) = [one for one in info["subscriptions"] if one["node"] == "/loser"]
+            viewer.hear(
+                "detail", lambda told: any(end[3] == loser["dropped"] for end in told["ends"].values())
+            )
+
+    def test_the_log(self, daemon: Daemon) -> None:
+        logger = (
+            "import asyncio, bus\n"
+            "async def main():\n"
+            "    async with bus.Node('speaker') as node:\n"
+            "        node.get_logger().warning('<b>hot</b>')\n"
+            "        print('ready', flush=True)\n"
+            "        await asyncio.Event().wait()\n"
+            "bus.run(main())\n"
+        )
+        with script(logger), serving() as server, server.viewer() as viewer:
+            viewer.say("log", on=True)
+            lines = viewer.hear("log")["lines"]
+            assert [line[1:] for line in lines] == [[30, "speaker", "<b>hot</b>"]]
+            viewer.say("log", on=False)
+
+    def test_busd_goes_and_comes_back(self, daemon: Daemon) -> None:
+        with script(TALKER, "0.01"), serving() as server, server.viewer() as viewer:
+            viewer.say("look", topics={"/topic": []})
+            before = viewer.hear("value")["tree"]["data"]
+            daemon.kill()
+            assert viewer.hear("bus")["is_up"] is False
+            daemon.restart()
+            viewer.hear("graph", lambda told: any(end[3] == "/topic" for end in told["ends"]))
+            number = int(before.rpartition(" ")[2])
+            viewer.hear("value", lambda told: int(told["tree"]["data"].rpartition(" ")[2]) > number)
+            viewer.hear("rates")
+
+    def test_a_type_that_does_not_match(self, daemon: Daemon) -> None:
+        other = LISTENER.replace("String", "Int32")
+        with script(TALKER, "0.01"), script(other), serving() as server, server.viewer() as viewer:
+            told = viewer.hear("graph", lambda told: any(pair[3] for pair in told["pairs"]))
+            assert [pair[3] for pair in told["pairs"]] == [
+                "the publisher has std_msgs/msg/String, the subscription std_msgs/msg/Int32"
+            ]
+
+
+class TestMistakes:
+    def test_frames_that_are_too_long(self, daemon: Daemon) -> None:
+        with serving() as server, server.viewer() as viewer:
+            with pytest.raises(ConnectionClosed) as ended:
+                viewer.say("look", topics={"/" + "x" * 70_000: []})
+                viewer.hear("never")
+            assert ended.value.rcvd is not None
+            assert ended.value.rcvd.code == 1009
+
+    @pytest.mark.parametrize("said", ["{", '{"op":"publish"}', b"\x01"])
+    def test_what_makes_no_sense(self, daemon: Daemon, said: str | bytes) -> None:
+        with serving() as server, server.viewer() as viewer:
+            with pytest.raises(ConnectionClosed) as ended:
+                viewer.connection.send(said)
+                viewer.hear("never")
+            assert ended.value.rcvd is not None
+            assert (ended.value.rcvd.code, ended.value.rcvd.reason != "") == (1008, True)
+            with server.viewer() as other:
+                other.hear("hello")
+
+    def test_topics_that_are_not_there_or_no_topics(self, daemon: Daemon) -> None:
+        with serving() as server, server.viewer() as viewer:
+            viewer.say("look", topics={"/nothing": [], "no topic": ["a.b"], "": []})
+            viewer.hear("rates")
+            with script(TALKER.replace('"topic"', '"nothing"'), "0.01"):
+                assert viewer.hear("value")["topic"] == "/nothing"
+
+    @for_each(
+        ("words", "code", "says"),
+        [
+            (["--listen", "0.0.0.0:8765"], 2, "ssh -NL 8765:127.0.0.1:8765 HOST"),
+            (["--listen", "8765"], 2, "neither address:port"),
+            (["--allow-origin", "evil"], 2, "'evil' is no origin"),
+            (["--listen", "unix:/tmp/x", "--open"], 1, "a browser opens no unix socket"),
+        ],
+    )
+    def test_of_the_command_line(self, daemon: Daemon, words: list[str], code: int, says: str) -> None:
+        result = bus("web", *words)
+        assert result.code == code
+        assert says in result.err.replace("\n", " ")
+
+    def test_a_port_that_is_taken(self, daemon: Daemon) -> None:
+        with serving() as server:
+            result = bus("web", "--listen", f"127.0.0.1:{server.port}")
+            assert result.err == (
+                f"can't listen on 127.0.0.1:{server.port}: Address already in use; "
+                "choose another port with --listen\n"
+            )
+            assert result.code == 1
+
+
+class TestWhatItCosts:
+    def test_nothing_is_subscribed_unless_somebody_looks(self, daemon: Daemon) -> None:
+        def subscribers(graph: Any) -> list[str]:
+            return [one.node.name for one in graph.subscriptions_of("/topic")]
+
+        with script(TALKER, "0.01"), serving() as server:
+            wait_for_graph(lambda graph: any(one.name.startswith("_bus_web") for one in graph.nodes))
+            with server.viewer() as viewer, server.viewer() as other:
+                viewer.hear("rates")
+                assert wait_for_graph(lambda graph: True).subscriptions_of("/topic") == []
+                for one in (viewer, other):
+                    one.say("look", topics={"/topic": []})
+                    one.hear("value")
+                (name,) = subscribers(wait_for_graph(subscribers))
+                assert name.startswith("_bus_web")
+                viewer.say("look", topics={})
+                other.hear("value")
+                assert subscribers(wait_for_graph(lambda graph: True)) == [name]
+            wait_for_graph(lambda graph: not subscribers(graph))
+
+    def test_without_a_page_it_asks_busd_nothing(self, daemon: Daemon) -> None:
+        def busy_s(pid: int) -> float:
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            return (int(fields[11]) + int(fields[12])) / 100
+
+        with script(TALKER, "0.001"), serving() as server:
+            with server.viewer() as viewer:
+                viewer.hear("rates")
+            wait_for_graph(lambda graph: len(graph.nodes) == 2)
+            before_s = busy_s(server.running.process.pid)
+            time.sleep(2.0)  # what is to be seen is that nothing happens
+            assert busy_s(server.running.process.pid) - before_s <= 0.03
+
+    def test_a_page_that_stops_reading(self, daemon: Daemon) -> None:
+        """It costs what may wait, others get all, and later it is told how much it has missed."""
+        topics: dict[str, list[str]] = {"/image": [], "/topic": []}
+        with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, server.viewer() as viewer:
+            viewer.say("look", topics=topics)
+            for _ in range(50):
+                viewer.hear("value")
+            before = own_bytes(server.running.process.pid)
+            with closing(Silent(server)) as silent:
+                silent.say("look", topics=topics)
+                for _ in range(100):  # in which 50 images of 670 kB wait for the silent one, or would
+                    viewer.hear("value")
+                assert own_bytes(server.running.process.pid) - before < 16 * MIB
+                silent.hear_of_missed(1)
+            viewer.hear("value")
+
+
+class TestUnixSocket:
+    def ask(self, path: Path, target: str) -> str:
+        with socket.socket(socket.AF_UNIX) as asking:
+            asking.connect(str(path))
+            asking.sendall(f"GET {target} HTTP/1.1\r\nHost: localhost:8765\r\n\r\n".encode())
+            answer = b""
+            while part := asking.recv(65536):
+                answer += part
+        return answer.decode()
+
+    def test_it_is_for_its_user_and_goes_with_it(self, daemon: Daemon, tmp_path: Path) -> None:
+        path = tmp_path / "web.sock"
+        with start("web", "--listen", f"unix:{path}") as running:
+            assert running.line() == f"first: ssh -NL 8765:{path} HOST"
+            page = running.line().removeprefix("page: ")
+            running.line()
+            assert page.startswith("http://127.0.0.1:8765/?token=")
+            assert stat.S_IMODE(path.stat().st_mode) == 0o600
+            assert self.ask(path, page.removeprefix("http://127.0.0.1:8765")).startswith("HTTP/1.1 303")
+            assert self.ask(path, "/").startswith("HTTP/1.1 403")
+            again = bus("web", "--listen", f"unix:{path}")
+            assert (again.code, again.err) == (1, f"can't listen on unix:{path}: another process does\n")
+            assert running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
+        assert not path.exists()
+
+    def test_what_is_in_the_way(self, daemon: Daemon, tmp_path: Path) -> None:
+        path = tmp_path / "web.sock"
+        with socket.socket(socket.AF_UNIX) as left_behind:
+            left_behind.bind(str(path))
+        with start("web", "--listen", f"unix:{path}", "--json") as running:
+            assert json.loads(running.line()).keys() == {"page", "foxglove", "forwarding"}
+        path.unlink(missing_ok=True)
+        path.write_text("precious")
+        result = bus("web", "--listen", f"unix:{path}")
+        assert (result.code, result.err) == (1, f"can't listen on unix:{path}: there is something else\n")
+        assert path.read_text() == "precious"
+
+
+class TestEnd:
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    def test_signals_end_it_with_pages_open(self, daemon: Daemon, number: signal.Signals) -> None:
+        with script(CAMERA, "0.01"), serving(is_fresh=True) as server, server.viewer() as viewer:
+            viewer.say("look", topics={"/image": []})
+            viewer.hear("value")
+            with (
+                closing(Silent(server)) as silent,
+                socket.create_connection((server.host, server.port)) as half,
+            ):
+                silent.say("look", topics={"/image": []})
+                half.sendall(b"GET")
+                viewer.hear("value")
+                assert server.running.end(number) == ("", "", -number)
+
+    def test_another_start_has_another_token(self, daemon: Daemon) -> None:
+        with serving() as server:
+            cookie, port = server.cookie(), server.port
+        with serving("--listen", f"127.0.0.1:{port}") as again:
+            assert again.token != server.token
+            assert again.get("/", {"Cookie": cookie}).status == 403
+            assert "the address that bus web has printed" in text_of(again.get("/", {"Cookie": cookie}))
+
+
+def test_without_websockets(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "websockets.py").write_text("raise ImportError('No module named websockets')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    result = bus("web", is_fresh=True)
+    assert (result.code, result.out) == (1, "")
+    assert result.err.endswith("pip install 'busd[web]'\n")
