@@ -140,6 +140,9 @@ messages: $(TOOLS) ## write the classes of bus.msg and bus.srv out of clients/bu
 vendor: $(TOOLS) ## fetch the page's two libraries once more, by npm (their versions are in tests/vendoring.py)
 	@$(BIN)/python tests/vendoring.py
 
+axe: $(TOOLS) ## fetch what tests of the page find faults of access by, by npm
+	@test -e $(VENV)/axe.min.js || $(BIN)/python tests/vendoring.py axe
+
 fmt: $(TOOLS) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -205,4 +208,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor axe fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

@@ -1,4 +1,7 @@
-"""`make vendor`: the page's two libraries, as npm has them, with their licences and hashes."""
+"""`make vendor`: the page's two libraries, as npm has them, with their licences and hashes.
+
+`make axe` fetches what tests find faults of access by; it is no part of the page.
+"""
 
 import json
 import subprocess
@@ -20,8 +23,13 @@ PACKAGES = {
 }
 """To have newer ones, write their versions here."""
 
+AXE = Path(__file__).parents[1] / ".venv" / "axe.min.js"
+_AXE = "axe-core@4.14.1", "29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c"
+
 
 def main() -> int:
+    if sys.argv[1:] == ["axe"]:
+        return fetch_axe()
     lines = ["# sha256, file, package of npm, file in it. Written by `make vendor`."]
     with TemporaryDirectory() as folder:
         for package, files in PACKAGES.items():
@@ -31,6 +39,17 @@ def main() -> int:
                 (VENDOR / name).write_bytes(data)
                 lines.append(f"{sha256(data).hexdigest()}  {name}  {package}  {inside}")
     (VENDOR / "versions.txt").write_text("\n".join(lines) + "\n")
+    return 0
+
+
+def fetch_axe() -> int:
+    package, digest = _AXE
+    with TemporaryDirectory() as folder:
+        data = _member(_fetch(package, Path(folder)), "package/axe.min.js")
+    if sha256(data).hexdigest() != digest:
+        print(f"{package} is not what it was: {sha256(data).hexdigest()}", file=sys.stderr)
+        return 1
+    AXE.write_bytes(data)
     return 0
 
 

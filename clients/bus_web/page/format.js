@@ -13,7 +13,7 @@ export function size(value) {
   return `${Math.round(value)} B`;
 }
 
-export const count = (value) => value.toLocaleString("en-US").replaceAll(",", " ");
+export const count = (value) => value.toLocaleString("en-US").replaceAll(",", "\u00a0");
 
 export function reasons(dropped) {
   return Object.entries(dropped).filter(([, number]) => number)

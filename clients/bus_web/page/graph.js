@@ -139,7 +139,7 @@ export class Graph {
   makeBox(id) {
     const shape = svg("rect");
     const name = svg("text", { class: "name" }), figures = svg("text", { class: "figures" });
-    const group = svg("g", { tabindex: "0", role: "button" }, shape, name, figures);
+    const group = svg("g", { tabindex: "0", role: "button" }, shape, name, " ", figures);
     const made = { group, shape, name, figures };
     made.place = ({ x, y, width, height }) => {
       const isTopic = id[0] === "t";
@@ -173,7 +173,7 @@ export class Graph {
       setText(drawn.figures, figures);
       setAttribute(drawn.group, "class", `topic${view.topic === topic.name ? " chosen" : ""}`);
       setAttribute(drawn.group, "aria-pressed", view.topic === topic.name);
-      setAttribute(drawn.group, "aria-label", `topic ${topic.name}, ${figures}${topic.lost ? `, lost ${topic.lost}` : ""}`);
+      setAttribute(drawn.group, "aria-label", `topic ${topic.name} ${figures}${topic.lost ? `, lost ${topic.lost}` : ""}`);
       setAttribute(drawn.group, "data-topic", topic.name);
     } else {
       const isChosen = this.focus === `n${node.id}`;

@@ -26,7 +26,7 @@ const log = new Log(the("lines"), the("log-note"), the("severity"));
 const plots = new Plots(the("plots"), look);
 const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look });
 const missed = new Map();
-let name = "bus", isDue = false;
+let name = "bus", isDue = false, wasDrawn = false;
 
 const hear = {
   hello(told) {
@@ -97,6 +97,8 @@ function show() {
     isDue = false;
     if (view.isPaused) return;
     graph.show(bus, view);
+    if (!wasDrawn) performance.mark("first graph");
+    wasDrawn = true;
     table.show(bus, view);
     detail.show(bus);
     const shown = [...bus.topics.values()].filter((topic) => view.shows(topic));

@@ -1,0 +1,270 @@
+"""The page in a headless Chromium: graph, values, plots, losses, a restart, the keyboard, access."""
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from browser import Page, chromium, need_chromium
+from cli import LISTENER, TALKER, Running, bus, script, wait_for_graph
+from conftest import Daemon
+from programs import EXAMPLES
+from vendoring import AXE
+
+pytest.importorskip("websockets", reason="the page's server is made of websockets")
+pytest.importorskip("selenium", reason="the browser is driven by selenium")
+
+from web_clients import LOSER, Serving, serving
+
+ROBOT = ("perception", "cognition", "actuation", "monitoring")
+TOPICS = {"/camera/image_raw", "/imu/data", "/joint_states", "/cmd_vel", "/cmd_vel_applied", "/health"}
+NUMBER = '#detail .value[aria-label*="linear_acceleration.x"]'
+CROWD = """
+import asyncio, sys, bus
+from contextlib import AsyncExitStack
+from bus.msg.std_msgs import String
+async def main():
+    async with AsyncExitStack() as nodes:
+        for number in range(200):
+            node = await nodes.enter_async_context(bus.Node(f"node_{number}", rosout=False))
+            for topic in range(5):
+                await node.create_publisher(String, f"topic_{number * 5 + topic}", 10)
+            await node.create_subscription(String, f"topic_{(number * 5 + 7) % 1000}", 10)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+HOSTILE = """
+import asyncio, bus
+from bus.msg.std_msgs import String
+TEXT = "<img src=x onerror='document.title=1'><script>document.title=2</script>"
+async def main():
+    async with bus.Node("hostile") as node:
+        publisher = await node.create_publisher(String, "topic", 10)
+        print("ready", flush=True)
+        while True:
+            publisher.publish(String(data=TEXT))
+            node.get_logger().error(TEXT)
+            await asyncio.sleep(0.1)
+bus.run(main())
+"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Page]:
+    need_chromium()
+    with chromium() as page:
+        yield page
+
+
+@pytest.fixture
+def page(browser: Page) -> Iterator[Page]:
+    """At the end its console must be empty, but for what tests say of a server that was away."""
+    browser.console()
+    yield browser
+    browser.open("about:blank")
+    assert browser.console() == []
+
+
+@pytest.fixture
+def server(daemon: Daemon) -> Iterator[Serving]:
+    with serving() as server:
+        yield server
+
+
+@pytest.fixture
+def robot(daemon: Daemon) -> Iterator[None]:
+    """Its four layers, on the test's busd."""
+    with ExitStack() as layers:
+        for layer in ROBOT:
+            layers.enter_context(Running((str(EXAMPLES / "robot" / f"{layer}.py"),)))
+        wait_for_graph(lambda graph: graph.topics().keys() >= TOPICS and len(graph.matches) > 8)
+        yield
+
+
+def names(page: Page, kind: str) -> set[str]:
+    found: list[str] = page.run(
+        "return [...document.querySelectorAll(`g.${arguments[0]}`)].map(one => one.dataset[arguments[0]])",
+        kind,
+    )
+    return set(found)
+
+
+def choose(page: Page, topic: str) -> None:
+    page.press(f'g.topic[data-topic="{topic}"]')
+    page.wait(f"return document.getElementById('detail-title').textContent === '{topic}'")
+
+
+def test_the_robot(robot: None, server: Serving, page: Page) -> None:
+    page.open(server.page)
+    page.wait("return document.querySelectorAll('g.topic').length", fits=lambda count: count >= len(TOPICS))
+    assert page.driver.current_url == f"http://{server.host}:{server.port}/", "the token has left the address"
+    graph = wait_for_graph(lambda graph: graph.matches)
+    assert names(page, "node") == {f"/{layer}" for layer in ROBOT}
+    assert names(page, "topic") == TOPICS
+    drawn = page.run("return [...document.querySelectorAll('g.edge')].map(one => one.dataset.edge)")
+    ends = {
+        f"{end.kind} {end.topic}": 0
+        for end in (*graph.publishers, *graph.subscriptions)
+        if end.topic in TOPICS and not end.node.name.startswith("_")
+    }
+    assert set(drawn) == ends.keys()
+    choose(page, "/imu/data")
+    before = page.wait(f"return document.querySelector('{NUMBER}')?.textContent")
+    page.wait(f"return document.querySelector('{NUMBER}').textContent", fits=lambda text: text != before)
+    page.press(NUMBER)
+    page.wait("return document.querySelector('figure.plot')?.dataset.points", fits=lambda n: int(n or 0) > 20)
+    assert page.run("return document.querySelector('figure.plot canvas') !== null")
+    page.press('tr[data-topic="/camera/image_raw"] button')
+    size = page.wait(
+        "const one = document.querySelector('#detail canvas'); return one && [one.width, one.height]"
+    )
+    assert 10 < size[0] <= 240
+    page.press("#pause")
+    frozen = page.run("return document.getElementById('value-note').textContent")
+    page.wait("return document.querySelector('figure.plot') !== null")
+    assert page.run("return document.getElementById('value-note').textContent") == frozen
+    page.press("#pause")
+    page.wait("return document.getElementById('value-note').textContent", fits=lambda text: text != frozen)
+
+
+def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Page) -> None:
+    edge = 'g.edge[data-edge="subscription /topic"]'
+    with script(LOSER):
+        page.open(server.page)
+        with script(TALKER, "0.002"):
+            page.wait(f"return document.querySelector('{edge}')?.classList.contains('losing')")
+            line = f"getComputedStyle(document.querySelector('{edge} path')).stroke"
+            assert page.run(f"return {line}") == "rgb(179, 20, 11)"
+        info = bus("topic", "info", "-v", "/topic").out
+        lost = info.partition("Endpoint type: SUBSCRIPTION")[2].partition("Dropped: ")[2].split()[0]
+        told = f"lost {int(lost):,}".replace(",", "\N{NO-BREAK SPACE}")
+        page.wait(
+            f"return document.querySelector('{edge} text')?.textContent", fits=lambda text: text == told
+        )
+
+
+def test_busd_is_restarted_and_the_page_comes_back(daemon: Daemon, server: Serving, page: Page) -> None:
+    number = "return Number(document.querySelector('#detail .text')?.textContent.split(' ')[2] ?? 0)"
+    with script(LISTENER), script(TALKER, "0.01"):
+        page.open(server.page)
+        page.wait("return document.querySelector('g.topic') !== null")
+        choose(page, "/topic")
+        before = page.wait(number)
+        daemon.kill()
+        page.wait("return document.getElementById('state').textContent.includes('busd is away')")
+        daemon.restart()
+        page.wait("return document.getElementById('state').textContent.startsWith('on ')")
+        page.wait(number, fits=lambda now: now > before)
+        page.wait("return document.querySelectorAll('g.edge').length", fits=lambda count: count == 2)
+
+
+def test_texts_of_strangers_are_texts(server: Serving, page: Page) -> None:
+    with script(HOSTILE):
+        page.open(server.page)
+        page.wait("return document.querySelector('g.topic') !== null")
+        choose(page, "/topic")
+        page.wait("return document.querySelector('#detail .text')?.textContent.startsWith('<img')")
+        page.wait("return document.querySelector('#lines li')?.textContent.includes('<script>')")
+        assert (
+            page.run("return document.querySelectorAll('#detail img, #lines img, main script').length") == 0
+        )
+        assert page.run("return document.title").startswith("bus ")
+
+
+def test_by_the_keyboard_alone(server: Serving, page: Page) -> None:
+    """Tab to the row, Enter, Tab to a number, Enter: focus stays where it is while rows are updated."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    def press(key: str) -> None:
+        ActionChains(page.driver).send_keys(key).perform()
+
+    focus = "return document.activeElement.matches(arguments[0])"
+    talker = TALKER.replace('String(data=f"Hello World: {number}")', "Int64(data=number)")
+    with script(talker.replace("import String", "import Int64").replace("(String", "(Int64"), "0.01"):
+        page.open(server.page)
+        page.wait("return document.querySelector('tbody button') !== null")
+        seen: list[Any] = []
+        for wanted in ("g.topic", 'tr[data-topic="/topic"] button'):
+            for _ in range(40):
+                press(Keys.TAB)
+                if page.run(focus, wanted):
+                    break
+            assert page.run(focus, wanted), wanted
+            seen.append(page.run("return document.activeElement.getAttribute('aria-label')"))
+        assert "topic /topic" in seen[0]
+        press(Keys.ENTER)
+        page.wait("return document.querySelector('#detail .value') !== null")
+        first = page.run("return document.querySelector('#detail .value').textContent")
+        page.wait(
+            "return document.querySelector('#detail .value').textContent", fits=lambda text: text != first
+        )
+        assert page.run(focus, 'tr[data-topic="/topic"] button')
+        for _ in range(40):
+            press(Keys.TAB)
+            if page.run(focus, "#detail .value"):
+                break
+        press(Keys.SPACE)
+        page.wait(
+            "return document.querySelector('figure.plot')?.dataset.points", fits=lambda n: int(n or 0) > 3
+        )
+
+
+def test_two_hundred_nodes_and_a_thousand_topics(server: Serving, page: Page) -> None:
+    with script(CROWD):
+        page.open(server.page)
+        page.wait("return document.querySelectorAll('tbody tr').length", fits=lambda count: count == 100)
+        boxes = page.wait("return document.querySelectorAll('g.topic, g.node').length")
+        assert 10 < boxes <= 80
+        assert "shown are the 80 around" in page.texts("#graph-note")[0]
+        assert page.texts("#pages span") == [" page 1 of 10 "]
+        drawn_s = page.run("return performance.getEntriesByName('first graph')[0].startTime") / 1000
+        assert drawn_s < 10, "some 0.5 s on a machine with nothing else to do"
+        page.run("document.getElementById('filter').value = 'topic_77';"
+                 "document.getElementById('filter').dispatchEvent(new Event('input'))")  # fmt: skip
+        page.wait("return document.querySelectorAll('tbody tr').length", fits=lambda count: count == 11)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_access_and_looks(robot: None, server: Serving, page: Page, scheme: str, tmp_path: Path) -> None:
+    """axe finds nothing serious; and this is what docs/look.md shows (BUSD_PICTURES says where to put it)."""
+    if not AXE.exists():
+        pytest.skip("no axe-core: `make axe` fetches it by npm")
+    with script(TALKER, "0.002"), script(LOSER):
+        page.scheme(scheme)
+        page.open(server.page)
+        page.wait("return document.querySelectorAll('g.topic').length", fits=lambda n: n >= len(TOPICS))
+        choose(page, "/imu/data")
+        page.press(NUMBER)
+        page.press(NUMBER.replace("acceleration.x", "acceleration.y"))
+        page.wait("return document.querySelector('g.edge.losing') !== null")
+        page.wait(
+            "return document.querySelector('figure.plot')?.dataset.points", fits=lambda n: int(n or 0) > 60
+        )
+        folder = Path(os.environ.get("BUSD_PICTURES", tmp_path))
+        page.picture(folder / f"look-{scheme}.png")
+        page.run(AXE.read_text())
+        found = page.driver.execute_async_script(
+            "const done = arguments[arguments.length - 1];"
+            "axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice']})"
+            ".then(result => done(result.violations.map(one => [one.impact, one.id,"
+            " one.nodes.slice(0, 3).map(node => node.target.join() + ': ' + node.failureSummary)])))"
+        )
+        page.scheme("light")
+        assert [one for one in found if one[0] in ("serious", "critical")] == []
+        assert found == []
+
+
+def test_another_start_asks_for_its_address(daemon: Daemon, page: Page) -> None:
+    with serving() as server:
+        page.open(server.page)
+        page.wait("return document.getElementById('state').textContent.startsWith('on ')")
+    page.wait("return document.getElementById('state').textContent.includes('away')")
+    with serving("--listen", f"127.0.0.1:{server.port}"):
+        page.wait("return document.getElementById('state').textContent.includes('started anew')")
+    page.open("about:blank")
+    assert all("403" in line or "refused" in line.lower() or "ERR_" in line for line in page.console())
