@@ -12,7 +12,7 @@ import pytest
 from conftest import WAIT_S
 
 _LOOK_S = 0.05
-_SIZE = (1360, 860)
+_SIZE = (1360, 960)
 
 
 def need_chromium() -> tuple[str, str]:

@@ -26,7 +26,7 @@ import msgspec
 
 from bus.names import is_hidden_node
 from bus.qos import in_words
-from bus_web.model import EndpointRow, Model, TopicRow
+from bus_web.model import Ages, EndpointRow, Model, TopicRow
 
 __all__ = ["SUBPROTOCOL", "Log", "Look", "Mistake", "Sent", "detail", "graph", "history", "message", "read"]
 
@@ -79,7 +79,7 @@ def graph(model: Model) -> str:
     return message(
         "graph",
         nodes=[
-            [one.id, one.full_name, one.pid, is_hidden_node(one.name)]
+            [one.id, one.full_name, one.pid, is_hidden_node(one.name), one.origin.bus if one.origin else ""]
             for one in sorted(model.graph.nodes, key=lambda one: one.full_name)
         ],
         topics=[[row.topic, row.types, row.is_hidden] for row in rows],
@@ -127,17 +127,23 @@ class Sent:
                 row.lost,
                 _rounded(row.lost_per_s),
                 row.why,
+                _age(row.age),
             ]
             for row in rows
         }
         ends = {
-            str(one.id): [_rounded(one.hz), one.queued, one.lost, _rounded(one.lost_per_s)]
+            str(one.id): [_rounded(one.hz), one.queued, one.lost, _rounded(one.lost_per_s), _age(one.age)]
             for one in model.all_endpoints()
         }
         new_topics = {name: row for name, row in topics.items() if self._topics.get(name) != row}
         new_ends = {name: row for name, row in ends.items() if self._ends.get(name) != row}
         self._topics, self._ends = topics, ends
         return message("rates", topics=new_topics, ends=new_ends)
+
+
+def _age(ages: Ages | None) -> float | None:
+    """Their mean in milliseconds."""
+    return None if ages is None else _rounded(ages.mean * 1000)
 
 
 def _rounded(value: float | None) -> float | None:

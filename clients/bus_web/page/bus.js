@@ -13,7 +13,7 @@ export class Bus {
 
   setGraph(told) {
     this.structure += 1;
-    this.nodes = new Map(told.nodes.map(([id, name, pid, isHidden]) => [id, { id, name, pid, isHidden }]));
+    this.nodes = new Map(told.nodes.map(([id, name, pid, isHidden, origin]) => [id, { id, name, pid, isHidden, origin }]));
     const topics = new Map();
     for (const [name, types, isHidden] of told.topics) {
       const before = this.topics.get(name);
@@ -22,7 +22,7 @@ export class Bus {
     const ends = new Map();
     for (const [id, kind, node, topic, type, qos, depth] of told.ends) {
       const end = {
-        hz: null, queued: 0, lost: 0, lostPerS: 0, messages: null, bytes: null, dropped: {}, ...this.ends.get(id),
+        hz: null, queued: 0, lost: 0, lostPerS: 0, age: null, messages: null, bytes: null, dropped: {}, ...this.ends.get(id),
         id, kind, node, topic, type, qos, depth, routes: new Set(), reasons: [],
       };
       ends.set(id, end);
@@ -46,13 +46,13 @@ export class Bus {
   }
 
   setRates(told) {
-    for (const [name, [hz, bytesPerS, queued, depth, lost, lostPerS, why]] of Object.entries(told.topics)) {
+    for (const [name, [hz, bytesPerS, queued, depth, lost, lostPerS, why, age]] of Object.entries(told.topics)) {
       const topic = this.topics.get(name);
-      if (topic) Object.assign(topic, { hz, bytesPerS, queued, depth, lost, lostPerS, why });
+      if (topic) Object.assign(topic, { hz, bytesPerS, queued, depth, lost, lostPerS, why, age });
     }
-    for (const [id, [hz, queued, lost, lostPerS]] of Object.entries(told.ends)) {
+    for (const [id, [hz, queued, lost, lostPerS, age]] of Object.entries(told.ends)) {
       const end = this.ends.get(Number(id));
-      if (end) Object.assign(end, { hz, queued, lost, lostPerS });
+      if (end) Object.assign(end, { hz, queued, lost, lostPerS, age });
     }
     const now = Math.floor(performance.now() / 1000 + 0.25);
     for (const topic of this.topics.values()) topic.passed(now);
@@ -68,7 +68,7 @@ export class Bus {
 
 function newTopic(name) {
   return {
-    name, hz: null, bytesPerS: null, queued: 0, depth: null, lost: 0, lostPerS: 0, why: "", history: [], second: 0,
+    name, hz: null, bytesPerS: null, queued: 0, depth: null, lost: 0, lostPerS: 0, why: "", age: null, history: [], second: 0,
     passed(now) {
       if (now <= this.second) return;
       this.second = now;

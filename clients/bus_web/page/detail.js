@@ -1,7 +1,7 @@
 // The chosen topic: who publishes and subscribes, what is lost and why, what does not match, and its values.
 
 import { Kept, element, setAttribute, setChildren, setText } from "./dom.js";
-import { count, plural, rate, reasons, shortType, size } from "./format.js";
+import { age, count, rate, reasons, shortType, size } from "./format.js";
 import { Tree } from "./tree.js";
 
 export class Detail {
@@ -90,16 +90,14 @@ function makeEnd() {
       setText(kind, isSubscription ? "sub" : "pub");
       setAttribute(kind, "title", end.kind);
       setText(node, about.name);
-      setText(process, `pid ${about.pid}`);
+      setText(process, about.origin ? `on ${about.origin}` : `pid ${about.pid}`);
       const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
       const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
       const routes = [...end.routes].sort().join(" and ");
-      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
+      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${age(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
       setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
       setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
       setText(qos, end.qos);
     },
   };
 }
-
-export { plural };

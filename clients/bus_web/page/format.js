@@ -13,6 +13,11 @@ export function size(value) {
   return `${Math.round(value)} B`;
 }
 
+export function age(ms) {
+  if (ms === null || ms === undefined) return "";
+  return ms >= 1000 ? `${(ms / 1000).toPrecision(3)} s` : `${ms >= 100 ? ms.toFixed(0) : ms.toPrecision(2)} ms`;
+}
+
 export const count = (value) => value.toLocaleString("en-US").replaceAll(",", "\u00a0");
 
 export function reasons(dropped) {

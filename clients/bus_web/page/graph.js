@@ -97,7 +97,7 @@ export class Graph {
 
   layOut({ boxes, edges }) {
     const plan = new dagre.graphlib.Graph();
-    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 46, edgesep: 8 });
+    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 62, edgesep: 8 });
     const font = getComputedStyle(this.place).fontFamily;
     this.measure.font = `600 13px ${font}`;
     for (const [id, box] of boxes) {
@@ -180,7 +180,7 @@ export class Graph {
       setText(drawn.name, node.name);
       setAttribute(drawn.group, "class", `node${isChosen ? " chosen" : ""}`);
       setAttribute(drawn.group, "aria-pressed", isChosen);
-      setAttribute(drawn.group, "aria-label", `node ${node.name}, process ${node.pid}`);
+      setAttribute(drawn.group, "aria-label", `node ${node.name}, ${node.origin ? `on ${node.origin}` : `process ${node.pid}`}`);
       setAttribute(drawn.group, "data-node", node.name);
     }
   }

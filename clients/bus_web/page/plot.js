@@ -121,7 +121,7 @@ class Chart {
     const style = getComputedStyle(document.documentElement);
     const colour = (name) => style.getPropertyValue(name).trim();
     const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), width: 1 } };
-    const series = this.paths.map((path, at) => ({ label: path, stroke: colour(COLOURS[at]), width: 1.5, spanGaps: true }));
+    const series = this.paths.map((path, at) => ({ label: path, stroke: colour(COLOURS[at]), width: 1.5, spanGaps: true, points: { show: false } }));
     this.drawn = new uPlot({
       width,
       height: HEIGHT,
@@ -133,7 +133,7 @@ class Chart {
         { ...axis, size: 62 },
         { ...axis, scale: "age", side: 1, size: 50, grid: { show: false } },
       ],
-      series: [{}, ...series, { label: "age", scale: "age", stroke: colour("--plot-age"), width: 1, dash: [4, 3], spanGaps: true }],
+      series: [{}, ...series, { label: "age", scale: "age", stroke: colour("--plot-age"), width: 1, dash: [4, 3], spanGaps: true, points: { show: false } }],
     }, this.data(), this.canvas);
     this.draw();
   }

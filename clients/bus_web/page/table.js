@@ -2,10 +2,10 @@
 
 import { SECONDS } from "./bus.js";
 import { Kept, element, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { count, rate, shortType, size } from "./format.js";
+import { age, count, rate, shortType, size } from "./format.js";
 
 const PAGE = 100;
-const WIDTH = 90, HEIGHT = 20;
+const WIDTH = 72, HEIGHT = 20;
 
 const routesOf = (topic) => [...new Set(topic.subscriptions.flatMap((end) => [...end.routes]))].sort();
 const COLUMNS = [
@@ -18,11 +18,12 @@ const COLUMNS = [
   ["Sub", (topic) => topic.subscriptions.length, (topic) => topic.subscriptions.length],
   ["Route", (topic) => routesOf(topic).join(), (topic) => routesOf(topic).join(", ")],
   ["Queue", (topic) => topic.queued, (topic) => (topic.queued ? count(topic.queued) : "")],
+  ["Age", (topic) => topic.age ?? -1, (topic) => age(topic.age)],
   ["Lost/s", (topic) => topic.lostPerS, (topic) => (topic.lostPerS ? rate(topic.lostPerS) : "")],
   ["Lost", (topic) => topic.lost, (topic) => (topic.lost ? count(topic.lost) : "0")],
   ["Why", (topic) => topic.why, (topic) => topic.why.replaceAll("_", " ")],
 ];
-const NUMBERS = new Set(["Hz", "B/s", "Pub", "Sub", "Queue", "Lost/s", "Lost"]);
+const NUMBERS = new Set(["Hz", "B/s", "Pub", "Sub", "Queue", "Age", "Lost/s", "Lost"]);
 
 export class Table {
   constructor(table, pages, choose) {

@@ -39,7 +39,7 @@ def test_the_graph() -> None:
     model = Model()
     take(model, 1)
     told = read(protocol.graph(model))
-    assert told["nodes"] == [[2, "/listener", 20, False], [1, "/talker", 10, False]]
+    assert told["nodes"] == [[2, "/listener", 20, False, ""], [1, "/talker", 10, False, ""]]
     assert told["topics"] == [["/chatter", ["std_msgs/msg/String"], False]]
     assert told["ends"][0] == [
         3,
@@ -57,7 +57,7 @@ def test_rates_are_told_where_they_have_changed() -> None:
     model, sent = Model(), protocol.Sent()
     take(model, 1)
     first = read(sent.rates(model))
-    assert first["topics"] == {"/chatter": [None, None, 0, 7, 0, 0.0, ""]}
+    assert first["topics"] == {"/chatter": [None, None, 0, 7, 0, 0.0, "", None]}
     take(model, 2)
     assert read(sent.rates(model))["topics"]["/chatter"][:2] == [10.0, 100.0]
     take(model, 3)
