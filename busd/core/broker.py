@@ -25,6 +25,7 @@ import msgspec
 from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
+from bus.wire.answers import RefusedForNow
 from bus.wire.layout import NAMESAKES, SILENCE
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
@@ -402,6 +403,8 @@ class Broker:
                 self._refuse(peer, message, str(error), **quota)
             case AccessDenied():
                 self._refuse(peer, message, str(error), denied=True)
+            case RefusedForNow():
+                self._refuse(peer, message, str(error), again=True)
             case ConfigurationError():
                 self._refuse(peer, message, str(error))
             case RemoteProtocolError():

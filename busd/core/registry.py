@@ -17,6 +17,7 @@ from bus.base.ids import EndpointId, NodeId
 from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.qos import Durability, History, QoSProfile, check_offer
 from bus.wire import messages as m
+from bus.wire.answers import RefusedForNow
 from bus.wire.runs import RunQueue
 from busd.core.absent import Absentees, Steps
 from busd.core.access_guard import AccessGuard
@@ -104,7 +105,7 @@ class Registry:
         other = self._graph.node_named(node.full_name)
         self._graph.add_node(node)
         out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
-        if other is not None:
+        if other is not None and (node.origin is None or other.origin is None):
             text = f"there is more than one node named {node.full_name}"
             processes = dict.fromkeys((other.peer.describe(), peer.describe()))
             out.append(Note(logging.WARNING, f"{text}: {' and '.join(processes)}"))
@@ -273,7 +274,7 @@ class Registry:
         yield ENDPOINT
 
     def _free_gid(self, now_ns: int, peer: Peer, gid: bytes, out: list[Effect]) -> Steps:
-        """Raises ConfigurationError where an endpoint has that gid: a mirror comes by one way only.
+        """Raises RefusedForNow where an endpoint has that gid: a mirror comes by one way only.
 
         What a process that has gone had goes first: a bridge may be back.
         """
@@ -283,7 +284,7 @@ class Registry:
         if not other.node.peer.has_gone:
             origin = other.node.origin
             way = "" if origin is None else f", brought from {origin.bus} by bridge {origin.bridge}"
-            raise ConfigurationError(
+            raise RefusedForNow(
                 f"gid {gid.hex()} is on this bus already: "
                 f"{other.kind} of {other.node.full_name} on '{other.topic.name}'{way}"
             )
@@ -344,10 +345,13 @@ def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
     mine, its = node.peer, other.peer
     # The same process by another connection may be one that comes back, before the old one was seen to end.
     is_back = mine is not its and mine.pid == its.pid
-    may_hear = mine.hears_of_namesakes and (mine.uid == its.uid or not mine.is_guest)
+    may_hear = mine.hears_of_namesakes and node.origin is None and (mine.uid == its.uid or not mine.is_guest)
     if may_hear and not is_back and not node.knows_namesake:
         node.knows_namesake = True
-        out.append(Send(mine.id, m.Namesake(node=node.id, pid=its.pid, program=its.program)))
+        program, origin = its.program, other.origin
+        if origin is not None:
+            program = f"{program}, which has brought it from {origin.home}"
+        out.append(Send(mine.id, m.Namesake(node=node.id, pid=its.pid, program=program)))
 
 
 def _within(most: int, topic: str, qos: QoSProfile) -> QoSProfile:

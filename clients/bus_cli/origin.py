@@ -9,9 +9,9 @@ __all__ = ["origin_record", "origin_text"]
 
 def origin_text(origin: Origin) -> str:
     """As `from laptop-1f2e3d4c by zenoh`; the bus on which the node lives comes first."""
-    home, *through = (*origin.via, origin.bus)
+    through = (*origin.via, origin.bus)[1:]
     way = f" through {', '.join(through)}" if through else ""
-    return f"from {home}{way} by {origin.bridge}"
+    return f"from {origin.home}{way} by {origin.bridge}"
 
 
 def origin_record(node: GraphNode) -> dict[str, Any]:

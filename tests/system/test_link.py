@@ -232,6 +232,26 @@ class TestDeclaringAgain:
         await until(lambda: "busd has room for the node /node again" in caplog.text)
         await node.close()
 
+    async def test_a_publisher_whose_gid_is_taken_at_the_new_broker(
+        self, broker: FakeBroker, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """By its own earlier connection, perhaps, which is not seen to have ended: it is asked again."""
+        monkeypatch.setattr(declarations, "AGAIN_S", 0.01)
+        caplog.set_level(logging.INFO)
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        for _ in range(2):
+            request = await client.expect(m.CreatePublisher)
+            client.send(m.Refused(request=request.request, text="gid 00 is here", again=True))
+        await client.create(m.CreatePublisher, 12)
+        await until(lambda: publisher._id == 12)
+        name = "the publisher on '/t'"
+        assert caplog.text.count(f"busd has no room for {name}: gid 00 is here; asking again") == 1
+        await node.close()
+
     async def test_one_that_closes_while_it_waits_for_room(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
     ) -> None:

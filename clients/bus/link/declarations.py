@@ -26,6 +26,7 @@ from bus.logger import get_logger
 from bus.qos import Liveliness, QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
+from bus.wire.answers import RefusedForNow
 from bus.wire.layout import BRIDGES
 from bus.wire.runs import Run
 
@@ -127,7 +128,7 @@ class Declarations:
         self.by_id: dict[int, LinkEndpoint] = {}
         self._nodes: dict[LinkNode, dict[LinkEndpoint, None]] = {}
         self._admissions: dict[int, _Admission] = {}
-        self._waiting: dict[Declared, QuotaExceeded] = {}
+        self._waiting: dict[Declared, QuotaExceeded | RefusedForNow] = {}
         self._namesakes: set[str] = set()
         """Names of nodes that the log has said others have too."""
         self._retry: asyncio.Task[None] | None = None
@@ -191,8 +192,8 @@ class Declarations:
     async def declare_again(self, connection: Connection) -> None:
         """Tell a broker everything that it does not know.
 
-        What it refuses is ended, and the log says why. What it refuses by a limit is declared again later:
-        there may be room then.
+        What it refuses is ended, and the log says why. What it refuses by a limit, or because a gid is taken,
+        is declared again later: there may be room then.
         """
         nodes = [node for node in self._nodes if not node._id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
@@ -284,7 +285,7 @@ class Declarations:
         except (TimeoutError, RemoteProtocolError):
             self._ask_again_later(connection)
 
-    def _wait(self, what: Declared, name: str, error: QuotaExceeded) -> None:
+    def _wait(self, what: Declared, name: str, error: QuotaExceeded | RefusedForNow) -> None:
         if what not in self._waiting:
             _log.error(f"busd has no room for the {name}: {error}; asking again every {AGAIN_S:g} s")
         self._waiting[what] = error
@@ -322,7 +323,7 @@ class Declarations:
         try:
             await self.add(connection, node, endpoint)
             self._found_room(endpoint, name)
-        except QuotaExceeded as error:
+        except (QuotaExceeded, RefusedForNow) as error:
             if endpoint in self._nodes.get(node, {}):
                 self._wait(endpoint, name, error)
         except _FINAL as error:

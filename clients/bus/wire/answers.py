@@ -5,9 +5,13 @@ from typing import Any, TypeVar
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire.messages import Message, Refused
 
-__all__ = ["expect"]
+__all__ = ["RefusedForNow", "expect"]
 
 M = TypeVar("M", bound=Message)
+
+
+class RefusedForNow(ConfigurationError):
+    """Another endpoint stands in the way, which may go."""
 
 
 def expect(answer: Any, kind: type[M]) -> M:
@@ -25,4 +29,6 @@ def expect(answer: Any, kind: type[M]) -> M:
 def _refusal(answer: Refused) -> BusError:
     if answer.resource:
         return QuotaExceeded(answer.resource, used=answer.used, limit=answer.limit)
-    return AccessDenied(answer.text) if answer.denied else ConfigurationError(answer.text)
+    if answer.denied:
+        return AccessDenied(answer.text)
+    return RefusedForNow(answer.text) if answer.again else ConfigurationError(answer.text)

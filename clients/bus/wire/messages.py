@@ -235,7 +235,10 @@ class Done(Message, frozen=True, tag="done"):
 
 
 class Refused(Message, frozen=True, tag="refused"):
-    """A request was not carried out. `resource` is set where a quota is the reason, `denied` for access."""
+    """A request was not carried out. `resource` is set where a quota is the reason, `denied` for access.
+
+    `again`: the reason passes, so try again.
+    """
 
     request: int
     text: str
@@ -243,6 +246,7 @@ class Refused(Message, frozen=True, tag="refused"):
     used: int = 0
     limit: int = 0
     denied: bool = False
+    again: bool = False
 
 
 class Fault(Message, frozen=True, tag="fault"):

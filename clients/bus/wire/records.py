@@ -26,6 +26,11 @@ class Origin(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """The buses that it came through before, its own first; empty where it lives on `bus`."""
 
     @property
+    def home(self) -> str:
+        """The bus on which it lives."""
+        return self.via[0] if self.via else self.bus
+
+    @property
     def buses(self) -> frozenset[str]:
         """All buses that it was on before this one."""
         return frozenset((self.bus, *self.via))

@@ -98,6 +98,26 @@ class TestOrigins:
         assert not far.got(m.Incompatible)
 
 
+class TestNames:
+    """A node of another bus may have the name of one that lives here."""
+
+    def test_who_lives_here_is_told_and_a_mirror_is_not(self) -> None:
+        world = World()
+        local, bridge = (world.process(one, capabilities=("namesakes",)) for one in ("program", "bus"))
+        local.node("talker")
+        bridge.node("talker", origin=m.Origin("zenoh", "hub", via=("robot-1",)))
+        (told,) = local.got(m.Namesake)
+        assert told.program == "bus, which has brought it from robot-1"
+        assert not bridge.got(m.Namesake)
+
+    def test_two_of_other_buses_are_nobody_s_matter(self) -> None:
+        world = World()
+        bridge = world.process("bus", capabilities=("namesakes",))
+        bridge.node("talker", origin=FAR)
+        bridge.node("talker", origin=m.Origin("zenoh", "further"))
+        assert not bridge.got(m.Namesake) and world.notes == []
+
+
 class TestGids:
     def test_the_graph_shows_the_other_s_and_matches_have_both(self) -> None:
         local, mirror, _ = nodes()
@@ -122,6 +142,7 @@ class TestGids:
         else:
             first = mirror.subscription("/topic", gid=GID)
             answer = refused(other.subscription, "/topic", gid=GID)
+        assert answer.again, "the first may go"
         kind = "publisher" if is_publisher else "subscription"
         assert answer.text == (
             f"gid {GID.hex()} is on this bus already: {kind} of /mirror on '/topic', brought from far by "
