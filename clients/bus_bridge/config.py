@@ -1,5 +1,6 @@
 """`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, and what the command line says besides."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,7 +16,7 @@ __all__ = ["TABLES", "load", "merged"]
 
 T = TypeVar("T", bound=BridgeTable)
 
-TABLES = {"zenoh": ZenohTable, "ros2": Ros2Table}
+TABLES: Mapping[str, type[BridgeTable]] = {"zenoh": ZenohTable, "ros2": Ros2Table}
 """By the name of the engine, as users call it."""
 
 

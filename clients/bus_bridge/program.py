@@ -1,1 +1,97 @@
 """What runs a bridge until it is told to stop: `bus bridge zenoh`, `bus bridge ros2`."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from bus.graph import Origin
+from bus.node import Node
+from bus_bridge.core.bridge import Bridge, BridgeOptions
+from bus_bridge.core.bus_id import checked_id, find_bus_id
+from bus_bridge.core.naming import Naming
+from bus_bridge.core.rules import Rules
+from bus_bridge.engine import Engine
+from bus_bridge.errors import BridgeError
+from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
+
+__all__ = ["Plan"]
+
+_MakeEngine = Callable[[str], Engine]
+"""Makes the engine for a bus with this id."""
+
+
+class Plan:
+    """A bridge as the user wants it. `engine` is what users call it, `table` what they say of it.
+
+    Raises BridgeError and ConfigurationError for what can't be, or may not; nothing is opened or started yet.
+    """
+
+    def __init__(self, engine: str, table: BridgeTable) -> None:
+        self._name = engine
+        self._rules = Rules(table.allow, table.deny, table.topics, table=f"bridge.{engine}")
+        self._naming = Naming(table.namespace or "")
+        self._id = checked_id(table.id) if table.id is not None else None
+        self._make_engine, self._places = _plan_engine(table)
+
+    async def run(self, path: Path, log_level: str = "info") -> None:
+        """Join the bus of the busd at `path`, which runs, with the far side, for ever.
+
+        Raises BridgeError where the engine can't begin. Cancellation is the way to end it: then each side
+        sees nothing of the other any more.
+        """
+        bus = self._id or _default_id(path)
+        origin = Origin(bridge=self._name, bus=bus)
+        arguments = ["--ros-args", "--log-level", log_level]
+        async with Node(f"bridge_{self._name}", arguments=arguments, socket=path, origin=origin) as node:
+            options = BridgeOptions(bus=bus, rules=self._rules, naming=self._naming, socket=path)
+            bridge = Bridge(node, self._make_engine(bus), options)
+            log = node.get_logger()
+            log.info(f"this bus is '{bus}'")
+            await bridge.run(lambda: [log.info(place) for place in self._places])
+
+
+def _default_id(path: Path) -> str:
+    try:
+        return find_bus_id(str(path))
+    except OSError as error:
+        raise BridgeError(f"no id can be made for the bus at {path} ({error.strerror}): give --id") from None
+
+
+def _plan_engine(table: BridgeTable) -> tuple[_MakeEngine, list[str]]:
+    """What makes the engine, and what the log says once that has begun."""
+    if isinstance(table, ZenohTable):
+        return _plan_zenoh(table)
+    assert isinstance(table, Ros2Table)
+    return _plan_ros2(table)
+
+
+def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
+    from bus_bridge.zenoh.engine import ZenohEngine
+    from bus_bridge.zenoh.options import ZenohOptions, check
+
+    options = ZenohOptions(
+        listen=table.listen,
+        connect=table.connect,
+        ca=table.tls.ca or "",
+        certificate=table.tls.certificate or "",
+        key=table.tls.key or "",
+        insecure=bool(table.insecure),
+    )
+    check(options)
+    places = [f"listening on {place}" for place in table.listen]
+    places += [f"connecting to {place}" for place in table.connect]
+    return lambda bus: ZenohEngine(bus, options), places
+
+
+def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
+    from bus_bridge.dds.engine import DdsEngine
+    from bus_bridge.dds.options import DdsOptions
+
+    options = DdsOptions(
+        domain_id=table.domain_id,
+        interface=table.interface or "",
+        peers=table.peers,
+        distro=table.distro or "auto",
+    )
+    options.check()
+    where = "this machine alone" if options.is_local else f"interface {options.interface}"
+    return lambda bus: DdsEngine(options, bus), [f"in domain {options.domain} of DDS, {where}"]

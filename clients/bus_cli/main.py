@@ -98,6 +98,14 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "reindex": "Reconstruct metadata file for a bag",
         },
     ),
+    "bridge": (
+        "Join the bus of this machine with others",
+        {
+            "ros2": "Join the bus with ROS 2, by DDS, until Ctrl-C",
+            "status": "Output links, routes and counters of bridges",
+            "zenoh": "Join the buses of several machines, by zenoh, until Ctrl-C",
+        },
+    ),
     "daemon": (
         "Various daemon related sub-commands",
         {

@@ -5,7 +5,7 @@ import os
 import signal
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Coroutine
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -32,11 +32,13 @@ __all__ = [
     "warn_if_unknown",
 ]
 
+T = TypeVar("T")
+
 _ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
 
-def run_stream(main: Coroutine[Any, Any, int]) -> int:
-    """Run a verb on an event loop; returns its exit code.
+def run_stream(main: Coroutine[Any, Any, T]) -> T:
+    """Run a verb on an event loop; returns its result, mostly an exit code.
 
     Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up.
     """
@@ -50,7 +52,7 @@ def run_stream(main: Coroutine[Any, Any, int]) -> int:
         raise _ENDING[received[0]] from None
 
 
-async def _until_signal(main: Coroutine[Any, Any, int], received: list[int]) -> int:
+async def _until_signal(main: Coroutine[Any, Any, T], received: list[int]) -> T:
     loop, task = asyncio.get_running_loop(), asyncio.current_task()
     assert task is not None
 

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections import OrderedDict
+from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -70,8 +71,10 @@ class Bridge:
         self._mirrors = Mirrors(engine, self._far, self._exports, self._schemas, self._make_node, self.warn)
         self._reporting = Reporting(self._exports, self._mirrors)
 
-    async def run(self) -> None:
-        """Join the two, for ever. Raises BridgeError where the engine can't begin, and what busd refuses.
+    async def run(self, on_open: Callable[[], object] = lambda: None) -> None:
+        """Join the two, for ever; `on_open` is called once the engine has begun.
+
+        Raises BridgeError where the engine can't begin, and what busd refuses.
 
         Cancellation is the way to end it: then the far side sees nothing of this bus any more, nor this bus
         of the far side, within half a second.
@@ -79,6 +82,7 @@ class Bridge:
         tasks: list[asyncio.Task[Any]] = []
         try:
             await self._engine.open(self)
+            on_open()
             await self._node.create_service(GetStatus, "~/get_status", lambda request: self.status())
             tasks += [
                 self._loop.create_task(self._announcing.watch(), name="announce"),

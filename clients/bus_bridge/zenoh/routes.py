@@ -63,6 +63,11 @@ class ZenohWriter:
         self._patience: asyncio.TimerHandle | None = None
 
     @property
+    def lost(self) -> dict[str, int]:
+        """As `Writer.lost`: zenoh does not say what it drops; the far side sees it by the numbers."""
+        return {}
+
+    @property
     def is_wanted(self) -> bool:
         if self._is_latched:
             return True  # late joiners want what it keeps

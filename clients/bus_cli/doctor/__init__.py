@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from bus.errors import BusError
 from bus.process.address import socket_path
-from bus_cli.doctor import configuration, daemon, machine, place, processes, versions
+from bus_cli.doctor import bridges, configuration, daemon, machine, place, processes, versions
 from bus_cli.doctor.daemon import Seen
 from bus_cli.doctor.finding import Finding, fail, ok
 from bus_cli.exitcodes import EXIT_ERROR
@@ -38,6 +38,7 @@ def examine(args: Namespace) -> Iterator[Finding]:
     """All findings, most basic first."""
     clocks = machine.ClockWatch()
     charges, pid = None, None
+    file, running = None, set[str]()
     try:
         path = socket_path(args.socket, args.domain)
     except BusError as error:
@@ -56,10 +57,12 @@ def examine(args: Namespace) -> Iterator[Finding]:
         if isinstance(seen, Seen):
             yield from configuration.examine(path, seen.hello.pid)
             charges, pid = seen.charges, seen.hello.pid
+            file, running = configuration.file_of_daemon(pid), bridges.engines_with_bridges(seen.graph)
             yield from processes.examine(seen)
     yield from versions.examine()
     yield versions.shared_memory()
     yield from versions.native_core()
+    yield from bridges.examine(file, running)
     yield from machine.limits()
     yield from machine.memory(charges.limits if charges else {}, pid)
     yield clocks.finding()

@@ -8,12 +8,12 @@ from bus_cli.doctor import procfs
 from bus_cli.doctor.finding import Finding, fail, ok, warn
 from bus_cli.output import CommandError
 
-__all__ = ["examine", "file_of"]
+__all__ = ["examine", "file_of", "file_of_daemon"]
 
 
 def examine(path: Path, pid: int) -> Iterator[Finding]:
     """Of the daemon `pid`, which listens at `path`. Nothing where it has no file, or we may not look."""
-    file = file_of(procfs.command_line(pid), procfs.folder(pid))
+    file = file_of_daemon(pid)
     if file is None:
         return
     try:
@@ -28,6 +28,11 @@ def examine(path: Path, pid: int) -> Iterator[Finding]:
         yield warn("configuration", doubt, f"edit {file}, then bus daemon reload")
     if not opinion.fault and not opinion.doubts:
         yield ok("configuration", str(file))
+
+
+def file_of_daemon(pid: int) -> Path | None:
+    """The file that the busd with this process id was given; None where there is none, or we may not look."""
+    return file_of(procfs.command_line(pid), procfs.folder(pid))
 
 
 def file_of(words: Sequence[str], folder: Path | None) -> Path | None:

@@ -6,7 +6,7 @@ Owns names, help texts, labels, and how many rows a metric may have. Must not kn
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from threading import Lock
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from prometheus_client import ProcessCollector
 from prometheus_client.core import (
@@ -21,13 +21,18 @@ from prometheus_client.registry import Collector
 from bus.graph import Graph
 from bus.names import is_hidden_topic
 from bus.wire.messages import PeerRecord, RoutingRecord, UserRecord
+from bus_cli.metrics.bridges import BridgeTotals, links, waiting
 from bus_cli.metrics.sums import Labels, Sums, Totals
 from bus_cli.metrics.view import View
+
+if TYPE_CHECKING:  # asking takes a node
+    from bus_cli.bridge.remote import Answer
 
 __all__ = ["BusCollector"]
 
 _NODE = ("topic", "node")
 _DROP = (*_NODE, "reason")
+_ROUTE = ("bridge", "direction", "topic")
 _PEER = ("pid", "program", "uid")
 
 _OF_PEERS = {
@@ -63,6 +68,7 @@ class BusCollector(Collector):
         self._most = most_rows
         self._hidden = hidden
         self._totals = Totals(most_rows)
+        self._of_bridges = BridgeTotals(most_rows)
         self._left_out: dict[Labels, float] = {}
 
     def describe(self) -> Iterable[Metric]:
@@ -82,6 +88,7 @@ class BusCollector(Collector):
             yield from self._about_busd(seen)
             yield from self._about_topics(seen.graph)
             yield from self._about_charges(seen)
+            yield from self._about_bridges(seen.bridges)
             yield _gauge(
                 "busd_rows_left_out",
                 f"Rows of a metric beyond the first {self._most}, where there are any (--max-rows).",
@@ -171,6 +178,31 @@ class BusCollector(Collector):
         for user, count in self._bounded("busd_user_refused_total", _sum(_user, users, "refused")).items():
             refused.add_metric(user, count)
         yield refused
+
+    def _about_bridges(self, bridges: "Mapping[str, Answer]") -> Iterator[Metric]:
+        totals = self._of_bridges
+        totals.take(bridges)
+        for name, text, labels, sums in (
+            ("busd_bridge_taken_total", "Messages that a bridge took.", _ROUTE, totals.taken),
+            ("busd_bridge_sent_total", "Messages that a bridge handed on.", _ROUTE, totals.sent),
+            ("busd_bridge_sent_bytes_total", "Bytes of these, encoded.", _ROUTE, totals.bytes),
+            (
+                "busd_bridge_dropped_total",
+                "Messages that a bridge took and dropped, by reason.",
+                (*_ROUTE, "reason"),
+                totals.dropped,
+            ),
+            (
+                "busd_bridge_lost_total",
+                "Messages that were sent to a bridge and never came.",
+                _ROUTE,
+                totals.lost,
+            ),
+        ):
+            yield self._counter(name, text, labels, sums)
+        yield self._gauge("busd_bridge_waiting", "Messages that wait in a bridge.", _ROUTE, waiting(bridges))
+        text = "Links of a bridge, and addresses that it tries to reach, by state."
+        yield self._gauge("busd_bridge_links", text, ("bridge", "state"), links(bridges))
 
     def _gauge(self, name: str, text: str, labels: tuple[str, ...], rows: Numbers) -> Metric:
         return _gauge(name, text, labels, self._bounded(name, rows))

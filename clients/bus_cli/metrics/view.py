@@ -1,10 +1,12 @@
-"""One look at the bus: the graph with its counters, and what everybody makes busd hold.
+"""One look at the bus: the graph with its counters, what everybody makes busd hold, what bridges count.
 
 Owns what is asked, and what counts as busd not being there. Must not know how it is written.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from time import monotonic
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -12,6 +14,9 @@ from bus.errors import BusError
 from bus.graph import Graph
 from bus.wire import messages as m
 from bus_cli.query import NotRunning, Query
+
+if TYPE_CHECKING:
+    from bus_cli.bridge.remote import Answer
 
 __all__ = ["View", "look"]
 
@@ -26,6 +31,8 @@ class View(msgspec.Struct, frozen=True):
     graph: Graph
     charges: m.Peers | None
     seconds: float
+    bridges: "Mapping[str, Answer]" = {}
+    """By the full names of their nodes; without those that did not answer."""
 
 
 def look(path: Path) -> View | str:
@@ -34,8 +41,23 @@ def look(path: Path) -> View | str:
     try:
         with Query(path, may_start=False, answer_s=_ANSWER_S) as query:
             graph = query.graph(statistics=True)
-            return View(query.broker, graph, query.charges(), monotonic() - began_s)
+            charges, seconds = query.charges(), monotonic() - began_s
+            return View(query.broker, graph, charges, seconds, _ask_bridges(path, graph))
     except NotRunning:
         return f"no busd listens on {path}"
     except BusError as error:
         return str(error)
+
+
+def _ask_bridges(path: Path, graph: Graph) -> "Mapping[str, Answer]":
+    """What the bridges in `graph` say. To ask takes a node, so nothing is imported where there are none."""
+    from bus_bridge.core.status import SERVICE_TYPE
+
+    if not any(SERVICE_TYPE in types for types in graph.services().values()):
+        return {}
+    import asyncio
+
+    from bus_cli.bridge.remote import ask_all
+
+    answers = asyncio.run(ask_all(path, graph))
+    return {name: answer for name, answer in answers.items() if not isinstance(answer, str)}

@@ -1,0 +1,47 @@
+"""The packages that engines need and not every machine has: what is missing here, and what to do."""
+
+import platform
+import sys
+from importlib.util import find_spec
+from typing import NamedTuple
+
+__all__ = ["EXTRAS", "Extra", "why_missing"]
+
+_MACHINE = "x86_64"
+_FIRST_WITHOUT = (3, 14)
+
+
+class Extra(NamedTuple):
+    """What one engine needs."""
+
+    module: str
+    distribution: str
+    name: str
+    """As in `pip install 'busd[name]'`."""
+    is_limited: bool = False
+    """Whether there are wheels of it for Linux on x86_64 only, and up to Python 3.13."""
+
+
+EXTRAS = {
+    "zenoh": Extra("zenoh", "eclipse-zenoh", "zenoh"),
+    "ros2": Extra("cyclonedds", "cyclonedds", "ros2", is_limited=True),
+}
+"""By the name of the engine."""
+
+
+def why_missing(engine: str, machine: str | None = None, python: tuple[int, int] | None = None) -> str:
+    """What is missing for the engine and what to do, as a sentence; "" where all is there.
+
+    `machine` and `python`: another kind of computer and version than these.
+    """
+    extra = EXTRAS[engine]
+    if find_spec(extra.module) is not None:
+        return ""
+    what = f"a bridge to {engine} needs {extra.distribution}"
+    machine, python = machine or platform.machine(), python or sys.version_info[:2]
+    if extra.is_limited and machine != _MACHINE:
+        return f"{what}, of which there is no package for {machine}, only for {_MACHINE}"
+    if extra.is_limited and python >= _FIRST_WITHOUT:
+        here = ".".join(map(str, python))
+        return f"{what}, of which there is no package for Python {here} yet: use 3.13 or older"
+    return f"{what}: pip install 'busd[{extra.name}]'"

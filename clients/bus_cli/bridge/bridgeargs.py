@@ -1,0 +1,95 @@
+"""What the verbs that run a bridge have in common: their options, and the file that these are added to."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bus.process.address import socket_path
+from bus_cli.completion import completed_by, topics
+from bus_cli.output import CommandError
+from bus_cli.query import NotRunning, Query
+from bus_cli.stream import run_stream
+
+if TYPE_CHECKING:
+    from bus_bridge.options import BridgeTable
+
+__all__ = ["add_bridge_arguments", "config_file", "run_bridge"]
+
+_LEVELS = ("debug", "info", "warn", "error", "fatal")
+
+
+def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
+    """`engine`: as users call it."""
+    group = parser.add_argument_group("what crosses")
+    group.add_argument(
+        "--namespace",
+        metavar="NS",
+        help="in front of every name on the far side, and off every name that comes from there",
+    )
+    for flag, text in (
+        ("--allow", "only topics and services like this, as '/camera/**'"),
+        ("--deny", "none like this, whatever --allow says"),
+    ):
+        action = group.add_argument(
+            flag, action="append", metavar="PATTERN", help=f"{text}; may be given several times"
+        )
+        completed_by(action, topics)
+    group = parser.add_argument_group("how to run")
+    group.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help=f"a file with [bridge.{engine}] (default: the one that busd was started with)",
+    )
+    group.add_argument(
+        "--id", metavar="ID", help="what other buses call this one (default: after the machine)"
+    )
+    group.add_argument("--log-level", choices=_LEVELS, default="info", help="logging level")
+
+
+def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
+    """Run it until a signal comes. `flags`: what the command line says besides, by the keys of busd.toml."""
+    from bus_bridge.config import TABLES, load, merged
+    from bus_bridge.extras import why_missing
+
+    path = socket_path(args.socket, args.domain)
+    table = _from_flags(TABLES[engine], args, flags)
+    if why := why_missing(engine):
+        raise CommandError(why)
+    if file := args.config or config_file(path):
+        table = merged(load(file, TABLES[engine]), table)
+    from bus_bridge.program import Plan
+
+    plan = Plan(engine, table)
+    with Query(path):  # a busd is started where none runs, and its folder made, which gives the bus its id
+        pass
+    run_stream(plan.run(path, args.log_level))
+    return 0
+
+
+def config_file(path: Path) -> Path | None:
+    """What the busd at `path` was started with; None where none runs, or it has none."""
+    from bus_cli.doctor.configuration import file_of_daemon
+
+    try:
+        with Query(path, may_start=False) as query:
+            return file_of_daemon(query.broker.pid)
+    except NotRunning:
+        return None
+
+
+def _from_flags(kind: "type[BridgeTable]", args: Namespace, flags: dict[str, Any]) -> "BridgeTable":
+    """What argparse has checked, and ranges, which the table knows."""
+    from msgspec import structs
+
+    from bus.process.tables import checked
+
+    flags |= {"id": args.id, "namespace": args.namespace, "allow": args.allow, "deny": args.deny}
+    kinds = {field.name: field.type for field in structs.fields(kind)}
+    return kind(
+        **{
+            key: checked(f"--{key.removesuffix('s').replace('_', '-')}", value, kinds[key])
+            for key, value in flags.items()
+            if value is not None
+        }
+    )

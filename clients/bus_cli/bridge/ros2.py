@@ -1,0 +1,46 @@
+"""`bus bridge ros2`: the bus joined with the nodes of ROS 2, by DDS."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
+
+_EPILOG = """\
+Topics cross; services, actions and parameters don't. DDS protects nothing: choose an --interface whose
+network you trust. Needs cyclonedds: pip install 'busd[ros2]'. See docs/bridge.md
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = _EPILOG
+    group = parser.add_argument_group("ROS 2")
+    group.add_argument(
+        "--domain-id", type=int, metavar="N", help="domain of DDS (default: $ROS_DOMAIN_ID, else 0)"
+    )
+    group.add_argument(
+        "--interface",
+        metavar="NAME",
+        help="network interface, by name or address (default: this machine alone)",
+    )
+    group.add_argument(
+        "--peer",
+        action="append",
+        metavar="ADDRESS",
+        help="a machine that multicast does not reach; may be given several times",
+    )
+    group.add_argument(
+        "--distro",
+        choices=("auto", "humble"),
+        help="the form of the graph: Humble's, or found out (default: auto)",
+    )
+    add_bridge_arguments(parser, "ros2")
+
+
+def main(args: Namespace) -> int:
+    """Run the bridge until Ctrl-C."""
+    flags = {
+        "domain_id": args.domain_id,
+        "interface": args.interface,
+        "peers": args.peer,
+        "distro": args.distro,
+    }
+    return run_bridge(args, "ros2", flags)

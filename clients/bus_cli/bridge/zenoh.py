@@ -1,0 +1,45 @@
+"""`bus bridge zenoh`: the buses of several machines, joined by zenoh."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
+
+_EPILOG = """\
+ADDRESS is tls/HOST:PORT, quic/HOST:PORT or tcp/HOST:PORT. One that other machines can reach needs tls/ or
+quic/ with certificates on both sides, or --insecure. Needs eclipse-zenoh: pip install 'busd[zenoh]'. See
+docs/bridge.md
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = _EPILOG
+    group = parser.add_argument_group("links")
+    group.add_argument(
+        "--listen",
+        action="append",
+        metavar="ADDRESS",
+        help="wait for other bridges; may be given several times",
+    )
+    group.add_argument(
+        "--connect",
+        action="append",
+        metavar="ADDRESS",
+        help="go to another bridge, and try again while it is not there; may be given several times",
+    )
+    group.add_argument("--ca", metavar="FILE", help="who has signed the certificates of both sides (PEM)")
+    group.add_argument("--certificate", metavar="FILE", help="this side's certificate (PEM)")
+    group.add_argument("--key", metavar="FILE", help="the private key of --certificate (PEM)")
+    group.add_argument(
+        "--insecure",
+        action="store_true",
+        default=None,
+        help="without certificates too: all who reach the address may hear and say everything",
+    )
+    add_bridge_arguments(parser, "zenoh")
+
+
+def main(args: Namespace) -> int:
+    """Run the bridge until Ctrl-C."""
+    tls = {name: value for name in ("ca", "certificate", "key") if (value := getattr(args, name))}
+    flags = {"listen": args.listen, "connect": args.connect, "insecure": args.insecure, "tls": tls or None}
+    return run_bridge(args, "zenoh", flags)

@@ -1,0 +1,96 @@
+"""Bridges to other machines and to ROS 2: packages, tables of busd.toml, ports, receive buffers."""
+
+import errno
+import socket
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from bus.errors import BusError
+from bus.graph import Graph
+from bus_bridge.config import TABLES, load
+from bus_bridge.core.status import SERVICE_TYPE
+from bus_bridge.extras import EXTRAS, why_missing
+from bus_bridge.options import BridgeTable, ZenohTable
+from bus_bridge.zenoh.options import Address, parse_address
+from bus_cli.doctor import procfs
+from bus_cli.doctor.finding import Finding, fail, ok, warn
+from bus_cli.main import version
+
+__all__ = ["engines_with_bridges", "examine"]
+
+_BUFFERS = Path("/proc/sys/net/core")
+_WANTED_BYTES = 4 << 20
+"""With the kernel's 208 KiB, most images of 900 KB were lost on their way to ROS 2; with this none."""
+
+
+def engines_with_bridges(graph: Graph) -> set[str]:
+    """For which engines a bridge runs on this bus."""
+    found = (name for name, types in graph.services().items() if SERVICE_TYPE in types)
+    return {engine for name in found for engine in TABLES if f"/bridge_{engine}" in name}
+
+
+def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Finding]:
+    """`file`: what busd was started with; `running`: engines with a bridge on this bus."""
+    for engine, kind in TABLES.items():
+        try:
+            table = load(file, kind) if file is not None else kind()
+        except BusError as error:
+            yield fail("bridges", str(error), "mend it: no such bridge starts with it")
+            continue
+        is_wanted = table != kind()
+        if why := why_missing(engine):
+            text, _, advice = why.partition(": ")
+            yield (warn("bridges", text, advice) if is_wanted else ok("bridges", why))
+            continue
+        extra = EXTRAS[engine]
+        yield ok("bridges", f"{extra.distribution} {version(extra.distribution)}")
+        yield from _ports(table, is_running=engine in running)
+        if engine == "ros2":
+            yield _receive_buffers()
+
+
+def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
+    """Whether a bridge could listen where the table says."""
+    for text in table.listen if isinstance(table, ZenohTable) else ():
+        try:
+            fault = _find_fault(parse_address(text))
+        except BusError as error:
+            yield fail("bridges", str(error), "mend listen in busd.toml")
+            continue
+        if fault is None:
+            yield ok("bridges", f"{text} is free")
+        elif fault.errno != errno.EADDRINUSE:
+            yield warn("bridges", f"{text}: {fault.strerror}", "choose an address of this machine")
+        elif is_running:
+            yield ok("bridges", f"{text} is in use, and a bridge runs")
+        else:
+            yield warn("bridges", f"{text} is in use by another program", "end that, or choose another port")
+
+
+def _find_fault(address: Address) -> OSError | None:
+    """Why no socket can be bound there. Of a name nothing is said: to ask for its address may take long."""
+    kind = socket.SOCK_DGRAM if address.protocol == "quic" else socket.SOCK_STREAM
+    host = "127.0.0.1" if address.host == "localhost" else address.host
+    try:
+        family, kind, protocol, _, place = socket.getaddrinfo(
+            host, address.port, type=kind, flags=socket.AI_NUMERICHOST
+        )[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(place)
+    except socket.gaierror:
+        return None
+    except OSError as error:
+        return error
+    return None
+
+
+def _receive_buffers() -> Finding:
+    """What the kernel gives a receiver of DDS, where large messages come in many packets at once."""
+    sizes = {name: procfs.number_in(str(_BUFFERS / name)) for name in ("rmem_default", "rmem_max")}
+    found = {name: size for name, size in sizes.items() if size is not None}
+    text = ", ".join(f"net.core.{name} = {size}" for name, size in found.items()) or "not to be seen here"
+    if any(size < _WANTED_BYTES for size in found.values()):
+        advice = "sysctl -w " + " ".join(f"net.core.{name}={_WANTED_BYTES}" for name in found)
+        return warn("receive buffers", f"{text}: nodes of ROS 2 here may lose large images", advice)
+    return ok("receive buffers", text)

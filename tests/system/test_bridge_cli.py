@@ -1,0 +1,190 @@
+"""`bus bridge`, as users run it: two buses joined by zenoh, mistakes, the end, what it tells of itself."""
+
+import json
+import os
+import re
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from bus.graph import Graph
+from cli import LISTENER, TALKER, Running, bus
+from conftest import Daemon
+from forks import Forks
+from two_buses import bridge, free_port, script_on, wait_for_graph_of
+
+needs_zenoh = pytest.mark.skipif(
+    "not __import__('importlib.util').util.find_spec('zenoh')", reason="needs eclipse-zenoh"
+)
+
+
+@pytest.fixture
+def far(tmp_path: Path, forks: Forks) -> Iterator[Daemon]:
+    """The busd of another bus."""
+    daemon = Daemon(tmp_path / "far.sock", forks=forks)
+    yield daemon
+    log = daemon.stop()
+    assert "Traceback" not in log, log
+
+
+@pytest.fixture
+def joined(daemon: Daemon, far: Daemon) -> Iterator[tuple[Running, Running]]:
+    """The bridges of the two buses, with a link; here called `here`, there `there`."""
+    place = f"tcp/127.0.0.1:{free_port()}"
+    with (
+        bridge(daemon.path, "zenoh", "--id", "here", "--listen", place) as here,
+        bridge(far.path, "zenoh", "--id", "there", "--connect", place) as there,
+    ):
+        here.error_line_with("bus 'there'.* is there")
+        there.error_line_with("bus 'here'.* is there")
+        yield here, there
+
+
+def shows(*nodes: str) -> Callable[[Graph], bool]:
+    return lambda graph: {*nodes} <= {node.full_name for node in graph.nodes}
+
+
+def lacks(*nodes: str) -> Callable[[Graph], bool]:
+    return lambda graph: not {*nodes} & {node.full_name for node in graph.nodes}
+
+
+class TestTwoBuses:
+    pytestmark = needs_zenoh
+
+    def test_a_talker_there_is_heard_here(self, daemon: Daemon, far: Daemon, joined: object) -> None:
+        with script_on(far.path, TALKER, "0.02"):
+            wait_for_graph_of(daemon.path, lambda graph: graph.publishers_of("/topic"))
+            assert bus("topic", "list").out.splitlines().count("/topic") == 1
+            result = bus("topic", "echo", "/topic", "--once")
+            assert re.match("data: 'Hello World: [0-9]+'\n", result.out), result
+
+    def test_who_leaves_there_leaves_here(self, daemon: Daemon, far: Daemon, joined: object) -> None:
+        with script_on(far.path, LISTENER):
+            wait_for_graph_of(daemon.path, shows("/minimal_subscriber"))
+        wait_for_graph_of(daemon.path, lacks("/minimal_subscriber"))
+
+    def test_status(self, daemon: Daemon, far: Daemon, joined: object) -> None:
+        with script_on(far.path, TALKER, "0.02"):
+            wait_for_graph_of(daemon.path, lambda graph: graph.publishers_of("/topic"))
+            assert bus("topic", "echo", "/topic", "--once").code == 0
+            result = bus("bridge", "status")
+            assert result.code == 0 and not result.err
+            assert result.out.startswith("/bridge_zenoh: zenoh, this bus is here, up ")
+            assert re.search(r"^up +tcp/127.0.0.1:\d+  there$", result.out, re.MULTILINE), result.out
+            assert re.search(r"^in +[1-9]\d* .* /topic$", result.out, re.MULTILINE), result.out
+            assert max(map(len, result.out.splitlines())) <= 80
+            told = json.loads(bus("bridge", "status", "--json").out)
+            (route,) = (one for one in told["routes"] if one["topic"] == "/topic")
+            assert told["bus"], told["buses"] == ("here", ["there"])
+            assert (route["direction"], route["bus"]) == ("in", "there")
+            dropped = sum(route["dropped"].values()) - route["dropped"].get("lost_on_the_way", 0)
+            assert route["taken"] == route["sent"] + route["waiting"] + dropped
+
+    def test_metrics(self, daemon: Daemon, far: Daemon, joined: object) -> None:
+        pytest.importorskip("prometheus_client")
+        with script_on(far.path, TALKER, "0.02"):
+            wait_for_graph_of(daemon.path, lambda graph: graph.publishers_of("/topic"))
+            assert bus("topic", "echo", "/topic", "--once").code == 0
+            told = bus("metrics", "--once").out
+        assert re.search(
+            r'^busd_bridge_taken_total{bridge="/bridge_zenoh",direction="in",topic="/topic"} [1-9]',
+            told,
+            re.MULTILINE,
+        ), told
+        assert re.search(r'^busd_bridge_links{bridge="/bridge_zenoh",state="up"} [1-9]', told, re.MULTILINE)
+
+    @pytest.mark.parametrize(("number", "name"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM")])
+    def test_the_end(
+        self, daemon: Daemon, far: Daemon, joined: tuple[Running, Running], number: int, name: str
+    ) -> None:
+        """In a second, without a traceback; and what came from the far side has gone."""
+        here, there = joined
+        with script_on(far.path, LISTENER):
+            wait_for_graph_of(daemon.path, shows("/minimal_subscriber"))
+            began_s = time.monotonic()
+            result = here.end(number)
+            assert time.monotonic() - began_s < 1.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
+            assert result.code == -number
+            assert "Traceback" not in result.err and "ERROR" not in result.err
+            wait_for_graph_of(daemon.path, lacks("/minimal_subscriber", "/bridge_zenoh"))
+        there.error_line_with("bus 'here' has gone")
+
+    def test_rules_of_the_file_that_busd_has(
+        self, start_daemon: Callable[..., Daemon], far: Daemon, tmp_path: Path
+    ) -> None:
+        place = f"tcp/127.0.0.1:{free_port()}"
+        file = tmp_path / "busd.toml"
+        file.write_text(f'[bridge.zenoh]\nid = "here"\nlisten = "{place}"\ndeny = "/topic"\n')
+        daemon = start_daemon("--config", str(file))
+        with (
+            bridge(daemon.path, "zenoh"),
+            bridge(far.path, "zenoh", "--connect", place),
+            script_on(far.path, LISTENER),
+        ):
+            wait_for_graph_of(daemon.path, shows("/minimal_subscriber"))
+            with script_on(far.path, LISTENER.replace('"topic"', '"other"')):
+                graph = wait_for_graph_of(daemon.path, lambda graph: graph.subscriptions_of("/other"))
+            assert not graph.subscriptions_of("/topic")
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        ("words", "said"),
+        [
+            (["--listn", "tcp/127.0.0.1:1"], "did you mean '--listen'?"),
+            (["--allow", "topic", "--listen", "tcp/127.0.0.1:1"], "begins with '/'"),
+            (["--namespace", "1x", "--listen", "tcp/127.0.0.1:1"], "must not have a token that starts"),
+            (["--id", "a b", "--listen", "tcp/127.0.0.1:1"], "the id of a bus"),
+            (["--config", "/nowhere.toml"], "/nowhere.toml: can't be read: No such file"),
+            (["--listen", "127.0.0.1:7447"], "must begin with tls/, quic/ or tcp/"),
+            (["--listen", "tcp/0.0.0.0:7447"], "is not protected"),
+            (["--listen", "tls/0.0.0.0:7447"], "needs certificates for both sides"),
+        ],
+    )
+    def test_one_sentence(self, daemon: Daemon, words: list[str], said: str) -> None:
+        result = bus("bridge", "zenoh", *words)
+        assert said in result.err
+        assert result.code in (1, 2) and not result.out
+
+    def test_a_mistake_in_busd_s_file(self, start_daemon: Callable[..., Daemon], tmp_path: Path) -> None:
+        file = tmp_path / "busd.toml"
+        file.write_text("[bridge.zenoh]\nlisen = 'tcp/127.0.0.1:7447'\n")
+        start_daemon("--config", str(file))
+        assert bus("bridge", "zenoh") == (
+            "",
+            f"{file}: unknown key 'bridge.zenoh.lisen'; did you mean 'listen'?\n",
+            1,
+        )
+
+    @needs_zenoh
+    def test_a_port_in_use(self, daemon: Daemon, far: Daemon) -> None:
+        place = f"tcp/127.0.0.1:{free_port()}"
+        with bridge(daemon.path, "zenoh", "--listen", place):
+            result = bus("bridge", "zenoh", "--listen", place, "--socket", str(far.path))
+        assert result.err.endswith(f"\ncan't listen on {place}: address already in use\n")
+        assert result.code == 1 and "Traceback" not in result.err
+
+    def test_no_bridge_runs(self, daemon: Daemon) -> None:
+        result = bus("bridge", "status")
+        assert result == (
+            "",
+            "no bridge runs on this bus; `bus bridge zenoh` and `bus bridge ros2` start one\n",
+            1,
+        )
+
+    @pytest.mark.parametrize(
+        ("engine", "module", "said"),
+        [
+            ("zenoh", "zenoh", "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'\n"),
+            ("ros2", "cyclonedds", "a bridge to ros2 needs cyclonedds"),
+        ],
+    )
+    def test_a_missing_extra(self, daemon: Daemon, engine: str, module: str, said: str) -> None:
+        block = f"import sys; sys.modules[{module!r}] = None; from bus_cli.main import main; main()"
+        with Running(("-c", block, "bridge", engine)) as running:
+            result = running.end()
+        assert result.err.startswith(said) and len(result.err.splitlines()) == 1
+        assert result.code == 1

@@ -1,0 +1,57 @@
+"""Two buses on this machine, for tests of programs that join them."""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bus.graph import Graph
+from bus_cli.query import Query
+from cli import Running, start
+from neighbours import wait_until
+
+__all__ = ["bridge", "free_port", "script_on", "wait_for_graph_of"]
+
+
+def free_port() -> int:
+    """A port of loopback at which nobody listens just now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextmanager
+def bridge(path: Path, *words: str) -> Iterator[Running]:
+    """`bus bridge` on the bus at `path`, which has said that it is ready."""
+    with start("bridge", *words, "--socket", str(path)) as running:
+        running.error_line_with("this bus is ")
+        yield running
+
+
+@contextmanager
+def script_on(path: Path, source: str, *arguments: str) -> Iterator[Running]:
+    """A program of a user's on the bus at `path`, as by `cli.script`."""
+    before = os.environ["BUSD_SOCKET"]
+    os.environ["BUSD_SOCKET"] = str(path)
+    try:
+        running = Running(("-c", source, *arguments))
+    finally:
+        os.environ["BUSD_SOCKET"] = before
+    with running:
+        assert running.line() == "ready"
+        yield running
+
+
+def wait_for_graph_of(path: Path, fits: Callable[[Graph], object]) -> Graph:
+    """The first graph of the bus at `path` that fits. Raises TimeoutError."""
+    seen: list[Graph] = []
+    with Query(path, may_start=False) as query:
+
+        def has_come() -> bool:
+            seen.append(query.graph(statistics=True))
+            return bool(fits(seen[-1]))
+
+        wait_until(has_come)
+    return seen[-1]

@@ -1,0 +1,45 @@
+"""bus_bridge.extras: what is said where a package is missing."""
+
+import pytest
+
+from bus_bridge import extras
+from rows import for_each
+
+X86, ARM = "x86_64", "aarch64"
+
+
+@pytest.fixture
+def nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+
+
+@for_each(
+    ("engine", "machine", "python", "said"),
+    [
+        ("zenoh", X86, (3, 11), "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'"),
+        ("zenoh", ARM, (3, 14), "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'"),
+        ("ros2", X86, (3, 13), "a bridge to ros2 needs cyclonedds: pip install 'busd[ros2]'"),
+        (
+            "ros2",
+            ARM,
+            (3, 11),
+            "a bridge to ros2 needs cyclonedds, of which there is no package for aarch64, only for x86_64",
+        ),
+        (
+            "ros2",
+            X86,
+            (3, 14),
+            "a bridge to ros2 needs cyclonedds, of which there is no package for Python 3.14 yet: "
+            "use 3.13 or older",
+        ),
+    ],
+)
+def test_what_to_do(
+    nothing_is_there: None, engine: str, machine: str, python: tuple[int, int], said: str
+) -> None:
+    assert extras.why_missing(engine, machine, python) == said
+
+
+def test_nothing_is_said_where_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda name: object())
+    assert [extras.why_missing(engine) for engine in extras.EXTRAS] == ["", ""]

@@ -1,0 +1,122 @@
+"""bus_cli.doctor.bridges: packages, tables of busd.toml, ports, receive buffers."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bus_bridge import extras
+from bus_cli.doctor import bridges
+from bus_cli.doctor.finding import Finding
+from rows import for_each
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "busd.toml"
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """The modules of extras that are there; may be changed."""
+    found = {extra.module for extra in extras.EXTRAS.values()}
+    monkeypatch.setattr(extras, "find_spec", lambda name: object() if name in found else None)
+    monkeypatch.setattr(bridges, "version", lambda name: "1.2.3")
+    return found
+
+
+@pytest.fixture
+def buffers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """In place of /proc/sys/net/core."""
+    for name in ("rmem_default", "rmem_max"):
+        (tmp_path / name).write_text(f"{4 << 20}\n")
+    monkeypatch.setattr(bridges, "_BUFFERS", tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def taken() -> Iterator[int]:
+    """A port at which another program listens."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        yield other.getsockname()[1]
+
+
+def test_all_is_there(installed: set[str], buffers: Path) -> None:
+    assert [*bridges.examine(None)] == [
+        Finding("ok", "bridges", "eclipse-zenoh 1.2.3"),
+        Finding("ok", "bridges", "cyclonedds 1.2.3"),
+        Finding("ok", "receive buffers", "net.core.rmem_default = 4194304, net.core.rmem_max = 4194304"),
+    ]
+
+
+def test_what_is_missing_is_no_fault_where_nobody_wants_it(installed: set[str], file: Path) -> None:
+    installed.clear()
+    file.write_text("log_level = 'info'")
+    found = [*bridges.examine(file)]
+    assert [one.mark for one in found] == ["ok", "ok"]
+    assert found[0].text == "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'"
+
+
+def test_what_is_missing_and_stands_in_the_file(installed: set[str], file: Path) -> None:
+    installed.clear()
+    file.write_text("[bridge.zenoh]\nlisten = 'tcp/127.0.0.1:7447'")
+    assert next(bridges.examine(file)) == Finding(
+        "warn", "bridges", "a bridge to zenoh needs eclipse-zenoh", "pip install 'busd[zenoh]'"
+    )
+
+
+def test_a_mistake_in_the_file(installed: set[str], file: Path) -> None:
+    file.write_text("[bridge.zenoh]\nlisen = 'tcp/127.0.0.1:7447'")
+    assert next(bridges.examine(file)) == Finding(
+        "fail",
+        "bridges",
+        f"{file}: unknown key 'bridge.zenoh.lisen'; did you mean 'listen'?",
+        "mend it: no such bridge starts with it",
+    )
+
+
+def test_a_port_that_is_free_and_one_that_is_not(installed: set[str], file: Path, taken: int) -> None:
+    def of_ports(*running: str) -> list[Finding]:
+        return [one for one in bridges.examine(file, running) if "127.0.0.1" in one.text]
+
+    place = f"tcp/127.0.0.1:{taken}"
+    file.write_text(f"[bridge.zenoh]\nlisten = '{place}'")
+    assert of_ports() == [
+        Finding(
+            "warn",
+            "bridges",
+            f"{place} is in use by another program",
+            "end that, or choose another port",
+        )
+    ]
+    assert of_ports("zenoh") == [Finding("ok", "bridges", f"{place} is in use, and a bridge runs")]
+    place = place.replace("tcp", "quic")  # by UDP, where nobody listens
+    file.write_text(f"[bridge.zenoh]\nlisten = '{place}'")
+    assert of_ports() == [Finding("ok", "bridges", f"{place} is free")]
+
+
+@for_each(
+    ("place", "mark"),
+    [("tcp/192.0.2.1:7447", "warn"), ("tcp/robot.local:7447", "ok"), ("7447", "fail")],
+)
+def test_an_address_that_can_t_be(installed: set[str], file: Path, place: str, mark: str) -> None:
+    file.write_text(f"[bridge.zenoh]\nlisten = '{place}'")
+    (found,) = (one for one in bridges.examine(file) if place in one.text)
+    assert found.mark == mark
+
+
+def test_receive_buffers_as_kernels_have_them(installed: set[str], buffers: Path) -> None:
+    (buffers / "rmem_default").write_text("212992\n")
+    assert [*bridges.examine(None)][-1] == Finding(
+        "warn",
+        "receive buffers",
+        "net.core.rmem_default = 212992, net.core.rmem_max = 4194304: nodes of ROS 2 here may lose large "
+        "images",
+        "sysctl -w net.core.rmem_default=4194304 net.core.rmem_max=4194304",
+    )
+    (buffers / "rmem_default").unlink()
+    (buffers / "rmem_max").unlink()
+    assert [*bridges.examine(None)][-1] == Finding("ok", "receive buffers", "not to be seen here")
