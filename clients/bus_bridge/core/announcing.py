@@ -5,11 +5,12 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import aclosing
 
+from bus.endpoint import Match
 from bus.errors import BusError, ConfigurationError
 from bus.graph import Graph
 from bus.node import Node
 from bus.schema import MessageSchema
-from bus_bridge.core.exports import Exports
+from bus_bridge.core.exports import Exports, TopicRoute
 from bus_bridge.core.local_graph import LocalGraph, Shown
 from bus_bridge.engine import Engine, LocalNode
 
@@ -44,6 +45,7 @@ class Announcing:
         self._grace_end_s = 0.0
         self._newest: Graph | None = None
         self._has_news = asyncio.Event()
+        exports.on_short = self._show_short
 
     @property
     def counts(self) -> tuple[int, int, int]:
@@ -142,6 +144,19 @@ class Announcing:
             raise
         self._publishers[local.gid] = shown
         self._exports.attach(export, writer, local.qos, rule)
+
+    def _show_short(self, route: TopicRoute, match: Match) -> None:
+        """A publisher has said something, and was there too shortly to be seen in a graph."""
+        changes = self._local.look_at_lone(match, route.kind)
+        for shown in changes.publishers:
+            node = shown.local.node
+            self._nodes.add(node.id)
+            self._engine.announce_node(node)
+            self._schemas[_type_of(shown)] = route.schema
+            self._show(shown)
+            self._gone_nodes[node.id] = node
+            self._withdraw(shown)
+            self._release_node(node.id)
 
     def _withdraw(self, shown: Shown) -> None:
         local = shown.local

@@ -30,6 +30,7 @@ __all__ = ["Bridge", "BridgeOptions"]
 _MOST_SAID = 1000
 _CLOSE_S = 0.3
 _PERIOD_S = 1.0
+_SWEEP_S = 0.25
 
 
 class BridgeOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -111,10 +112,13 @@ class Bridge:
                 self._log.warning(f"while the bridge was closed: {type(error).__name__}: {error}")
 
     async def _keep_time(self) -> None:
+        report_s = self._loop.time()
         while True:
-            await asyncio.sleep(_PERIOD_S)
+            await asyncio.sleep(_SWEEP_S)
             self._exports.sweep()
-            self._reporting.look(self._loop.time())
+            if self._loop.time() >= report_s:
+                report_s = self._loop.time() + _PERIOD_S
+                self._reporting.look(self._loop.time())
 
     def _make_node(self, name: str, namespace: str, origin: Origin) -> Node:
         return Node(

@@ -9,7 +9,9 @@ from typing import Any
 
 import msgspec
 
+from bus.endpoint import Match
 from bus.errors import BusError
+from bus.events import SubscriptionEvents
 from bus.node import Node
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.schema import MessageSchema, depth_for
@@ -25,11 +27,14 @@ Kind = tuple[str, str, str]
 """A topic of this bus, and the name and hash of a type."""
 
 _BATCH = 256
+_SHORT_S = 0.4
+"""After this time messages go on without a graph: their publisher was there too shortly."""
 _EARLY_S = 5.0
 """How long messages of a publisher wait that no graph has shown yet."""
 _LINGER_S = 2.0
 """How long messages wait whose publisher has gone."""
 _LOOK_S = 0.02
+_MOST_MET = 1000
 _new_sample: Any = tuple.__new__
 
 
@@ -37,9 +42,18 @@ class TopicRoute:
     """The ways out of one topic and type."""
 
     def __init__(
-        self, kind: Kind, depth: int, knows: Callable[[bytes], bool], on_trouble: Callable[[str], object]
+        self,
+        kind: Kind,
+        schema: MessageSchema,
+        depth: int,
+        is_local: bool,
+        knows: Callable[[bytes], bool],
+        on_trouble: Callable[[str], object],
     ) -> None:
         self.kind = kind
+        self.schema = schema
+        self.is_local = is_local
+        """Whether what other bridges have brought in goes no further."""
         self.exports: dict[bytes, Export] = {}
         """By the publisher's gid."""
         self.mirrors: dict[Subscription[Any], None] = {}
@@ -51,18 +65,31 @@ class TopicRoute:
         self.opening = asyncio.Lock()
         self.early: dict[bytes, float] = {}
         """Publishers whose messages came before a graph has shown them: when the first did."""
+        self.met: dict[bytes, Match] = {}
+        """Publishers that no graph has shown yet, as they were when they met a tap."""
         self._knows = knows
         self._on_trouble = on_trouble
         self._matched: frozenset[bytes] | None = None
+        self._present: frozenset[bytes] = frozenset()
         self._loop = asyncio.get_running_loop()
         self._sent_by_gone = 0
         self._due: set[Subscription[Any]] = set()
 
     def is_matched(self, gid: bytes) -> bool:
-        """Whether a far subscription is matched with this publisher."""
+        """Whether a far subscription is matched with this publisher, or may have been until that left."""
         if self._matched is None:
             self._matched = frozenset(match.gid for one in self.mirrors for match in one.matches)
-        return gid in self._matched
+            self._present = frozenset(match.gid for tap in self.taps for match in tap.matches)
+        return gid in self._matched or (bool(self.mirrors) and gid not in self._present)
+
+    def meet(self, tap: Subscription[Any] | None) -> None:
+        """Publishers of this bus may have come or gone."""
+        self._matched = None
+        for match in () if tap is None or not self.is_local else tap.matches:
+            if match.gid not in self.exports and not self._knows(match.gid):
+                self.met[match.gid] = match
+        while len(self.met) > _MOST_MET:
+            del self.met[next(iter(self.met))]
 
     def matches_changed(self) -> None:
         self._matched = None
@@ -98,6 +125,7 @@ class TopicRoute:
         """New taps are there."""
         for export in self.exports.values():
             export.is_fresh = True
+        self.met = {gid: match for gid, match in self.met.items() if not self._knows(gid)}
         for tap in self.taps:
             tap.set_arrival_callback(lambda tap=tap: self.take(tap))  # type: ignore[misc]
             self.take(tap)
@@ -167,6 +195,8 @@ class Exports:
         self._of_gid: dict[bytes, tuple[TopicRoute, Export]] = {}
         self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], None]]] = {}
         self._loop = asyncio.get_running_loop()
+        self.on_short: Callable[[TopicRoute, Match], object] = lambda route, match: None
+        """Called for a publisher that was there too shortly to be seen in a graph."""
         self.shown: dict[Export, Shown] = {}
         """What the far side sees."""
 
@@ -178,8 +208,11 @@ class Exports:
     def route(self, kind: Kind, schema: MessageSchema) -> TopicRoute:
         found = self._routes.get(kind)
         if found is None:
-            depth = self._rules.crossing(kind[0]).rule.depth or depth_for(schema)
-            found = self._routes[kind] = TopicRoute(kind, depth, self._knows, self._on_trouble)
+            rule = self._rules.crossing(kind[0]).rule
+            depth = rule.depth or depth_for(schema)
+            found = self._routes[kind] = TopicRoute(
+                kind, schema, depth, not rule.transit, self._knows, self._on_trouble
+            )
         return found
 
     # --- publishers of this bus
@@ -242,7 +275,7 @@ class Exports:
         try:
             async with route.opening:
                 if not route.taps:
-                    await self._open_taps(route, schema)
+                    await self._open_taps(route)
         except BaseException:
             route.holders -= 1
             self._drop_unused(route)
@@ -259,9 +292,7 @@ class Exports:
         route.matches_changed()
         self._drop_unused(route)
 
-    async def _open_taps(self, route: TopicRoute, schema: MessageSchema) -> None:
-        topic = route.kind[0]
-        is_local = not self._rules.crossing(topic).rule.transit
+    async def _open_taps(self, route: TopicRoute) -> None:
         profiles = (
             QoSProfile(
                 route.depth, reliability=Reliability.BEST_EFFORT, durability=Durability.BEST_AVAILABLE
@@ -271,11 +302,7 @@ class Exports:
         taps: list[Subscription[Any]] = []
         try:
             for profile in profiles:
-                taps.append(
-                    await self._node.create_subscription(
-                        schema, topic, profile, raw=True, local_only=is_local, role="tap"
-                    )
-                )
+                taps.append(await self._open_tap(route, profile))
         except BusError:
             for tap in taps:
                 await tap.close()
@@ -283,15 +310,31 @@ class Exports:
         route.taps = taps
         route.begin()
 
+    async def _open_tap(self, route: TopicRoute, profile: QoSProfile) -> Subscription[Any]:
+        tap: Subscription[Any] | None = None
+        tap = await self._node.create_subscription(
+            route.schema,
+            route.kind[0],
+            profile,
+            events=SubscriptionEvents(matched=lambda change: route.meet(tap)),
+            raw=True,
+            local_only=route.is_local,
+            role="tap",
+        )
+        route.meet(tap)
+        return tap
+
     # --- from time to time
 
     def sweep(self) -> None:
-        """Give up messages of publishers that no graph has shown."""
+        """Look after messages of publishers that no graph has shown."""
         now_s = self._loop.time()
         for route in tuple(self._routes.values()):
             for gid, since_s in tuple(route.early.items()):
                 if now_s - since_s > _EARLY_S:
                     self._end(route, route.exports[gid])
+                elif now_s - since_s > _SHORT_S and (match := route.met.pop(gid, None)) is not None:
+                    self.on_short(route, match)
             self._drop_unused(route)
 
     def close(self) -> None:

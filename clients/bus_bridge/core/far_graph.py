@@ -1,7 +1,7 @@
 """What the far buses have said they have, held against the bounds, and which of it is to be mirrored. Pure.
 
-Names are those on the wire. What lies outside of the namespace, what no rule lets in, and what came through
-this bus already is known here, but not to be mirrored.
+Names are those on the wire. Topics outside of the namespace, what no rule lets in, and what came through this
+bus already is known here, but not to be mirrored.
 """
 
 import msgspec
@@ -65,6 +65,10 @@ class FarGraph:
         self._nodes: dict[str, _Bus] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
+        self._known_nodes: dict[str, MirroredNode] = {}  # that may be mirrored
+        self._outside: dict[str, int] = {}
+        """Nodes outside of the namespace, and how many of their endpoints are inside: with one they are
+        mirrored too, under the name that they have on the wire."""
         self.nodes: dict[str, MirroredNode] = {}
         """To be mirrored, by key."""
         self.endpoints: dict[bytes, Mirrored] = {}
@@ -123,9 +127,14 @@ class FarGraph:
             self._forget_node(bus, node.key)
         bus.nodes[node.key] = node
         self._nodes[node.key] = bus
-        namespace = self._naming.namespace_from_wire(node.namespace)
-        if namespace is not None and self._own_bus not in (node.bus, *node.via):
-            self.nodes[node.key] = MirroredNode(node.key, node.name, namespace, node.bus, node.via)
+        if self._own_bus not in (node.bus, *node.via):
+            namespace = self._naming.namespace_from_wire(node.namespace)
+            mirrored = MirroredNode(node.key, node.name, namespace or node.namespace, node.bus, node.via)
+            self._known_nodes[node.key] = mirrored
+            if namespace is not None:
+                self.nodes[node.key] = mirrored
+            else:
+                self._outside[node.key] = 0
         return ""
 
     def node_went(self, key: str, now_s: float) -> str:
@@ -172,6 +181,8 @@ class FarGraph:
         bus.nodes.pop(key, None)
         self._nodes.pop(key, None)
         self.nodes.pop(key, None)
+        self._known_nodes.pop(key, None)
+        self._outside.pop(key, None)
 
     def _forget_endpoint(self, bus: _Bus, gid: bytes, node: str) -> None:
         ways = self._endpoints[gid]
@@ -192,14 +203,25 @@ class FarGraph:
         if known is not None and ways.get(known.far.node) is known.far:
             self.endpoints[gid] = known
             return
+        if known is not None:
+            self._count_outside(known.node.key, -1)
         for endpoint in ways.values():
             mirrored = self._mirrored(endpoint)
             if mirrored is not None:
                 self.endpoints[gid] = mirrored
+                self._count_outside(mirrored.node.key, 1)
                 return
 
+    def _count_outside(self, key: str, change: int) -> None:
+        if key in self._outside:
+            self._outside[key] += change
+            if self._outside[key]:
+                self.nodes[key] = self._known_nodes[key]
+            else:
+                self.nodes.pop(key, None)
+
     def _mirrored(self, endpoint: FarEndpoint) -> Mirrored | None:
-        node, topic = self.nodes.get(endpoint.node), self._naming.topic_from_wire(endpoint.topic)
+        node, topic = self._known_nodes.get(endpoint.node), self._naming.topic_from_wire(endpoint.topic)
         if node is None or topic is None:
             return None
         crossing = self._rules.crossing(topic)

@@ -2,8 +2,10 @@
 
 import msgspec
 
+from bus.endpoint import Match
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, GraphNode
+from bus.names import split_node_name
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import Kind, LocalEndpoint, LocalNode, RouteRule
@@ -93,6 +95,21 @@ class LocalGraph:
             self._look_at(present[gid], changes)
         return changes
 
+    def look_at_lone(self, match: Match, kind: tuple[str, str, str]) -> Changes:
+        """A publisher of this bus, with a node of its own, that has come and gone between two looks."""
+        changes = Changes()
+        topic, type_name, type_hash = kind
+        namespace, name = split_node_name(match.node)
+        node = self._make_node(GraphNode(id=0, name=name, namespace=namespace, pid=0), changes)
+        crossing = self._rules.crossing(topic)
+        if node is None or not crossing.goes_out or self.knows(match.gid):
+            return Changes()
+        wire = self._to_wire(topic, changes)
+        if wire is not None:
+            local = LocalEndpoint("publisher", match.gid, node, wire, type_name, type_hash, match.qos)
+            changes.publishers.append(Shown(local, topic, match.node, crossing.rule))
+        return changes
+
     def _look_at(self, endpoint: GraphEndpoint, changes: Changes) -> None:
         gid = endpoint.gid
         self._seen[gid] = endpoint
@@ -151,13 +168,18 @@ class LocalGraph:
         _, node = self._nodes.get(endpoint.node.id, (None, None))
         if node is None:
             return None
-        try:
-            topic = self._naming.topic_to_wire(endpoint.topic)
-        except ConfigurationError as error:
-            changes.warnings.append(f"'{endpoint.topic}' does not cross: {error}")
+        topic = self._to_wire(endpoint.topic, changes)
+        if topic is None:
             return None
         kind: Kind = "publisher" if is_publisher else "subscription"
         local = LocalEndpoint(
             kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, endpoint.qos
         )
         return Shown(local, endpoint.topic, endpoint.node.full_name, crossing.rule)
+
+    def _to_wire(self, topic: str, changes: Changes) -> str | None:
+        try:
+            return self._naming.topic_to_wire(topic)
+        except ConfigurationError as error:
+            changes.warnings.append(f"'{topic}' does not cross: {error}")
+            return None
