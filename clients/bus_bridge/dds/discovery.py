@@ -10,7 +10,8 @@ from typing import Any, Final
 
 from bus.errors import ConfigurationError
 from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
-from bus.qos import Durability
+from bus.qos import Durability, Reliability
+from bus_bridge.dds import qos
 from bus_bridge.dds.graph import Came, FarGraph, Found, News, NodeEntities, Went
 from bus_bridge.dds.known_types import KnownTypes
 from bus_bridge.dds.names import (
@@ -23,7 +24,6 @@ from bus_bridge.dds.names import (
 )
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.participant import Participant, policies_of, user_data_in
-from bus_bridge.dds.qos import profile_of
 from bus_bridge.engine import FarEndpoint, FarNode, FarSide, Kind
 from bus_bridge.errors import BridgeError
 
@@ -66,8 +66,8 @@ class Discovery:
         """Of all far endpoints that are no busd's, by handle."""
         self.marked: set[int] = set()
         """Handles of other busds' endpoints."""
-        self.publishers: dict[str, dict[bytes, bool]] = {}
-        """By topic and gid: whether a far publisher is transient local."""
+        self.publishers: dict[str, dict[bytes, qos.Kind]] = {}
+        """Far publishers by topic and gid."""
         self._unknown: dict[bytes, tuple[int, bytes, Any, Kind]] = {}
         """Those whose type is not known, by gid: it may become so."""
         self.node_info: NodeInfo | None = None
@@ -105,7 +105,8 @@ class Discovery:
             validate_node_name(node.name)
             validate_namespace(node.namespace)
         except ConfigurationError as error:
-            self._far.warn(f"a node of ROS 2 is left out: {str(error).splitlines()[0]}")
+            name = f"{node.namespace.rstrip('/')}/{node.name}"
+            self._far.warn(f"node {name!r:.300} of ROS 2 is left out: {str(error).splitlines()[0]}")
             return False
         return True
 
@@ -164,9 +165,12 @@ class Discovery:
                 if found is not None:
                     self.handles[gid] = handle
                     if kind == "publisher":
-                        is_latched = found.endpoint.qos.durability is Durability.TRANSIENT_LOCAL
-                        self.publishers.setdefault(found.endpoint.topic, {})[gid] = is_latched
-                        self._topics[gid] = found.endpoint.topic
+                        topic, offered = found.endpoint.topic, found.endpoint.qos
+                        self.publishers.setdefault(topic, {})[gid] = qos.Kind(
+                            offered.durability is Durability.TRANSIENT_LOCAL,
+                            offered.reliability is Reliability.RELIABLE,
+                        )
+                        self._topics[gid] = topic
                     self._tell(self._graph.endpoint_came(found, time.monotonic()))
 
     def _endpoint(
@@ -182,7 +186,7 @@ class Discovery:
         try:
             validate_full_topic_name(topic)
             schema = self._types.find(type_name, type_hash).schema
-            qos = profile_of(policies_of(sample.qos))
+            profile = qos.profile_of(policies_of(sample.qos))
         except BridgeError as error:
             self._unknown[gid] = handle, participant, sample, kind
             self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
@@ -190,7 +194,9 @@ class Discovery:
         except ConfigurationError as error:
             self._far.warn(f"topic {topic} of ROS 2 is left out: {str(error).splitlines()[0]}")
             return None
-        return Found(participant, FarEndpoint(kind, gid, "", topic, schema.type_name, schema.type_hash, qos))
+        return Found(
+            participant, FarEndpoint(kind, gid, "", topic, schema.type_name, schema.type_hash, profile)
+        )
 
     def _endpoint_went(self, gid: bytes, handle: int) -> None:
         self.gids.pop(handle, None)

@@ -5,7 +5,7 @@ Owns: what the bridge asks for, carried out with one participant. How each thing
 
 from collections.abc import Callable, Sequence
 
-from bus.qos import Durability, Liveliness
+from bus.qos import Liveliness
 from bus.schema import MessageSchema
 from bus_bridge.dds.discovery import MARK, NO_SERVICES, Discovery
 from bus_bridge.dds.graph import FarGraph, NodeEntities
@@ -14,7 +14,7 @@ from bus_bridge.dds.names import is_own_service_topic, is_service_of_each_node, 
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import Participant
-from bus_bridge.dds.qos import of_publisher, of_subscription
+from bus_bridge.dds.qos import Kind, kinds_for, of_publisher, of_subscription
 from bus_bridge.dds.reading import FarWay, Intake, Ways
 from bus_bridge.dds.writing import DdsWriter, NoWriter
 from bus_bridge.engine import (
@@ -120,7 +120,7 @@ class DdsEngine:
         if self._is_left_out(endpoint) or self._participant is None:
             return lambda: None
         subscription = _Subscription(self, endpoint, self._learn(schema))
-        subscription.adapt(self._are_latched(endpoint.topic))
+        subscription.adapt(self._far_kinds(endpoint.topic))
         self._subscriptions.add(subscription)
         return lambda: self._withdraw_subscription(subscription)
 
@@ -162,13 +162,11 @@ class DdsEngine:
         count = self._graph.participants
         return [LinkStatus(address, "up", self._bus.id, f"{count} participant{'' if count == 1 else 's'}")]
 
-    def make_intake(
-        self, endpoint: LocalEndpoint, known: KnownType, *, transient_local: bool
-    ) -> Intake | None:
+    def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: Kind) -> Intake | None:
         """A reader for a subscription of this bus, told to ROS 2; None where all has ended."""
         if self._participant is None:
             return None
-        policies = of_subscription(endpoint.qos, known.depth, transient_local=transient_local)
+        policies = of_subscription(endpoint.qos, known.depth, kind)
         topic = topic_to_dds(endpoint.topic)
         intake = Intake(self._ways, self._participant, topic, known, policies, self._user_data(known))
         self._ways.add(intake)
@@ -209,11 +207,10 @@ class DdsEngine:
             writer.look()
         self._ways.keep_only(self._discovery.handles)
         for subscription in self._subscriptions:
-            subscription.adapt(self._are_latched(subscription.endpoint.topic))
+            subscription.adapt(self._far_kinds(subscription.endpoint.topic))
 
-    def _are_latched(self, topic: str) -> set[bool]:
-        """Whether its far publishers are transient local: two answers where they differ."""
-        return set(self._discovery.publishers.get(topic, {}).values()) or {False}
+    def _far_kinds(self, topic: str) -> set[Kind]:
+        return set(self._discovery.publishers.get(topic, {}).values())
 
     def _is_left_out(self, endpoint: LocalEndpoint) -> bool:
         if not is_own_service_topic(endpoint.topic):
@@ -246,21 +243,21 @@ class DdsEngine:
 
 
 class _Subscription:
-    """A subscription of this bus, and its readers: two where it takes what is best and publishers differ."""
+    """A subscription of this bus, and its readers: more than one where far publishers differ."""
 
     def __init__(self, engine: DdsEngine, endpoint: LocalEndpoint, known: KnownType) -> None:
         self.endpoint = endpoint
         self._engine = engine
         self._known = known
-        self._intakes: dict[bool, Intake] = {}
+        self._intakes: dict[Kind, Intake] = {}
 
-    def adapt(self, are_latched: set[bool]) -> None:
-        """Have a reader for each kind of far publishers; where the durability is given, there is one."""
-        wanted = are_latched
-        if self.endpoint.qos.durability is not Durability.BEST_AVAILABLE:
-            wanted = {self.endpoint.qos.durability is Durability.TRANSIENT_LOCAL}
+    def adapt(self, far: set[Kind]) -> None:
+        """Have the readers that these far publishers need."""
+        wanted = kinds_for(self.endpoint.qos, far)
+        if wanted == self._intakes.keys():
+            return
         for kind in wanted - self._intakes.keys():
-            intake = self._engine.make_intake(self.endpoint, self._known, transient_local=kind)
+            intake = self._engine.make_intake(self.endpoint, self._known, kind)
             if intake is not None:
                 self._intakes[kind] = intake
         for kind in self._intakes.keys() - wanted:

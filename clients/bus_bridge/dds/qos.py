@@ -3,12 +3,23 @@
 Owns: which policy stands for which. Values only: cyclonedds' own objects are made in `participant`.
 """
 
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 from bus.errors import ConfigurationError
 from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
 
-__all__ = ["DEPTH", "INFINITE", "Policies", "of_publisher", "of_subscription", "profile_of", "strength"]
+__all__ = [
+    "DEPTH",
+    "INFINITE",
+    "Kind",
+    "Policies",
+    "kinds_for",
+    "of_publisher",
+    "of_subscription",
+    "profile_of",
+    "strength",
+]
 
 INFINITE: Final = 2**63 - 1
 """DDS' duration without end, in nanoseconds."""
@@ -50,14 +61,35 @@ def of_publisher(profile: QoSProfile, depth: int) -> Policies:
     )
 
 
-def of_subscription(profile: QoSProfile, depth: int, *, transient_local: bool) -> Policies:
-    """What the reader that stands for a subscription of this bus requests; `transient_local` decides where
-    the subscription takes what is best."""
-    if profile.durability is not Durability.BEST_AVAILABLE:
-        transient_local = profile.durability is Durability.TRANSIENT_LOCAL
+class Kind(NamedTuple):
+    """What of a far publisher decides on the reader that gets most of it."""
+
+    transient_local: bool
+    reliable: bool
+
+
+def kinds_for(profile: QoSProfile, far: Collection[Kind]) -> set[Kind]:
+    """The readers that stand for a subscription of this bus, where there are these far publishers.
+
+    Most have one. A subscription that takes the best durability has one for each that there is. What a
+    publisher keeps for late joiners comes to reliable readers only, in DDS: where it is wanted, one that
+    would do with best effort is reliable towards publishers that are.
+    """
+    reliable = profile.reliability is Reliability.RELIABLE
+    if profile.durability is Durability.VOLATILE:
+        return {Kind(False, reliable)}
+    if profile.durability is Durability.TRANSIENT_LOCAL:
+        far = [kind for kind in far if kind.transient_local] or [Kind(True, reliable)]
+    return {
+        Kind(kind.transient_local, reliable or (kind.transient_local and kind.reliable)) for kind in far
+    } or {Kind(False, reliable)}
+
+
+def of_subscription(profile: QoSProfile, depth: int, kind: Kind) -> Policies:
+    """What the reader of that kind requests that stands for a subscription of this bus."""
     return Policies(
-        reliable=profile.reliability is Reliability.RELIABLE,
-        transient_local=transient_local,
+        reliable=kind.reliable,
+        transient_local=kind.transient_local,
         keep_all=profile.is_lossless,
         depth=max(profile.depth, depth),
         deadline_ns=profile.deadline_ns or INFINITE,

@@ -75,7 +75,8 @@ class Peer:
         self._streams: dict[str, Any] = {}
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        threading.Thread(target=self._spin, daemon=True).start()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
 
     def _spin(self) -> None:
         try:
@@ -122,6 +123,14 @@ class Peer:
             self.node.destroy_publisher(self._publishers.pop(topic))
         if topic in self._subscriptions:
             self.node.destroy_subscription(self._subscriptions.pop(topic))
+
+    def end_all(self) -> None:
+        """The node goes, and says so: others need not wait for its lease."""
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        rclpy.try_shutdown()
 
     def matched(self, topic: str) -> list[int]:
         """How many subscriptions and publishers there are, by the node's own graph."""
@@ -179,7 +188,7 @@ def main() -> None:
     )
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     serve({order: getattr(peer, order) for order in orders})
-    rclpy.try_shutdown()
+    peer.end_all()
     sys.stdout.flush()
     os._exit(0)  # what rclpy's threads do while Python ends is not looked at here
 

@@ -4,7 +4,16 @@ import pytest
 
 from bus.errors import ConfigurationError
 from bus.qos import PRESETS, Durability, History, Liveliness, QoSProfile, Reliability
-from bus_bridge.dds.qos import INFINITE, Policies, of_publisher, of_subscription, profile_of, strength
+from bus_bridge.dds.qos import (
+    INFINITE,
+    Kind,
+    Policies,
+    kinds_for,
+    of_publisher,
+    of_subscription,
+    profile_of,
+    strength,
+)
 from rows import for_each
 
 _BEST_EFFORT = QoSProfile(5, reliability=Reliability.BEST_EFFORT)
@@ -30,26 +39,52 @@ def test_what_a_publisher_offers(profile: QoSProfile, offered: Policies) -> None
     assert of_publisher(profile, 1000) == offered
 
 
+_BEST = QoSProfile(durability=Durability.BEST_AVAILABLE)
+_ECHO = QoSProfile(reliability=Reliability.BEST_EFFORT, durability=Durability.BEST_AVAILABLE)
+_PLAIN, _PLAIN_BE, _KEPT, _KEPT_BE = (
+    Kind(kept, reliable) for kept in (False, True) for reliable in (True, False)
+)
+
+
 @for_each(
-    "profile, is_latched, requested",
+    "profile, far, kinds",
     [
-        (QoSProfile(10), True, Policies(depth=1000)),
-        (_BEST_EFFORT, False, Policies(reliable=False, depth=1000)),
-        (_LATCHED, False, Policies(transient_local=True, depth=1000)),
-        (QoSProfile(durability=Durability.BEST_AVAILABLE), False, Policies(depth=1000)),
-        (QoSProfile(durability=Durability.BEST_AVAILABLE), True, Policies(transient_local=True, depth=1000)),
-        (_LOSSLESS, False, Policies(keep_all=True, depth=1000)),
-        (
-            QoSProfile(history=History.KEEP_ALL, reliability=Reliability.BEST_EFFORT),
-            False,
-            Policies(False, depth=1000),
-        ),
-        (_TIMED, False, Policies(depth=1000, **_TIMES)),
-        (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), False, Policies(depth=1000, manual=True)),
+        (QoSProfile(), [], {_PLAIN}),
+        (QoSProfile(), [_KEPT, _PLAIN_BE], {_PLAIN}),
+        (_BEST_EFFORT, [_KEPT], {_PLAIN_BE}),
+        (_LATCHED, [], {_KEPT}),
+        (_LATCHED, [_PLAIN, _KEPT_BE], {_KEPT}),
+        (_BEST, [], {_PLAIN}),
+        (_BEST, [_KEPT, _KEPT], {_KEPT}),
+        (_BEST, [_KEPT, _PLAIN], {_KEPT, _PLAIN}),
+        (_ECHO, [], {_PLAIN_BE}),
+        (_ECHO, [_PLAIN], {_PLAIN_BE}),
+        (_ECHO, [_KEPT, _PLAIN], {_KEPT, _PLAIN_BE}),
+        (_ECHO, [_KEPT_BE, _KEPT], {_KEPT, _KEPT_BE}),
     ],
 )
-def test_what_a_subscription_requests(profile: QoSProfile, is_latched: bool, requested: Policies) -> None:
-    assert of_subscription(profile, 1000, transient_local=is_latched) == requested
+def test_which_readers_a_subscription_needs(profile: QoSProfile, far: list[Kind], kinds: set[Kind]) -> None:
+    assert kinds_for(profile, far) == kinds
+
+
+@for_each(
+    "profile, kind, requested",
+    [
+        (QoSProfile(10), _PLAIN, Policies(depth=1000)),
+        (_BEST_EFFORT, _PLAIN_BE, Policies(reliable=False, depth=1000)),
+        (_LATCHED, _KEPT, Policies(transient_local=True, depth=1000)),
+        (_LOSSLESS, _PLAIN, Policies(keep_all=True, depth=1000)),
+        (
+            QoSProfile(history=History.KEEP_ALL, reliability=Reliability.BEST_EFFORT),
+            _PLAIN_BE,
+            Policies(False, depth=1000),
+        ),
+        (_TIMED, _PLAIN, Policies(depth=1000, **_TIMES)),
+        (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), _PLAIN, Policies(depth=1000, manual=True)),
+    ],
+)
+def test_what_a_reader_requests(profile: QoSProfile, kind: Kind, requested: Policies) -> None:
+    assert of_subscription(profile, 1000, kind) == requested
 
 
 @for_each(

@@ -1,0 +1,387 @@
+"""The engine for DDS against cyclonedds alone."""
+
+import asyncio
+import os
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+import pytest
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+
+from bus.qos import Durability, QoSProfile, Reliability
+from bus.schema import MessageSchema
+from bus_bridge.dds import raw
+from bus_bridge.dds.engine import DdsEngine
+from bus_bridge.dds.graph import NodeEntities, decode, encode
+from bus_bridge.dds.node_info import _info_type
+from bus_bridge.dds.options import DdsOptions
+from bus_bridge.engine import Sample
+from bus_bridge.errors import BridgeError
+from conftest import WAIT_S
+from peers import peer
+from peers.dds import (
+    BEST,
+    DOMAIN,
+    LATCHED,
+    LOSSLESS,
+    NODE,
+    STRING,
+    Alone,
+    Bridge,
+    Far,
+    cdr,
+    sample_of,
+    say,
+    taken,
+    until,
+)
+
+
+@pytest.fixture
+async def bridge() -> AsyncIterator[Bridge]:
+    made = Bridge()
+    await made.open()
+    yield made
+    await made.engine.close()
+
+
+@pytest.fixture
+def alone(bridge: Bridge) -> Iterator[Alone]:
+    made = Alone()
+    yield made
+    made.close()
+
+
+_LATCHED = (Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1))
+
+
+async def test_what_a_program_of_dds_says_is_heard(bridge: Bridge, alone: Alone) -> None:
+    withdraw = bridge.listen("/chatter")
+    writer = alone.writer("/chatter")
+    reader = await bridge.read("/chatter")
+    endpoint = bridge.far.find("publisher", "/chatter")
+    assert endpoint is not None and endpoint.type_name == "std_msgs/msg/String"
+    assert endpoint.type_hash == STRING.type_hash and endpoint.qos == QoSProfile(1000)
+    assert bridge.far.names() == [f"/_dds_{alone.participant.guid.bytes[:12].hex()}"]
+    say(writer, "one", "two")
+    await until(lambda: bridge.heard == ["one", "two"])
+    reader.close()
+    withdraw()
+    raw.delete(writer)
+    await until(lambda: not bridge.far.endpoints and not bridge.far.nodes)
+
+
+async def test_what_is_said_before_it_is_read_waits(bridge: Bridge, alone: Alone) -> None:
+    bridge.listen("/chatter")
+    writer = alone.writer("/chatter")
+    await until(lambda: writer.get_matched_subscriptions())
+    say(writer, "first")
+    await bridge.read("/chatter")
+    say(writer, "second")
+    await until(lambda: bridge.heard == ["first", "second"])
+
+
+async def test_a_program_of_dds_hears(bridge: Bridge, alone: Alone) -> None:
+    changes: list[bool] = []
+    writer = bridge.publish("/chatter", on_change=lambda: changes.append(writer.is_wanted))
+    assert not writer.is_wanted
+    reader = alone.reader("/chatter")
+    await until(lambda: writer.is_wanted)
+    sample = sample_of("hi", 1)
+    assert writer.write([sample]) == 1
+    found = await until(lambda: raw.taker_of(reader)(10))
+    assert [(data, info.source_timestamp) for data, info in found] == [(cdr("hi"), sample.source_time_ns)]
+    raw.delete(reader)
+    await until(lambda: not writer.is_wanted)
+    assert changes == [True, False]
+    writer.close()
+    writer.close()
+
+
+async def test_late_joiners_get_what_is_kept_both_ways(bridge: Bridge, alone: Alone) -> None:
+    writer = bridge.publish("/map", LATCHED)
+    bridge.send(writer, "old", "map")
+    assert writer.write([sample_of("map", bridge.numbers)]) == 1  # given again: it is there already
+    reader = alone.reader("/map", *_LATCHED[:2], Policy.History.KeepAll)
+    await until(lambda: writer.is_wanted)
+    bridge.send(writer, "new")
+    got: list[str] = []
+    await until(lambda: got.extend(taken(reader)) or len(got) >= 2)
+    assert got == ["map", "new"]
+
+    far = alone.writer("/goal", *_LATCHED)
+    say(far, "old", "goal")
+    await until(lambda: bridge.far.find("publisher", "/goal"))
+    bridge.listen("/goal", LATCHED)
+    await bridge.read("/goal")
+    await until(lambda: bridge.heard == ["goal"])
+    say(far, "new")
+    await until(lambda: bridge.heard == ["goal", "new"])
+
+
+async def test_a_publisher_that_is_read_again_tells_nothing_twice(bridge: Bridge, alone: Alone) -> None:
+    writer = alone.writer("/map", *_LATCHED)
+    say(writer, "one")
+    withdraw = bridge.listen("/map", LATCHED)
+    reader = await bridge.read("/map")
+    await until(lambda: bridge.heard == ["one"])
+    reader.close()
+    withdraw()
+    say(writer, "two")
+    bridge.listen("/map", LATCHED)
+    await bridge.read("/map")
+    await until(lambda: bridge.heard == ["one", "two"])
+    say(writer, "three")
+    await until(lambda: bridge.heard == ["one", "two", "three"])
+
+
+async def test_best_available_gets_what_each_publisher_keeps(bridge: Bridge, alone: Alone) -> None:
+    bridge.listen("/tf", BEST)
+    latched, plain = alone.writer("/tf", *_LATCHED), Alone()
+    say(latched, "kept")
+    try:
+        await bridge.read("/tf")
+        await until(lambda: bridge.heard == ["kept"])
+        other = plain.writer("/tf")
+        await until(lambda: len(bridge.far.endpoints) == 2)
+        endpoint = next(one for one in bridge.far.endpoints.values() if one.gid == other.guid.bytes)
+        bridge.engine.read(endpoint, STRING, bridge.hear)
+        await until(lambda: other.get_matched_subscriptions())
+        say(other, "live")
+        say(latched, "more")
+        await until(lambda: sorted(bridge.heard) == ["kept", "live", "more"])
+    finally:
+        plain.close()
+    await until(lambda: len(bridge.far.endpoints) == 1)
+    say(latched, "last")
+    await until(lambda: bridge.heard[-1] == "last")
+
+
+@pytest.mark.parametrize("durability", ["volatile", "transient_local"])
+async def test_another_reader_takes_over_without_loss(bridge: Bridge, alone: Alone, durability: str) -> None:
+    """Each is withdrawn, and made again, while messages flow."""
+    qos = QoSProfile(1000, durability=Durability(durability))
+    policies: tuple[Any, ...] = (Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(1000))
+    if durability == "transient_local":
+        policies += (Policy.Durability.TransientLocal,)
+    writer = alone.writer("/chatter", *policies)
+    withdraws = [bridge.listen("/chatter", qos) for _ in range(2)]
+    await bridge.read("/chatter")
+    await until(lambda: len(writer.get_matched_subscriptions()) == 2)
+    said = []
+    for turn in range(6):
+        for number in range(100):
+            said.append(f"{turn}-{number}")
+            say(writer, said[-1])
+            if number % 10 == 0:
+                await asyncio.sleep(0.001)
+            if number == 50:
+                withdraws.pop(0)()
+        profile = QoSProfile(10, reliability=Reliability.BEST_EFFORT) if turn % 2 else qos
+        withdraws.append(bridge.listen("/chatter", profile))
+        await until(lambda: len(writer.get_matched_subscriptions()) == 2)
+    await until(lambda: len(bridge.heard) >= len(said))
+    assert bridge.heard == said
+
+
+async def test_nodes_of_this_bus_are_told_and_go(bridge: Bridge, alone: Alone) -> None:
+    reader = _info_reader(alone, 16)
+    writer = bridge.publish("/chatter")
+    withdraw = bridge.listen("/back")
+    said: list[list[NodeEntities]] = []
+
+    def nodes() -> list[NodeEntities]:
+        said.extend(decode(data)[1] for data, info in raw.taker_of(reader)(100) if info.valid_data)
+        return said[-1] if said else []
+
+    (node,) = await until(lambda: [one for one in nodes() if one.readers and one.writers])
+    assert (node.namespace, node.name) == ("/robot", "busd_node")
+    assert len(node.readers) == len(node.writers) == 1
+    writer.close()
+    withdraw()
+    await until(lambda: nodes() == [NodeEntities("/robot", "busd_node")])
+    bridge.engine.withdraw_node(NODE)
+    await until(lambda: nodes() == [])
+
+
+def _info_reader(alone: Alone, size: int) -> Any:
+    topic = alone.topic("ros_discovery_info", _info_type(size))
+    return DataReader(alone.participant, topic, Qos(*_LATCHED[:2], Policy.History.KeepAll))
+
+
+@contextmanager
+def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
+    topic = alone.topic("ros_discovery_info", _info_type(size))
+    writer = DataWriter(alone.participant, topic, Qos(*_LATCHED, Policy.Userdata(user_data)))
+    yield writer
+    raw.delete(writer)
+
+
+async def test_humble_is_understood_and_answered(bridge: Bridge, alone: Alone) -> None:
+    guid = alone.participant.guid.bytes
+    chatter = alone.writer("/chatter")
+    reader = _info_reader(alone, 24)
+    with info_writer(alone, 24, b"") as writer:
+        info = encode(guid, [NodeEntities("/old", "humble", (), (chatter.guid.bytes,))], 24)
+        assert raw.writer_of(writer)(info, time.time_ns()) == 0
+        await until(lambda: "/old/humble" in bridge.far.names())
+        endpoint = await until(lambda: bridge.far.find("publisher", "/chatter"))
+        assert bridge.far.nodes[endpoint.node].name == "humble" and endpoint.type_hash == STRING.type_hash
+        found = await until(lambda: [d for d, i in raw.taker_of(reader)(100) if i.valid_data and len(d) > 60])
+        assert decode(found[-1], 24)[1] == [NodeEntities("/robot", "busd_node")]
+
+
+async def test_a_participant_says_whose_its_endpoints_are(bridge: Bridge, alone: Alone) -> None:
+    guid = alone.participant.guid.bytes
+    one = alone.writer("/chatter")
+    with info_writer(alone, 16, b"typehash=RIHS01_91a0;") as writer:
+        node = NodeEntities("/ros", "talker", (), (one.guid.bytes,))
+        bad = NodeEntities("/ros", "no name", (), ())
+        assert raw.writer_of(writer)(encode(guid, [node, bad]), time.time_ns()) == 0
+        await until(lambda: bridge.far.names() == ["/ros/talker"])
+        assert any("no name" in text for text in bridge.far.warnings)
+    alone.close()
+    await until(lambda: not bridge.far.nodes and not bridge.far.endpoints)
+
+
+async def test_what_another_busd_has_marked_is_ignored(bridge: Bridge, alone: Alone) -> None:
+    marked = Alone(b"busd=laptop-5e6f7a8b;")
+    try:
+        writer = bridge.publish("/chatter")
+        bridge.listen("/back")
+        theirs, back = marked.reader("/chatter"), marked.writer("/back")
+        await until(lambda: back.get_matched_subscriptions() and theirs.get_matched_publications())
+        say(back, "not for you")
+        ours = alone.writer("/back")
+        await bridge.read("/back")
+        say(ours, "for you")
+        await until(lambda: bridge.heard)
+        assert bridge.heard == ["for you"] and not writer.is_wanted
+        assert [one.gid for one in bridge.far.endpoints.values()] == [ours.guid.bytes]
+    finally:
+        marked.close()
+
+
+async def test_types_that_are_not_known_and_services_are_said_once(bridge: Bridge, alone: Alone) -> None:
+    unknown = make_idl_struct("Wheel_", "demo_msgs::msg::dds_::Wheel_", {"data": str}, dataclassify=False)
+    one = DataWriter(alone.participant, alone.topic("rt/wheel", unknown))
+    other = DataWriter(
+        alone.participant, alone.topic("rt/text"), Qos(Policy.Userdata(b"typehash=RIHS01_0123456789abcdef;"))
+    )
+    service = DataWriter(alone.participant, alone.topic("rr/addReply"))
+    each = DataWriter(alone.participant, alone.topic("rr/node/get_parametersReply"))
+    assert one and other and service and each
+    await until(lambda: len(bridge.far.warnings) == 3)
+    wheel, text, services = sorted(bridge.far.warnings, key=lambda said: ("services" in said, "text" in said))
+    assert "topic /wheel of ROS 2 is left out: unknown interface 'demo_msgs/msg/Wheel'" in wheel
+    assert "std_msgs/msg/String is another type in ROS 2 (RIHS01_0123456789ab" in text
+    assert "services, actions and parameters don't cross" in services
+    writer = bridge.publish("/add/_request")
+    assert writer.write([sample_of("x")]) == 1 and not writer.is_wanted
+    bridge.listen("/add/_reply")()
+    assert len(bridge.far.warnings) == 3 and not bridge.far.endpoints
+
+
+async def test_a_type_that_a_node_of_this_bus_has_becomes_known(bridge: Bridge, alone: Alone) -> None:
+    class Wheel(msgspec.Struct, array_like=True):
+        __type_name__ = "demo_msgs/msg/Wheel"
+        data: str = ""
+
+    unknown = make_idl_struct("Wheel_", "demo_msgs::msg::dds_::Wheel_", {"data": str}, dataclassify=False)
+    writer = DataWriter(
+        alone.participant, alone.topic("rt/wheel", unknown), Qos(Policy.Reliability.Reliable(0))
+    )
+    await until(lambda: bridge.far.warnings)
+    bridge.listen("/wheel", QoSProfile(), MessageSchema.of(Wheel))
+    await bridge.read("/wheel")
+    await until(lambda: writer.get_matched_subscriptions())
+    say(writer, "turns")
+    await until(lambda: bridge.heard == ["turns"])
+
+
+async def test_a_payload_that_is_no_message_is_counted(bridge: Bridge, alone: Alone) -> None:
+    reader = alone.reader("/chatter")
+    writer = bridge.publish("/chatter")
+    await until(lambda: writer.is_wanted)
+    assert writer.write([Sample(b"\xc1", 1, 1), Sample(b"\x91\x05", 2, 1), sample_of("right", 3)]) == 3
+    await until(lambda: taken(reader) == ["right"])
+    assert writer.lost == {"undecodable": 2}
+
+
+async def test_what_a_lossless_publisher_says_waits_until_there_is_room(bridge: Bridge, alone: Alone) -> None:
+    policies = Policy.Reliability.Reliable(10**9), Policy.History.KeepAll
+    bridge.listen("/chatter", LOSSLESS)
+    writer = alone.writer("/chatter", *policies)
+    endpoint = await until(lambda: bridge.far.find("publisher", "/chatter"))
+    endpoint = msgspec.structs.replace(
+        endpoint, qos=LOSSLESS
+    )  # history is not told for keep all of each vendor
+    sizes: list[int] = []
+    way = bridge.engine.read(
+        endpoint, STRING, lambda samples: sizes.extend(len(one.payload) for one in samples)
+    )
+    await until(lambda: writer.get_matched_subscriptions())
+    for _ in range(12):
+        say(writer, "x" * 2**20)
+    await until(lambda: sum(sizes) > 2**22)
+    await asyncio.sleep(0)
+    assert len(sizes) == 4
+    while len(sizes) < 12:
+        before = len(sizes)
+        way.taken(sizes[0])
+        await until(lambda before=before: len(sizes) > before)
+    assert way.lost == {}
+
+
+async def test_a_peer_that_hangs_holds_nobody_up(bridge: Bridge) -> None:
+    loop = asyncio.get_running_loop()
+    room = asyncio.Event()
+    writer = bridge.publish("/chatter", LOSSLESS, on_change=room.set)
+    with peer.cyclone(None, domain=DOMAIN) as far:
+        await asyncio.to_thread(far.ask, "listen", topic="/chatter", type_name="std_msgs/msg/String", depth=0)
+        await until(lambda: writer.is_wanted)
+        os.kill(far.process.pid, 19)
+        samples = [sample_of(f"{number} " + "x" * 50_000, number) for number in range(1, 1001)]
+        begun = loop.time()
+        gone = writer.write(samples)
+        assert loop.time() - begun < WAIT_S / 4 and 0 < gone < 1000
+        os.kill(far.process.pid, 18)
+        while gone < len(samples):
+            room.clear()
+            gone += writer.write(samples[gone:])
+            if gone < len(samples):
+                await asyncio.wait_for(room.wait(), WAIT_S)
+        heard = await asyncio.to_thread(far.wait, "/chatter", 1000)
+        assert [int(one["data"].split()[0]) for one in heard] == list(range(1, 1001))
+        assert writer.lost == {}
+
+
+async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
+    bridge.listen("/chatter")
+    writer = bridge.publish("/chatter")
+    reader = alone.reader("/chatter")
+    await until(lambda: bridge.far.endpoints and reader)
+    assert [(link.state, link.bus, link.text) for link in bridge.engine.links()] == [
+        ("up", f"dds{DOMAIN}", "1 participant")
+    ]
+    bridge.engine.refuse(f"dds{DOMAIN}", "it lies")
+    assert not bridge.far.buses
+    assert [(link.state, link.text) for link in bridge.engine.links()] == [("refused", "it lies")]
+    assert writer.write([sample_of("gone")]) == 1
+    assert bridge.publish("/other").write([sample_of("gone")]) == 1
+    writer.close()
+    bridge.listen("/other")()
+
+
+async def test_a_domain_that_can_not_be_opened() -> None:
+    with pytest.raises(BridgeError, match="domain 3 on interface 'nowhere0'"):
+        await DdsEngine(DdsOptions(3, interface="nowhere0"), "id").open(Far())
