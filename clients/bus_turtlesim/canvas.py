@@ -1,4 +1,4 @@
-"""What pens have drawn: pixels, without a window."""
+"""What pens have drawn: pixels, wherever they are shown."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ class Pen(NamedTuple):
 class Canvas:
     """Pixels, each of a colour or clear.
 
-    `news`, where it is a list, gets what is painted from then on, for a window to take out.
+    `news`, where it is a list, gets what is painted from then on, for a page to take out.
     """
 
     def __init__(self) -> None:
@@ -37,6 +37,12 @@ class Canvas:
         self.clearings += 1
         if self.news is not None:
             self.news.clear()
+
+    def picture(self) -> bytes:
+        """All pixels from the upper left, line by line: red, green, blue; and 255 where painted, else 0."""
+        pixels = bytearray(self._pixels)  # in one step, for another thread may ask
+        pixels[_BYTES - 1 :: _BYTES] = pixels[_BYTES - 1 :: _BYTES].replace(b"\1", b"\xff")
+        return bytes(pixels)
 
     def at(self, x: int, y: int) -> Colour | None:
         """The colour of a pixel; None: it is clear, or there is none."""

@@ -1,8 +1,10 @@
 """`bus run turtlesim turtlesim_node`: turtles that move as they are told, and draw.
 
-Owns: the node, its services and parameters, and the period. With a display there is a window, too.
+Owns: the node, its services and parameters, and the period. Browsers see the turtles on a page.
 """
 
+import sys
+from argparse import ArgumentParser, ArgumentTypeError
 from contextlib import suppress
 from typing import Any
 
@@ -11,26 +13,29 @@ from bus_ros.rclpy.exceptions import InvalidTopicNameException, ParameterExcepti
 from bus_ros.rclpy.executors import ExternalShutdownException
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.utilities import remove_ros_args
 from bus_turtlesim.canvas import Colour
 from bus_turtlesim.messages import Empty, IntegerRange, Kill, ParameterDescriptor, Spawn
+from bus_turtlesim.page import NoPage, Page
 from bus_turtlesim.turtle_ends import TurtleEnds
-from bus_turtlesim.window import NoWindow, Window
 from bus_turtlesim.world import PERIOD_S, SIZE, World
+from bus_web.place import Place, PlaceError, parse_place
 
 __all__ = ["TurtleSim", "main"]
 
 _NAME = "turtlesim"
+_ANY = Place("127.0.0.1", 0)
 _BACKGROUND = {"Red": 0x45, "Green": 0x56, "Blue": 0xFF}
 
 
 class TurtleSim(Node):
-    """The node. `window`: None where nothing is drawn."""
+    """The node. `page`: None where nobody can look."""
 
-    def __init__(self, window: Window | None = None, **options: Any) -> None:
+    def __init__(self, page: Page | None = None, **options: Any) -> None:
         super().__init__(_NAME, **options)
         self.world = World()
         self._ends: dict[str, TurtleEnds] = {}
-        self._window = window
+        self._page = page
         for colour, value in _BACKGROUND.items():
             described = ParameterDescriptor(
                 description=f"{colour} channel of the background color",
@@ -52,10 +57,8 @@ class TurtleSim(Node):
         background = self._background()
         for ends in self._ends.values():
             ends.step(now_ns, background)
-        if self._window is not None:
-            self._window.show(self.world, background)
-            if self._window.is_closed:
-                raise ExternalShutdownException
+        if self._page is not None:
+            self._page.show(self.world, background)
 
     def _background(self) -> Colour:
         red, green, blue = (self.get_parameter(f"background_{colour}").value for colour in "rgb")
@@ -106,17 +109,52 @@ class TurtleSim(Node):
 
 
 def main() -> int:
+    listen = _parser().parse_args(remove_ros_args(sys.argv)[1:]).listen
     with rclpy.init(), suppress(KeyboardInterrupt, ExternalShutdownException):
         logger = RcutilsLogger(_NAME)
+        page = _open(listen)
         try:
-            window = Window()
-        except NoWindow as error:
-            window = None
-            logger.info(f"No window: {error}")
-        try:
-            node = TurtleSim(window)
+            node = TurtleSim(page)
         except ParameterException as error:
             logger.fatal(str(error))
             return 1
-        rclpy.spin(node)
+        try:
+            rclpy.spin(node)
+        finally:
+            if page is not None:
+                page.close()
     return 0
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
+        prog="turtlesim_node", description="Turtles that move as they are told, and draw."
+    )
+    parser.add_argument(
+        "--listen",
+        metavar="PLACE",
+        type=_place,
+        default=_ANY,
+        help="where their page is: address:port or unix:PATH (default: any port of 127.0.0.1)",
+    )
+    return parser
+
+
+def _place(text: str) -> Place:
+    try:
+        return parse_place(text)
+    except PlaceError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def _open(listen: Place) -> Page | None:
+    """Says where the page is, or why there is none."""
+    try:
+        page = Page(listen)
+    except NoPage as error:
+        print(f"no page: {error}", flush=True)
+        return None
+    if page.forwarding:
+        print(f"first: {page.forwarding}")
+    print(f"page: {page.address}", flush=True)
+    return page

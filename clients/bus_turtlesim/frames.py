@@ -1,0 +1,88 @@
+"""What was drawn of late, for pages that look: each is sent what it has not had. Pure."""
+
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from bus_turtlesim.canvas import Colour, Square
+from bus_turtlesim.world import Turtle
+
+__all__ = ["Frames", "Pictures", "Seen", "message"]
+
+_MOST_FRAMES = 250
+"""Four seconds; who is later than that is sent the whole picture."""
+_PICTURES = 8
+
+
+class Seen(NamedTuple):
+    """A turtle as a page draws it: its place in m from the lower left, its heading in rad."""
+
+    name: str
+    x: float
+    y: float
+    theta: float
+    picture: int
+    """Which of the eight kinds of turtles it looks like; it keeps that."""
+
+
+class Frames:
+    """What was drawn in the last steps. Frames are numbered from 1."""
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self._frames: deque[tuple[bool, list[Square]]] = deque(maxlen=_MOST_FRAMES)
+
+    def add(self, squares: list[Square], *, is_cleared: bool) -> None:
+        """A step has drawn this, after the canvas was cleared, where it was."""
+        self._frames.append((is_cleared, squares))
+        self.newest += 1
+
+    def since(self, number: int) -> tuple[bool, list[Square]] | None:
+        """What came after frame `number`, as one; None where that is too long ago."""
+        missing = self.newest - number
+        if missing > len(self._frames):
+            return None
+        was_cleared = False
+        found: list[Square] = []
+        for is_cleared, squares in list(self._frames)[len(self._frames) - missing :]:
+            if is_cleared:
+                was_cleared, found = True, []
+            found += squares
+        return was_cleared, found
+
+
+class Pictures:
+    """Which picture each turtle has: the next one, and it stays."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+        self._count = 0
+
+    def look(self, turtles: Iterable[tuple[str, Turtle]]) -> tuple[Seen, ...]:
+        """The turtles as they are now."""
+        before, self._numbers = self._numbers, {}
+        found = []
+        for name, turtle in turtles:
+            number = before.get(name)
+            if number is None:
+                number = self._count % _PICTURES
+                self._count += 1
+            self._numbers[name] = number
+            found.append(Seen(name, turtle.x, turtle.y, turtle.theta, number))
+        return tuple(found)
+
+
+def message(
+    seen: tuple[Seen, ...], background: Colour, squares: list[Square], *, is_cleared: bool
+) -> dict[str, object]:
+    """What a page is sent."""
+    return {
+        "turtles": [one._asdict() for one in seen],
+        "background": _text(background),
+        "cleared": is_cleared,
+        "squares": [[*places, _text(colour)] for *places, colour in squares],
+    }
+
+
+def _text(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -1,0 +1,150 @@
+"""turtlesim's page: a small server in a thread of its own, which shows the turtles to browsers.
+
+The node's thread tells it of each step (`Page.show`), and nothing goes the other way: whoever looks can
+change nothing.
+"""
+
+import asyncio
+import secrets
+import threading
+from typing import TYPE_CHECKING, Any
+
+from msgspec import json
+
+from bus_turtlesim.canvas import Canvas, Colour, Square
+from bus_turtlesim.frames import Frames, Pictures, Seen, message
+from bus_turtlesim.world import World
+from bus_web.place import Place, PlaceError
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+
+__all__ = ["NoPage", "Page"]
+
+_SUBPROTOCOL = "busd.turtlesim.v1"
+_PERIOD_S = 1 / 30
+"""Between two frames for one browser."""
+
+
+class NoPage(Exception):
+    """There can be none; the text says why."""
+
+
+class Page:
+    """Serves the page at `place` until `close`. Raises NoPage.
+
+    `address` is the page's, with its token. `forwarding`, where no browser reaches it without: what to say
+    for that.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self._frames, self._pictures = Frames(), Pictures()
+        self._canvas: Canvas | None = None
+        self._scene: tuple[tuple[Seen, ...], Colour] | None = None
+        """None: to be told anew."""
+        self._clearings = 0
+        self._viewers: set[asyncio.Event] = set()
+        self._loop = asyncio.new_event_loop()
+        self._ended = self._loop.create_future()
+        self._opened = threading.Event()
+        self._failure: NoPage | None = None
+        self.address = self.forwarding = ""
+        self._thread = threading.Thread(target=self._run, args=(place,), name="page", daemon=True)
+        self._thread.start()
+        self._opened.wait()
+        if self._failure is not None:
+            self._thread.join()
+            raise self._failure
+
+    def show(self, world: World, background: Colour) -> None:
+        """A step is done. Costs next to nothing where nobody looks."""
+        canvas = self._canvas = world.canvas
+        squares, canvas.news = canvas.news or [], []
+        is_cleared, self._clearings = canvas.clearings != self._clearings, canvas.clearings
+        if self._viewers:
+            seen = self._pictures.look(world.turtles.items())
+            self._loop.call_soon_threadsafe(self._take, seen, background, squares, is_cleared)
+
+    def close(self) -> None:
+        """Browsers are told that it ends."""
+        self._loop.call_soon_threadsafe(self._ended.set_result, None)
+        self._thread.join()
+
+    # --- in its thread
+
+    def _run(self, place: Place) -> None:
+        try:
+            self._loop.run_until_complete(self._serve(place))
+        finally:
+            self._opened.set()
+            self._loop.close()
+
+    async def _serve(self, place: Place) -> None:
+        try:
+            from bus_web.files import load
+            from bus_web.gate import Gate
+            from bus_web.server import Server
+        except ImportError as error:
+            self._failure = NoPage(f"the page needs websockets ({error}): pip install 'busd[web]'")
+            return
+        from pathlib import Path
+
+        token = secrets.token_urlsafe(24)
+        files = load(Path(__file__).with_name("page"))
+        server = Server(Gate(token, place.cookie), files, {_SUBPROTOCOL: self._view})
+        try:
+            place = await server.open(place)
+        except PlaceError as error:
+            self._failure = NoPage(str(error))
+            return
+        self.address = f"http://{place.authority}/?token={token}"
+        self.forwarding = place.forwarding if place.path is not None else ""
+        self._opened.set()
+        try:
+            await self._ended
+        finally:
+            await server.close()
+
+    def _take(
+        self, seen: tuple[Seen, ...], background: Colour, squares: list[Square], is_cleared: bool
+    ) -> None:
+        is_other = (seen, background) != self._scene
+        self._scene = seen, background
+        if squares or is_cleared:
+            self._frames.add(squares, is_cleared=is_cleared)
+        if is_other or squares or is_cleared:
+            for news in self._viewers:
+                news.set()
+
+    async def _view(self, connection: "ServerConnection") -> None:
+        """Sends one browser what it has not had, as fast as it takes it."""
+        news = asyncio.Event()
+        self._viewers.add(news)  # before the picture is taken: what is drawn from here on is sent after it
+        self._scene = None
+        listening = asyncio.ensure_future(connection.wait_closed())
+        listening.add_done_callback(lambda _: news.set())
+        try:
+            number = -1
+            while not listening.done():
+                await news.wait()
+                news.clear()
+                number = await self._send(connection, number)
+                await asyncio.sleep(_PERIOD_S)
+        finally:
+            self._viewers.discard(news)
+            listening.cancel()
+
+    async def _send(self, connection: "ServerConnection", number: int) -> int:
+        """Returns the number of the frame that it has now."""
+        if self._scene is None:  # another one came, and the next step will say
+            return number
+        newest = self._frames.newest
+        found = self._frames.since(number) if number >= 0 else None
+        if found is None:
+            picture = self._canvas.picture() if self._canvas is not None else b""
+            await connection.send(picture)
+            found = False, []
+        is_cleared, squares = found
+        told: Any = message(*self._scene, squares, is_cleared=is_cleared)
+        await connection.send(json.encode(told).decode())
+        return newest
