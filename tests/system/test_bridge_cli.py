@@ -3,22 +3,23 @@
 import json
 import os
 import re
+import shlex
 import signal
 import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from bus.graph import Graph
-from cli import LISTENER, TALKER, Running, bus
+from cli import LISTENER, TALKER, Running, bus, start
 from conftest import Daemon
 from forks import Forks
+from pages import ROOT, console, shape
 from two_buses import bridge, free_port, script_on, wait_for_graph_of
 
-needs_zenoh = pytest.mark.skipif(
-    "not __import__('importlib.util').util.find_spec('zenoh')", reason="needs eclipse-zenoh"
-)
+needs_zenoh = pytest.mark.skipif(find_spec("zenoh") is None, reason="needs eclipse-zenoh")
 
 
 @pytest.fixture
@@ -53,6 +54,20 @@ def lacks(*nodes: str) -> Callable[[Graph], bool]:
 
 class TestTwoBuses:
     pytestmark = needs_zenoh
+
+    def test_the_page_shows_what_is_logged(self, daemon: Daemon, far: Daemon) -> None:
+        (shown,) = console((ROOT / "docs" / "bridge.md").read_text())
+        port = str(free_port())
+        _, *words = shlex.split(shown.command.replace("7447", port))
+        ours, theirs = (re.search(rf"'({name}-\w+)'", "".join(shown.lines)) for name in ("robot", "laptop"))
+        assert ours and theirs
+        with start(*words, "--id", ours[1]) as here:
+            lines = [here.error_line(), here.error_line()]
+            connect = ("--connect", f"tcp/127.0.0.1:{port}", "--id", theirs[1])
+            with bridge(far.path, "zenoh", *connect):
+                lines.append(here.error_line())
+        for line, pattern in zip(lines, map(shape, shown.lines), strict=True):
+            assert re.fullmatch(pattern, line), line
 
     def test_a_talker_there_is_heard_here(self, daemon: Daemon, far: Daemon, joined: object) -> None:
         with script_on(far.path, TALKER, "0.02"):
@@ -131,6 +146,7 @@ class TestTwoBuses:
 
 
 class TestMistakes:
+    @needs_zenoh
     @pytest.mark.parametrize(
         ("words", "said"),
         [
@@ -149,6 +165,7 @@ class TestMistakes:
         assert said in result.err
         assert result.code in (1, 2) and not result.out
 
+    @needs_zenoh
     def test_a_mistake_in_busd_s_file(self, start_daemon: Callable[..., Daemon], tmp_path: Path) -> None:
         file = tmp_path / "busd.toml"
         file.write_text("[bridge.zenoh]\nlisen = 'tcp/127.0.0.1:7447'\n")

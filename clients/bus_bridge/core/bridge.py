@@ -149,8 +149,7 @@ class Bridge:
         if wrong := self._far.bus_came(bus, self._loop.time()):
             self._refuse(bus.id, wrong)
             return
-        where = f" at {bus.address}" if bus.address else ""
-        self._log.info(printable(f"bus '{bus.id}'{where} is there", keep=""))
+        self._log.info(printable(f"bus '{bus.id}' is there", keep=""))
 
     def bus_went(self, bus_id: str, reason: str) -> None:
         if all(one.id != bus_id for one in self._far.buses):

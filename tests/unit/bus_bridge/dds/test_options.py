@@ -35,6 +35,14 @@ def test_what_can_be(options: DdsOptions) -> None:
     options.check()
 
 
+@for_each(
+    ("interface", "is_local"),
+    [("", True), ("lo", True), ("127.0.0.1", True), ("::1", True), ("eth0", False), ("10.0.0.2", False)],
+)
+def test_it_is_this_machine_alone_if_no_interface_is_named(interface: str, is_local: bool) -> None:
+    assert DdsOptions(interface=interface).is_local == is_local
+
+
 def test_the_domain_is_that_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
     assert DdsOptions().domain == 42

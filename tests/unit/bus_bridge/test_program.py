@@ -1,0 +1,61 @@
+"""bus_bridge.program: what is wrong with a bridge that a user wants is said before anything begins."""
+
+from importlib.util import find_spec
+
+import pytest
+
+from bus.errors import BusError
+from bus_bridge.core.rules import TopicRule
+from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
+from bus_bridge.program import Plan
+from rows import for_each
+
+needs_zenoh = pytest.mark.skipif(find_spec("zenoh") is None, reason="needs eclipse-zenoh")
+needs_cyclonedds = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="needs cyclonedds")
+PLACE = ("tcp/127.0.0.1:7447",)
+
+
+@needs_zenoh
+@for_each(
+    ("table", "said"),
+    [
+        (ZenohTable(listen=PLACE, allow=("topic",)), "allow = 'topic' can never match"),
+        (ZenohTable(listen=PLACE, deny=("/a//b",)), "deny = '/a//b' can never match"),
+        (
+            ZenohTable(listen=PLACE, topics=(TopicRule(pattern="x"),)),
+            "bridge.zenoh.topics.pattern = 'x' can never match",
+        ),
+        (ZenohTable(listen=PLACE, namespace="a b"), "Invalid namespace"),
+        (ZenohTable(listen=PLACE, id="a b"), "the id of a bus has letters"),
+        (ZenohTable(listen=("7447",)), "must begin with tls/, quic/ or tcp/"),
+        (ZenohTable(listen=("tcp/0.0.0.0:7447",)), "is not protected"),
+        (
+            ZenohTable(connect=("tls/robot:7447",), tls=TlsTable(ca="ca.pem")),
+            "--certificate FILE, --key FILE is missing",
+        ),
+    ],
+)
+def test_what_can_t_be(table: BridgeTable, said: str) -> None:
+    with pytest.raises(BusError) as caught:
+        Plan("zenoh", table)
+    assert said in str(caught.value)
+
+
+@needs_cyclonedds
+@for_each(
+    ("table", "said"),
+    [
+        (Ros2Table(peers=("10.0.0.7",)), "10.0.0.7 can't be reached over the loopback interface"),
+        (Ros2Table(interface="a b"), "'a b' is no interface and no address"),
+    ],
+)
+def test_what_can_t_be_of_dds(table: BridgeTable, said: str) -> None:
+    with pytest.raises(BusError) as caught:
+        Plan("ros2", table)
+    assert said in str(caught.value)
+
+
+@needs_zenoh
+def test_what_can_be() -> None:
+    Plan("zenoh", ZenohTable(listen=PLACE, namespace="bot1", id="robot", allow=("/camera/**",)))
+    Plan("zenoh", ZenohTable(connect=("tcp/10.0.0.2:7447",), insecure=True))
