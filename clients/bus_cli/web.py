@@ -62,6 +62,7 @@ async def _serve(args: Namespace) -> int:
     options = Options(
         listen=args.listen,
         origins=args.allow_origin,
+        opens=args.open,
         may_publish=args.allow_publish,
         may_call=args.allow_call,
         may_set=args.allow_set,
@@ -70,7 +71,7 @@ async def _serve(args: Namespace) -> int:
     def ready(addresses: "Addresses") -> None:
         _tell(addresses, as_json=args.json)
         if args.open:
-            _open(addresses.page)
+            _open(addresses.once)
 
     async with open_node(args, f"_bus_web_{os.getpid()}") as node:
         await run(node, options, str(socket_path(args.socket, args.domain)), ready)
@@ -79,9 +80,7 @@ async def _serve(args: Namespace) -> int:
 
 def _tell(addresses: "Addresses", *, as_json: bool) -> None:
     if as_json:
-        from msgspec import to_builtins
-
-        print_json(to_builtins(addresses))
+        print_json({name: getattr(addresses, name) for name in ("page", "foxglove", "forwarding")})
         return
     if addresses.forwarding:
         say(f"first: {addresses.forwarding}")

@@ -57,6 +57,12 @@ class Gate:
         self._token = token.encode()
         self._cookie = cookie
         self._origins = frozenset(origin.rstrip("/").lower() for origin in (FOXGLOVE, *origins))
+        self._tickets: set[str] = set()
+
+    def issue(self, ticket: str) -> None:
+        """A page may be opened by `ticket` in place of the token, once: all users of the machine read what a
+        command line says."""
+        self._tickets.add(ticket)
 
     def judge(self, ask: Ask, *, is_socket: bool) -> Enter | Redirect | Refuse:
         """`is_socket`: it asks for a WebSocket, which goes by no redirect."""
@@ -76,7 +82,9 @@ class Gate:
             if any(self._is_token(one) for one in self._cookies(ask.cookie)):
                 return Enter(parts.path, host)
             return Refuse(403, "open the address that bus web has printed: its token is of this start")
-        if not all(self._is_token(one) for one in given):
+        if len(given) == 1 and given[0] in self._tickets and not is_socket:
+            self._tickets.discard(given[0])
+        elif not all(self._is_token(one) for one in given):
             return Refuse(403, "this token is of another start: open the address that bus web has printed")
         if is_socket:
             return Enter(parts.path, host)

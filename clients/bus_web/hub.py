@@ -67,7 +67,9 @@ class Hub:
                 tasks, self._tasks = self._tasks, []
                 for task in tasks:
                     task.cancel()
-                await asyncio.gather(*tasks, return_exceptions=True)
+                for ended in await asyncio.gather(*tasks, return_exceptions=True):
+                    if isinstance(ended, Exception):
+                        raise ended
 
     async def aclose(self) -> None:
         """End all subscriptions. The node stays."""

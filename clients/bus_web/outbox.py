@@ -14,7 +14,7 @@ MOST_BYTES = 8 << 20
 
 class _Frame(NamedTuple):
     topic: str
-    data: str | bytes
+    data: bytes
 
 
 class _Queue:
@@ -43,12 +43,12 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._frames)
 
-    def notify(self, data: str | bytes) -> None:
+    def notify(self, data: bytes) -> None:
         """What is of no topic is never dropped: whoever says it must look at `notices` first."""
         self.notices += 1
         self._append("", data)
 
-    def put(self, topic: str, data: str | bytes) -> None:
+    def put(self, topic: str, data: bytes) -> None:
         """A message of a topic; older ones go where there is no room."""
         queue = self._queues.setdefault(topic, _Queue())
         queue.numbers.append(self._next)
@@ -57,7 +57,7 @@ class Outbox:
         while self.bytes > self._most_bytes and self._drop_one(topic):
             pass
 
-    def take(self) -> str | bytes | None:
+    def take(self) -> bytes | None:
         """The next to go; None where nothing waits."""
         if not self._frames:
             return None
@@ -75,7 +75,7 @@ class Outbox:
         for number in queue.numbers if queue is not None else ():
             self.bytes -= len(self._frames.pop(number).data)
 
-    def _append(self, topic: str, data: str | bytes) -> None:
+    def _append(self, topic: str, data: bytes) -> None:
         self._frames[self._next] = _Frame(topic, data)
         self._next += 1
         self.bytes += len(data)

@@ -67,12 +67,12 @@ def read(frame: str | bytes) -> Look | Log:
     return said
 
 
-def message(op: str, **fields: Any) -> str:
-    """A frame of the server."""
-    return _encode({"op": op, **fields}).decode()
+def message(op: str, **fields: Any) -> bytes:
+    """A frame of the server: the bytes of a text."""
+    return _encode({"op": op, **fields})
 
 
-def graph(model: Model) -> str:
+def graph(model: Model) -> bytes:
     """All that changes with the structure only."""
     rows = model.topics(hidden=True)
     ends = model.all_endpoints()
@@ -95,12 +95,12 @@ def graph(model: Model) -> str:
     )
 
 
-def history(rows: Iterable[TopicRow]) -> str:
+def history(rows: Iterable[TopicRow]) -> bytes:
     """Of topics on which something has come of late."""
     return message("history", topics={row.topic: _short(row.history) for row in rows if any(row.history)})
 
 
-def detail(endpoints: Iterable[EndpointRow]) -> str:
+def detail(endpoints: Iterable[EndpointRow]) -> bytes:
     """All counters of some endpoints."""
     return message(
         "detail",
@@ -115,7 +115,7 @@ class Sent:
         self._topics: Mapping[str, list[Any]] = {}
         self._ends: Mapping[str, list[Any]] = {}
 
-    def rates(self, model: Model) -> str:
+    def rates(self, model: Model) -> bytes:
         """The rates of now."""
         rows = model.topics(hidden=True)
         topics = {

@@ -1,6 +1,5 @@
 """Images of messages, made small for the page. Pure, and without a library: rows and columns are left out."""
 
-from base64 import b64encode
 from typing import Any
 
 __all__ = ["picture_of"]
@@ -26,7 +25,7 @@ _KINDS = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG\r\n", "image/png"))
 def picture_of(message: Any) -> dict[str, Any] | None:
     """What the page draws of an Image or a CompressedImage; None for all else, and what can't be drawn.
 
-    `width`, `height` and `rgb` in base64, or of a compressed one `type` and `data`.
+    `width`, `height` and `rgb`, or of a compressed one `type` and `data`: bytes, which are base64 in JSON.
     """
     fields = getattr(message, "__struct_fields__", ())
     if "data" not in fields or not isinstance(message.data, bytes | bytearray | memoryview):
@@ -37,7 +36,7 @@ def picture_of(message: Any) -> dict[str, Any] | None:
         head = bytes(message.data[:8])
         kind = next((kind for begin, kind in _KINDS if head.startswith(begin)), None)
         if kind is not None and len(message.data) <= _MOST_COMPRESSED:
-            return {"type": kind, "data": b64encode(message.data).decode()}
+            return {"type": kind, "data": message.data}
     return None
 
 
@@ -61,4 +60,4 @@ def _raw(image: Any) -> dict[str, Any] | None:
         for channel, where in enumerate(order):
             picked = line[high if is_wide else where :: size * each]
             rgb[at + channel : at + 3 * columns : 3] = picked
-    return {"width": columns, "height": rows, "of": [width, height], "rgb": b64encode(rgb).decode()}
+    return {"width": columns, "height": rows, "of": [width, height], "rgb": rgb}

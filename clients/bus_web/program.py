@@ -25,6 +25,8 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
 
     listen: Place
     origins: Sequence[str] = ()
+    opens: bool = False
+    """Whether a browser will be started, with an address on its command line."""
     may_publish: bool = False
     may_call: bool = False
     may_set: bool = False
@@ -36,6 +38,8 @@ class Addresses(msgspec.Struct, frozen=True):
     page: str
     foxglove: str
     forwarding: str = ""
+    once: str = ""
+    """The page by a token that is good for the first who comes with it."""
 
 
 async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses], None]) -> None:
@@ -46,20 +50,29 @@ async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses
     token = secrets.token_urlsafe(24)
     hub = Hub(node, os.getpid())
     place = options.listen
+    ticket = secrets.token_urlsafe(24)
+    gate = Gate(token, place.cookie, options.origins)
+    if options.opens:
+        gate.issue(ticket)
     server = Server(
-        Gate(token, place.cookie, options.origins),
+        gate,
         load(),
         {page_protocol.SUBPROTOCOL: lambda socket: Viewer(hub, socket, bus).run()},
     )
     async with aclosing(hub):
         try:
             place = await server.open(place)
-            ready(_addresses(place, token))
+            ready(_addresses(place, token, ticket if options.opens else ""))
             await asyncio.get_running_loop().create_future()
         finally:
             await server.close()
 
 
-def _addresses(place: Place, token: str) -> Addresses:
-    where = f"{place.authority}/?token={token}"
-    return Addresses(f"http://{where}", f"ws://{where}", place.forwarding if place.path is not None else "")
+def _addresses(place: Place, token: str, ticket: str) -> Addresses:
+    where = f"{place.authority}/?token="
+    return Addresses(
+        page=f"http://{where}{token}",
+        foxglove=f"ws://{where}{token}",
+        forwarding=place.forwarding if place.path is not None else "",
+        once=f"http://{where}{ticket}" if ticket else "",
+    )

@@ -109,6 +109,10 @@ class Server:
             pass
         except Mistake as mistake:
             await connection.close(_POLICY_VIOLATION, str(mistake)[:120])
+        except Exception as error:  # websockets would say nothing of it
+            context = {"message": "bus web failed for one client", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
+            await connection.close(_INTERNAL_ERROR)
         finally:
             self._clients -= 1
 

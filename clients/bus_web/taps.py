@@ -26,14 +26,18 @@ _DEPTH = 5
 class Heard:
     """A message of a topic; decoded when the first asks, for all that ask."""
 
-    __slots__ = ("_decode", "_message", "info", "payload", "type_name")
+    __slots__ = ("_decode", "_message", "frames", "info", "number", "payload", "type_name")
 
     def __init__(
-        self, type_name: str, decode: Callable[[Any], Any], payload: bytes, info: MessageInfo
+        self, type_name: str, decode: Callable[[Any], Any], payload: bytes, info: MessageInfo, number: int
     ) -> None:
         self.type_name = type_name
         self.payload = payload
         self.info = info
+        self.number = number
+        """How many have come since the first looked."""
+        self.frames: dict[object, bytes] = {}
+        """What was made of it for some who look, to be had by others."""
         self._decode = decode
         self._message: Any = self
 
@@ -62,6 +66,7 @@ class _Tap:
         self.news = asyncio.Event()
         self.task: asyncio.Task[None] | None = None
         self.last: Heard | None = None
+        self.number = 0
 
 
 class Taps:
@@ -151,7 +156,8 @@ class Taps:
         decode = _decoder(schema)
 
         def hear(payload: bytes, info: MessageInfo) -> None:
-            heard = tap.last = Heard(schema.type_name, decode, payload, info)
+            tap.number += 1
+            heard = tap.last = Heard(schema.type_name, decode, payload, info, tap.number)
             for listener in [*tap.listeners]:
                 listener.hear(tap.topic, heard)
 

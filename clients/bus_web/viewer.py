@@ -16,6 +16,8 @@ __all__ = ["Socket", "Viewer"]
 ROSOUT = "/rosout"
 _VALUE_S = 0.05
 """At most 20 values of a topic in a second."""
+_MOST_WAITING = 2 << 20
+"""Bytes. A page shows what is now: it may have less in store than a client that records."""
 _LOG_S = 0.2
 _MOST_LINES = 200
 _MOST_OPENED = 100
@@ -24,7 +26,7 @@ _MOST_OPENED = 100
 class Socket(Protocol):
     """A WebSocket, as far as it is used here."""
 
-    async def send(self, message: str | bytes) -> None: ...
+    async def send(self, message: bytes, *, text: bool) -> None: ...
 
     async def recv(self) -> str | bytes: ...
 
@@ -36,9 +38,8 @@ class _Look:
         self.opened = opened
         self.shown_s = 0.0
         self.waiting: Heard | None = None
+        self.shown: Heard | None = None
         self.timer: asyncio.TimerHandle | None = None
-        self.number = 0
-        """Messages that have come since it looks."""
 
 
 class Viewer(Watcher):
@@ -49,7 +50,7 @@ class Viewer(Watcher):
         self._socket = socket
         self._bus = bus
         self._loop = asyncio.get_running_loop()
-        self._outbox = Outbox()
+        self._outbox = Outbox(_MOST_WAITING)
         self._ready = asyncio.Event()
         self._sent = protocol.Sent()
         self._is_graph_due = self._is_first = True
@@ -109,7 +110,9 @@ class Viewer(Watcher):
         look = self._looks.get(topic)
         if look is None:
             return
-        look.number += 1
+        self._await_turn(topic, look, heard)
+
+    def _await_turn(self, topic: str, look: _Look, heard: Heard) -> None:
         look.waiting = heard
         if look.timer is None:
             wait_s = look.shown_s + _VALUE_S - self._loop.time()
@@ -143,13 +146,13 @@ class Viewer(Watcher):
         for topic, paths in topics.items():
             opened = frozenset(paths[:_MOST_OPENED])
             known = self._looks.get(topic)
-            if known is not None:
-                known.opened = opened
-                if known.waiting is None:
-                    continue
-            else:
+            if known is None:
                 self._looks[topic] = _Look(opened)
                 self._hub.taps.add(topic, self)
+            elif known.opened != opened:
+                known.opened = opened
+                if known.shown is not None and known.waiting is None:
+                    self._await_turn(topic, known, known.shown)
         if topics and self._hub.has_looked and not self._outbox.notices:
             self._put(protocol.detail([end for one in topics for end in self._hub.model.endpoints(one)]))
 
@@ -176,22 +179,25 @@ class Viewer(Watcher):
         if heard is None or self._looks.get(topic) is not look:
             return
         look.shown_s = self._loop.time()
+        look.shown = heard
         try:
             message = heard.message
         except Exception as error:  # of bytes that a stranger has sent
             self.hear_fault(topic, f"a message does not decode: {error}")
             return
         info = heard.info
-        frame = protocol.message(
-            "value",
-            topic=topic,
-            type=heard.type_name,
-            number=look.number,
-            bytes=len(heard.payload),
-            at_ms=info.source_timestamp / 1e6,
-            age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
-            tree=tree_of(message, look.opened),
-        )
+        frame = heard.frames.get(look.opened)  # for all pages that show the same of it
+        if frame is None:
+            frame = heard.frames[look.opened] = protocol.message(
+                "value",
+                topic=topic,
+                type=heard.type_name,
+                number=heard.number,
+                bytes=len(heard.payload),
+                at_ms=info.source_timestamp / 1e6,
+                age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
+                tree=tree_of(message, look.opened),
+            )
         self._outbox.put(topic, frame)
         self._ready.set()
 
@@ -222,7 +228,7 @@ class Viewer(Watcher):
     def _notify(self, op: str, **fields: Any) -> None:
         self._put(protocol.message(op, **fields))
 
-    def _put(self, frame: str) -> None:
+    def _put(self, frame: bytes) -> None:
         self._outbox.notify(frame)
         self._ready.set()
 
@@ -233,4 +239,4 @@ class Viewer(Watcher):
                 self._ready.clear()
                 await self._ready.wait()
             else:
-                await self._socket.send(frame)
+                await self._socket.send(frame, text=True)

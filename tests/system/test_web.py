@@ -15,6 +15,7 @@ import pytest
 
 from cli import LISTENER, TALKER, bus, script, start, wait_for_graph
 from conftest import Daemon
+from neighbours import wait_until
 from rows import for_each
 
 pytest.importorskip("websockets", reason="the page's server is made of websockets")
@@ -26,6 +27,20 @@ from websockets.typing import Origin, Subprotocol
 from web_clients import CAMERA, LOSER, PAGE, Silent, serving
 
 MIB = 1 << 20
+LATCHED = """
+import asyncio, bus
+from bus.msg.std_msgs import ByteMultiArray, MultiArrayDimension, MultiArrayLayout
+async def main():
+    async with bus.Node("once") as node:
+        publisher = await node.create_publisher(
+            ByteMultiArray, "topic", bus.QoSProfile(1, durability=bus.Durability.TRANSIENT_LOCAL)
+        )
+        dim = [MultiArrayDimension(size=size) for size in range(20)]
+        publisher.publish(ByteMultiArray(layout=MultiArrayLayout(dim=dim)))
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
 
 
 def text_of(answer: HTTPResponse) -> str:
@@ -274,16 +289,43 @@ class TestWhatItCosts:
         topics: dict[str, list[str]] = {"/image": [], "/topic": []}
         with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, server.viewer() as viewer:
             viewer.say("look", topics=topics)
-            for _ in range(50):
+            for _ in range(100):
                 viewer.hear("value")
             before = own_bytes(server.running.process.pid)
-            with closing(Silent(server)) as silent:
+            with closing(Silent(server)) as silent, closing(Silent(server)) as other:
                 silent.say("look", topics=topics)
-                for _ in range(100):  # in which 50 images of 670 kB wait for the silent one, or would
+                other.say("look", topics=topics)
+                for _ in range(120):  # in which 60 images of 670 kB wait for the silent ones, or would
                     viewer.hear("value")
-                assert own_bytes(server.running.process.pid) - before < 16 * MIB
+                assert own_bytes(server.running.process.pid) - before < 2 * 16 * MIB
                 silent.hear_of_missed(1)
             viewer.hear("value")
+
+
+def test_what_a_browser_s_command_line_says_is_good_once(
+    daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = tmp_path / "told"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" >{told}.part && mv {told}.part {told}\n')
+    browser.chmod(0o700)
+    monkeypatch.setenv("BROWSER", str(browser))
+    with serving("--open", is_fresh=True) as server:
+        wait_until(told.exists)
+        address = told.read_text().strip()
+        assert address.startswith(f"http://127.0.0.1:{server.port}/?token=")
+        assert server.token not in address
+        target = address.partition(str(server.port))[2]
+        assert [server.get(target).status for _ in range(2)] == [303, 403]
+
+
+def test_an_array_is_opened_after_its_only_message(daemon: Daemon) -> None:
+    with script(LATCHED), serving() as server, server.viewer() as viewer:
+        viewer.hear("graph", lambda told: told["ends"])
+        viewer.say("look", topics={"/topic": []})
+        assert len(viewer.hear("value")["tree"]["layout"]["dim"]["head"]) == 8
+        viewer.say("look", topics={"/topic": ["layout.dim"]})
+        assert len(viewer.hear("value")["tree"]["layout"]["dim"]["head"]) == 20
 
 
 class TestUnixSocket:

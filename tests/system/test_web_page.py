@@ -147,6 +147,29 @@ def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Pag
         )
 
 
+def test_routes_and_what_does_not_match(
+    daemon: Daemon, server: Serving, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BUS_ROUTE", "socket")
+    other = LISTENER.replace("String", "Int32").replace("minimal_subscriber", "other")
+    with script(TALKER, "0.01"), script(LISTENER), script(other):
+        page.open(server.page)
+        edges = "[...document.querySelectorAll('g.edge[data-edge=\"subscription /topic\"]')]"
+        page.wait(f"return {edges}.length", fits=lambda count: count == 2)
+        kinds = page.run(f"return {edges}.map(one => [...one.classList].join()).sort()")
+        assert kinds == ["edge,grey", "edge,socket"]
+        line = f"{edges}.find(one => one.matches('.socket')).querySelector('path')"
+        assert page.run(f"return getComputedStyle({line}).strokeDasharray") == "7px, 4px"
+        texts = page.run(f"return {edges}.map(one => one.querySelector('text').textContent)")
+        assert sorted(texts) == ["", "no match"]
+        choose(page, "/topic")
+        page.wait("return document.querySelectorAll('.mismatches li').length", fits=lambda count: count == 1)
+        assert page.texts(".mismatches li") == [
+            "/minimal_publisher and /other don't match: the publisher has std_msgs/msg/String, "
+            "the subscription std_msgs/msg/Int32"
+        ]
+
+
 def test_busd_is_restarted_and_the_page_comes_back(daemon: Daemon, server: Serving, page: Page) -> None:
     number = "return Number(document.querySelector('#detail .text')?.textContent.split(' ')[2] ?? 0)"
     with script(LISTENER), script(TALKER, "0.01"):

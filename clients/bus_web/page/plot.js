@@ -129,7 +129,7 @@ class Chart {
       cursor: { show: false },
       scales: { x: { time: true, range: (_, least, most) => [Math.max(least ?? 0, (most ?? 0) - SPAN_S), most ?? 1] }, age: { range: (_, least, most) => [0, 1.2 * (most || 1)] } },
       axes: [
-        { ...axis, space: 60, values: "{HH}:{mm}:{ss}" },
+        { ...axis, space: 70, incrs: [1, 2, 5, 10, 15, 30, 60], values: "{HH}:{mm}:{ss}" },
         { ...axis, size: 62 },
         { ...axis, scale: "age", side: 1, size: 50, grid: { show: false } },
       ],

@@ -67,6 +67,17 @@ def test_the_token_goes_into_a_cookie_and_out_of_the_address() -> None:
     assert decision == Redirect("/", f"busd_1={TOKEN}; Path=/; HttpOnly; SameSite=Strict")
 
 
+def test_a_ticket_opens_once() -> None:
+    gate = Gate(TOKEN, "busd_1")
+    gate.issue("for-once")
+    ask = Ask("/?token=for-once", host=HOST)
+    assert status(gate.judge(ask, is_socket=True)) == 403
+    assert gate.judge(ask, is_socket=False) == Redirect(
+        "/", f"busd_1={TOKEN}; Path=/; HttpOnly; SameSite=Strict"
+    )
+    assert status(gate.judge(ask, is_socket=False)) == 403
+
+
 def test_a_websocket_goes_by_no_redirect() -> None:
     assert judge(f"/?token={TOKEN}", cookie=(), is_socket=True) == Enter("/", HOST[0])
     assert judge("/", is_socket=True) == Enter("/", HOST[0])

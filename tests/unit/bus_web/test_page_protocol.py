@@ -31,7 +31,7 @@ def take(model: Model, turn: int, lost: int = 0) -> None:
     model.take(graph, turn * S)
 
 
-def read(frame: str) -> Any:
+def read(frame: bytes) -> Any:
     return msgspec.json.decode(frame)
 
 

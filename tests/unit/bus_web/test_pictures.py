@@ -1,6 +1,5 @@
 """Images made small: the order of colours, rows with padding, what can't be drawn."""
 
-from base64 import b64decode
 from typing import Any
 
 from bus.msg.sensor_msgs import CompressedImage, Image
@@ -23,7 +22,7 @@ PIXELS = {  # one red pixel, one of (1, 2, 3)
 @for_each(("encoding", "data"), PIXELS.items())
 def test_colours(encoding: str, data: bytes) -> None:
     image = Image(width=2, height=1, step=len(data), encoding=encoding, data=data)
-    assert b64decode(picture_of(image)["rgb"]) == bytes([255, 0, 0, 1, 2, 3])
+    assert picture_of(image)["rgb"] == bytes([255, 0, 0, 1, 2, 3])
 
 
 @for_each(
@@ -32,19 +31,19 @@ def test_colours(encoding: str, data: bytes) -> None:
 )
 def test_grey(encoding: str, is_bigendian: int, data: bytes) -> None:
     image = Image(width=2, height=1, step=len(data), encoding=encoding, is_bigendian=is_bigendian, data=data)
-    assert b64decode(picture_of(image)["rgb"]) == bytes([7, 7, 7, 8, 8, 8])
+    assert picture_of(image)["rgb"] == bytes([7, 7, 7, 8, 8, 8])
 
 
 def test_rows_may_be_padded() -> None:
     image = Image(width=1, height=2, step=5, encoding="rgb8", data=bytes([1, 2, 3, 0, 0, 4, 5, 6, 0, 0]))
-    assert b64decode(picture_of(image)["rgb"]) == bytes([1, 2, 3, 4, 5, 6])
+    assert picture_of(image)["rgb"] == bytes([1, 2, 3, 4, 5, 6])
 
 
 def test_large_ones_become_small() -> None:
     image = Image(width=640, height=480, step=1920, encoding="rgb8", data=bytes(640 * 480 * 3))
     picture = picture_of(image)
     assert (picture["width"], picture["height"], picture["of"]) == (214, 160, [640, 480])
-    assert len(b64decode(picture["rgb"])) == 214 * 160 * 3
+    assert len(picture["rgb"]) == 214 * 160 * 3
 
 
 @for_each(
@@ -65,4 +64,4 @@ def test_what_can_not_be_drawn(image: Image | CompressedImage) -> None:
 
 def test_compressed_ones_go_as_they_are() -> None:
     picture = picture_of(CompressedImage(format="whatever", data=b"\xff\xd8\xff\xe0abc"))
-    assert (picture["type"], b64decode(picture["data"])) == ("image/jpeg", b"\xff\xd8\xff\xe0abc")
+    assert (picture["type"], picture["data"]) == ("image/jpeg", b"\xff\xd8\xff\xe0abc")

@@ -78,4 +78,5 @@ def test_too_deep_and_too_much() -> None:
 
 def test_images_have_a_picture_in_place_of_their_data() -> None:
     image = Image(width=2, height=1, step=6, encoding="rgb8", data=bytes(range(6)))
-    assert tree_of(image)["data"] == {"$image": {"width": 2, "height": 1, "of": [2, 1], "rgb": "AAECAwQF"}}
+    told = msgspec.json.decode(msgspec.json.encode(tree_of(image)))
+    assert told["data"] == {"$image": {"width": 2, "height": 1, "of": [2, 1], "rgb": "AAECAwQF"}}
