@@ -46,9 +46,10 @@ class TopicRoute:
         kind: Kind,
         schema: MessageSchema,
         depth: int,
-        is_local: bool,
         knows: Callable[[bytes], bool],
         on_trouble: Callable[[str], object],
+        *,
+        is_local: bool,
     ) -> None:
         self.kind = kind
         self.schema = schema
@@ -211,7 +212,7 @@ class Exports:
             rule = self._rules.crossing(kind[0]).rule
             depth = rule.depth or depth_for(schema)
             found = self._routes[kind] = TopicRoute(
-                kind, schema, depth, not rule.transit, self._knows, self._on_trouble
+                kind, schema, depth, self._knows, self._on_trouble, is_local=not rule.transit
             )
         return found
 
@@ -330,6 +331,8 @@ class Exports:
         """Look after messages of publishers that no graph has shown."""
         now_s = self._loop.time()
         for route in tuple(self._routes.values()):
+            for gid in [gid for gid in route.met if self._knows(gid)]:
+                del route.met[gid]
             for gid, since_s in tuple(route.early.items()):
                 if now_s - since_s > _EARLY_S:
                     self._end(route, route.exports[gid])

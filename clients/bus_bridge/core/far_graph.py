@@ -79,8 +79,8 @@ class FarGraph:
         return [one.bus for one in self._buses.values()]
 
     def ways(self, gid: bytes) -> list[str]:
-        """The buses by which an endpoint with this gid comes."""
-        return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ())]
+        """The buses by which an endpoint with this gid comes; not this one's own, by a way around."""
+        return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
 
     def bus_of(self, key: str) -> str:
         """The bus that told of a node; "" for none that is known."""

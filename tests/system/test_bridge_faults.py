@@ -1,0 +1,342 @@
+"""Bridges, busds and links that go and come back, and far sides that lie."""
+
+import asyncio
+from collections.abc import Callable
+from time import process_time, time_ns
+from typing import Any
+
+import pytest
+
+import bus
+from bridging import world
+from bus.msg.std_msgs import Int32, String
+from bus_bridge.core.bounds import Bounds
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
+from semantics import until
+
+__all__ = ["world"]
+
+Made = Callable[[], Any]
+LATCHED = bus.QoSProfile(1, durability="transient_local")
+KEPT = bus.QoSProfile(10, durability="transient_local")
+
+
+async def received(subscription: bus.Subscription[Any], number: int) -> list[Any]:
+    return [(await subscription.receive())[0].data for _ in range(number)]
+
+
+async def exchange(publisher: Any, subscription: Any, number: int) -> None:
+    """Wait until messages arrive, and see that each comes once."""
+    await publisher.wait_for_subscriptions()
+    await subscription.wait_for_publishers()
+    async with asyncio.timeout(20):
+        while True:
+            publisher.publish(Int32(data=number))
+            try:
+                async with asyncio.timeout(0.2):
+                    assert await received(subscription, 1) == [number]
+                break
+            except TimeoutError:
+                continue
+    await asyncio.sleep(0.05)
+    assert subscription.take() is None
+
+
+async def test_a_link_that_goes_and_comes_back(world: Made) -> None:
+    async with world() as made:
+        left, right, *_ = await made.pair()
+        (link,) = made.network.links
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "numbers", 10)
+        subscription = await listener.create_subscription(Int32, "numbers", 10)
+        keeper = await talker.create_publisher(Int32, "state", LATCHED)
+        state = await listener.create_subscription(Int32, "state", KEPT)
+        keeper.publish(Int32(data=7))
+        assert await received(state, 1) == [7]
+        for number in range(3):
+            await exchange(publisher, subscription, number)
+            link.down()
+            await until(lambda: publisher.get_subscription_count() == 0)
+            await until(lambda: subscription.get_publisher_count() == 0)
+            link.up()
+        await exchange(publisher, subscription, 99)
+        late = await listener.create_subscription(Int32, "state", KEPT)
+        assert await received(late, 1) == [7]
+        assert state.take() is None  # it has had it
+
+
+async def test_bridges_that_restart_leave_no_copies(world: Made) -> None:
+    async with world() as made:
+        left, right, one, other = await made.pair()
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "numbers", 10)
+        subscription = await listener.create_subscription(Int32, "numbers", 10)
+        for number in range(20):
+            await (one, other)[number % 2].restart()
+        await exchange(publisher, subscription, 1)
+        graph = await listener.graph()
+        assert len(graph.publishers_of("/numbers")) == 1
+        assert len(graph.taps) <= 2
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+async def test_a_busd_that_is_killed_and_comes_back(world: Made, side: str) -> None:
+    async with world() as made:
+        left, right, one, other = await made.pair()
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "numbers", 10)
+        subscription = await listener.create_subscription(Int32, "numbers", 10)
+        await exchange(publisher, subscription, 0)
+        site, bridge = (left, one) if side == "left" else (right, other)
+        before = len(one.engine.announced), len(other.engine.announced)
+        site.daemon.kill()
+        site.daemon.restart()
+        observer = await site.node("observer")
+        await observer.wait_for_graph(
+            lambda graph: (
+                len(graph.publishers_of("/numbers")) == 1 and len(graph.subscriptions_of("/numbers")) == 1
+            )
+        )
+        await exchange(publisher, subscription, 1)
+        assert bridge.bridge is not None
+        again = one.engine.announced[before[0] :] + other.engine.announced[before[1] :]
+        assert [one.topic for one in again if one.topic == "/numbers"] == []
+
+
+async def test_it_ends_within_a_second_and_its_mirrors_with_it(world: Made) -> None:
+    async with world() as made:
+        left, right, one, _ = await made.pair()
+        talker, watcher = await left.node("talker"), await right.node("watcher")
+        for number in range(50):
+            await talker.create_publisher(Int32, f"numbers{number}", 10)
+        await watcher.wait_for_graph(lambda graph: len(graph.publishers) > 50)
+        loop = asyncio.get_running_loop()
+        began_s = loop.time()
+        await one.stop()
+        assert loop.time() - began_s < 1.0
+        await watcher.wait_for_graph(
+            lambda graph: all(node.origin is None or node.name == "bridge_pair" for node in graph.nodes)
+        )
+
+
+async def test_many_nodes_at_once_and_quiet_afterwards(world: Made) -> None:
+    async with world() as made:
+        left, right, _, other = await made.pair()
+        watcher = await right.node("watcher")
+        nodes = [bus.Node(f"node{n}", arguments=[], socket=left.socket, rosout=False) for n in range(200)]
+        await asyncio.gather(*(node.open() for node in nodes))
+        publishers = [await node.create_publisher(Int32, f"topic{n}", 10) for n, node in enumerate(nodes)]
+        await watcher.wait_for_graph(
+            lambda graph: sum(one.topic.startswith("/topic") for one in graph.publishers) == 200
+        )
+        subscriptions = [await watcher.create_subscription(Int32, f"topic{n}", 10) for n in range(200)]
+        for publisher in publishers:
+            await publisher.wait_for_subscriptions()
+        await until(lambda: sum(route.is_flowing for route in other.bridge.status().routes) == 200)
+        for number, publisher in enumerate(publishers):
+            publisher.publish(Int32(data=number))
+        for number, subscription in enumerate(subscriptions):
+            assert await received(subscription, 1) == [number]
+        assert not any(route.is_stuck for route in other.bridge.status().routes)
+        await asyncio.gather(*(node.close() for node in nodes))
+        await watcher.wait_for_graph(lambda graph: not any(p.topic == "/topic7" for p in graph.publishers))
+        await until(lambda: other.bridge.status().shown_here.nodes <= 1)
+        await asyncio.sleep(0.5)
+        before_s = process_time()
+        await asyncio.sleep(1.0)
+        assert process_time() - before_s < 0.1  # of both bridges, and all else in this process
+
+
+async def test_a_lossless_route_that_hangs_holds_up_no_other(world: Made) -> None:
+    async with world() as made:
+        left, right, one, _ = await made.pair()
+        (link,) = made.network.links
+        talker, listener = await left.node("talker"), await right.node("listener")
+        lossless = bus.QoSProfile(history="keep_all")
+        publisher = await talker.create_publisher(String, "lossless", lossless)
+        subscription = await listener.create_subscription(String, "lossless", lossless)
+        here = await talker.create_publisher(Int32, "here", 10)
+        local = await talker.create_subscription(Int32, "here", 10)
+        await publisher.wait_for_subscriptions()
+        await until(lambda: any(route.is_flowing for route in one.bridge.status().routes))
+        link.hang()
+        text = "x" * 10_000
+
+        async def flood() -> None:
+            for _ in range(2000):
+                await publisher.send(String(data=text))
+
+        flooding = asyncio.create_task(flood())
+        for number in range(100):
+            here.publish(Int32(data=number))
+            assert await received(local, 1) == [number]
+        (route,) = [one for one in one.bridge.status().routes if one.topic == "/lossless"]
+        assert route.waiting < 2000
+        assert not flooding.done()
+        link.go_on()
+        assert await received(subscription, 2000) == [text] * 2000
+        await flooding
+
+
+async def test_what_is_lost_on_the_way_or_comes_twice_is_counted(world: Made) -> None:
+    async with world() as made:
+        left, right, _, other = await made.pair()
+        (link,) = made.network.links
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "numbers", 100)
+        subscription = await listener.create_subscription(Int32, "numbers", 100)
+        await exchange(publisher, subscription, 0)
+        (before,) = other.bridge.status().routes
+
+        def change(samples: list[Sample]) -> list[Sample]:
+            kept = [one for one in samples if one.number % 5]
+            return [*kept, *kept]
+
+        link.change = change
+        for number in range(100):
+            publisher.publish(Int32(data=number))
+            await asyncio.sleep(0)
+        await until(lambda: other.bridge.status().routes[0].sent == before.sent + 80)
+        (route,) = other.bridge.status().routes
+        assert route.dropped["repeated"] == 80
+        assert route.dropped["lost_on_the_way"] in (19, 20)
+        observed = await listener.wait_for_graph(lambda graph: bool(graph.publishers_of("/numbers")))
+        assert observed
+        async with asyncio.timeout(10):
+            while True:
+                graph = await listener.graph(statistics=True)
+                statistics = graph.publishers_of("/numbers")[0].statistics
+                if statistics is not None and statistics.dropped.get("repeated") == 80:
+                    break
+                await asyncio.sleep(0.05)
+        got = [subscription.take() for _ in range(80)]
+        assert all(one is not None and (one[1].publication_sequence_number) for one in got)
+
+
+async def test_a_clock_that_is_an_hour_wrong_expires_nothing(world: Made) -> None:
+    async with world() as made:
+        left, right, _, other = await made.pair()
+        (link,) = made.network.links
+        hour_ns = 3600 * 1_000_000_000
+        link.change = lambda samples: [
+            one._replace(source_time_ns=one.source_time_ns - hour_ns) for one in samples
+        ]
+        talker, listener = await left.node("talker"), await right.node("listener")
+        qos = bus.QoSProfile(10, lifespan=0.5)
+        publisher = await talker.create_publisher(Int32, "numbers", qos)
+        subscription = await listener.create_subscription(Int32, "numbers", 10)
+        for number in range(3):
+            await exchange(publisher, subscription, number)
+        link.hang()
+        publisher.publish(Int32(data=100))
+        await asyncio.sleep(0.8)
+        link.go_on()
+        publisher.publish(Int32(data=101))
+        assert await received(subscription, 1) == [101]
+        await until(lambda: other.bridge.status().routes[0].dropped.get("expired") == 1)
+
+
+GID = bytes(range(16))
+QOS = bus.QoSProfile(10)
+HASH = "RIHS01_" + "0" * 64
+
+
+def endpoint(**changes: Any) -> FarEndpoint:
+    fields: dict[str, Any] = {
+        "kind": "publisher",
+        "gid": GID,
+        "node": "liar/1",
+        "topic": "/t",
+        "type_name": "std_msgs/msg/String",
+        "type_hash": HASH,
+        "qos": QOS,
+    }
+    return FarEndpoint(**fields | changes)
+
+
+async def lie(world: Made, tell: Callable[[Any], None], reason: str, **bounds: Any) -> None:
+    async with world() as made:
+        left = made.site("left")
+        one = await made.bridge(left, bounds=Bounds(**bounds))
+        one.bridge.bus_came(FarBus("liar"))
+        one.bridge.node_came(FarNode("liar/1", "liar", "node", "/"))
+        tell(one.bridge)
+        await until(lambda: bool(one.engine.refused))
+        assert one.engine.refused[0][0] == "liar"
+        assert reason in one.engine.refused[0][1]
+        assert any(reason in text for text in one.bridge._said)
+        assert one.bridge.status().buses == []
+        node = await left.node("observer")
+        await node.wait_for_graph(lambda graph: not any(one.name == "node" for one in graph.nodes))
+
+
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        (endpoint(gid=b"short"), "a gid of 5 bytes"),
+        (endpoint(topic="/bad name"), "a topic's name that can't be one"),
+        (endpoint(topic="t"), "a topic's name that can't be one"),
+        (endpoint(type_name="String"), "its name has three parts"),
+        (endpoint(type_hash="x" * 300), "a type hash of 300 characters"),
+        (endpoint(qos=bus.QoSProfile(1, durability="best_available")), "which is for subscriptions"),
+        (FarNode("liar/2", "liar", "bad name", "/"), "a node's name that can't be one"),
+        (FarNode("liar/2", "liar", "node", "bad"), "a node's name that can't be one"),
+        (FarNode("liar/2", "liar", "node", "/", ("x" * 300,)), "the id of a bus"),
+    ],
+    ids=str,
+)
+async def test_lies_end_the_link(world: Made, told: Any, reason: str) -> None:
+    await lie(
+        world,
+        lambda far: far.node_came(told) if isinstance(told, FarNode) else far.endpoint_came(told),
+        reason,
+    )
+
+
+async def test_more_than_its_share_ends_the_link(world: Made) -> None:
+    def tell(far: Any) -> None:
+        for number in range(12):
+            far.endpoint_came(endpoint(gid=number.to_bytes(16, "big")))
+
+    await lie(world, tell, "more than 10 endpoints", endpoints=10)
+
+
+async def test_too_many_changes_end_the_link(world: Made) -> None:
+    def tell(far: Any) -> None:
+        for _ in range(200):
+            far.endpoint_came(endpoint())
+            far.endpoint_went(GID, "liar/1")
+
+    await lie(world, tell, "come and go more than 10 times", endpoints=20, nodes=20, news_per_s=10)
+
+
+@pytest.mark.parametrize(
+    ("encoded", "reason"), [(b"\xc1", "is broken"), (b"\x80" + bytes(300_000), "300001 bytes")]
+)
+async def test_a_broken_description_ends_the_link(world: Made, encoded: bytes, reason: str) -> None:
+    async with world() as made:
+        left = made.site("left")
+        one = await made.bridge(left)
+
+        async def find_schema(endpoint: FarEndpoint) -> bus.MessageSchema:
+            return bus.MessageSchema("odd/msg/Odd", HASH, encoded)
+
+        one.engine.find_schema = find_schema
+        one.bridge.bus_came(FarBus("liar"))
+        one.bridge.node_came(FarNode("liar/1", "liar", "node", "/"))
+        one.bridge.endpoint_came(endpoint(type_name="odd/msg/Odd"))
+        await until(lambda: bool(one.engine.refused))
+        assert reason in one.engine.refused[0][1]
+
+
+async def test_a_far_bus_of_the_same_id_is_refused(world: Made) -> None:
+    async with world() as made:
+        left, other = made.site("left"), made.site("other")
+        one = await made.bridge(left)
+        other.name = "left"
+        two = await made.bridge(other)
+        made.network.join(one.engine, two.engine)
+        await until(lambda: bool(one.engine.refused or two.engine.refused))
+        refused = [*one.engine.refused, *two.engine.refused]
+        assert "choose another with --id" in refused[0][1]
+        assert time_ns()
