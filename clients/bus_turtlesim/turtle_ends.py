@@ -73,7 +73,7 @@ class TurtleEnds:
             self._end("canceled")
         wall, rotation = turtle.step(now_ns)
         if rotation is not None and self._goal is not None:
-            self._goal.publish_feedback(RotateAbsolute.Feedback(remaining=rotation.remaining))
+            self._goal.publish_feedback(RotateAbsolute.Feedback(remaining=_single(rotation.remaining)))
             if rotation.is_done:
                 logger.info("Rotation goal completed successfully")
                 self._end("succeed")
@@ -155,8 +155,12 @@ class TurtleEnds:
         """`succeed`, `abort` or `canceled`; nothing where no goal runs."""
         if self._goal is not None:
             getattr(self._goal, how)()
-            self._result.set_result(RotateAbsolute.Result(delta=self.turtle.delta))
+            self._result.set_result(RotateAbsolute.Result(delta=_single(self.turtle.delta)))
             self._goal = None
+
+
+def _single(number: float) -> float:
+    return _singles(number, 0.0, 0.0, 0.0, 0.0)[0]
 
 
 def _singles(*numbers: float) -> tuple[float, ...]:
