@@ -2,9 +2,21 @@
 
 from typing import Any
 
-from bus.graph import GraphNode, Origin
+from bus.graph import Graph, GraphNode, Origin
 
-__all__ = ["origin_record", "origin_text"]
+__all__ = ["origin_record", "origin_text", "origins"]
+
+
+def origins(graph: Graph) -> dict[int, Origin]:
+    """By the ids of nodes. A bridge's own node has one too, this bus, and is left out."""
+    found = {node.id: node.origin for node in graph.nodes if node.origin is not None}
+    if found:
+        from bus_bridge.core.status import SERVICE_TYPE
+
+        for endpoint in graph.subscriptions:
+            if endpoint.type_name.startswith(SERVICE_TYPE):  # bridges are asked how they are
+                found.pop(endpoint.node.id, None)
+    return found
 
 
 def origin_text(origin: Origin) -> str:

@@ -91,7 +91,9 @@ class TestTwoBuses:
             assert re.search(r"^up +tcp/127.0.0.1:\d+  there$", result.out, re.MULTILINE), result.out
             assert re.search(r"^in +[1-9]\d* .* /topic$", result.out, re.MULTILINE), result.out
             assert max(map(len, result.out.splitlines())) <= 80
+            assert bus("node", "list").out == "/bridge_zenoh\n/minimal_publisher (from there by zenoh)\n"
             told = json.loads(bus("bridge", "status", "--json").out)
+            assert not [one for one in told["routes"] if "get_status" in one["topic"]]
             (route,) = (one for one in told["routes"] if one["topic"] == "/topic")
             assert told["bus"], told["buses"] == ("here", ["there"])
             assert (route["direction"], route["bus"]) == ("in", "there")

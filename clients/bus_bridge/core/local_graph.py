@@ -8,6 +8,7 @@ from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.names import split_node_name
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
+from bus_bridge.core.status import SERVICE_TYPE
 from bus_bridge.engine import Kind, LocalEndpoint, LocalNode, RouteRule
 
 __all__ = ["Changes", "LocalGraph", "Shown"]
@@ -164,6 +165,8 @@ class LocalGraph:
         if not (crossing.goes_out if is_publisher else crossing.comes_in):
             return None
         if endpoint.node.origin is not None and not crossing.rule.transit:
+            return None
+        if endpoint.type_name.startswith(SERVICE_TYPE):  # bridges are asked on their own bus
             return None
         _, node = self._nodes.get(endpoint.node.id, (None, None))
         if node is None:

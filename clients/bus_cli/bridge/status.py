@@ -8,7 +8,7 @@ from itertools import groupby
 from msgspec import to_builtins
 
 from bus.process.address import socket_path
-from bus_bridge.core.status import SERVICE_TYPE, RouteState
+from bus_bridge.core.status import RouteState
 from bus_cli.bridge.remote import Answer, ask_all, services_of_bridges
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, complain, print_json, say
@@ -67,10 +67,9 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
         yield f"{link.state:<7}  {link.address}" + (f"  {what}" if what else "")
     if not status.links:
         yield "no link"
-    found = [one for one in status.routes if not one.type_name.startswith(SERVICE_TYPE)]  # that is this verb
-    idle = [] if is_verbose else [one for one in found if _is_idle(one)]
+    idle = [] if is_verbose else [one for one in status.routes if _is_idle(one)]
     routes = sorted(
-        (one for one in found if is_verbose or not _is_idle(one)),
+        (one for one in status.routes if is_verbose or not _is_idle(one)),
         key=lambda one: (one.topic, one.direction, one.node),
     )
     if routes:

@@ -7,7 +7,7 @@ from bus.graph import GraphEndpoint, services_of
 from bus.names import is_hidden_topic
 from bus_actions.graph import actions_of
 from bus_cli.completion import completed_by, nodes
-from bus_cli.origin import origin_record, origin_text
+from bus_cli.origin import origin_record, origin_text, origins
 from bus_cli.output import CommandError, complain, print_json, say
 from bus_cli.query import get_graph
 
@@ -52,8 +52,8 @@ def main(args: Namespace) -> int:
         )
         return 0
     say(name)
-    if node.origin is not None:
-        say(f"  Origin: {origin_text(node.origin)}")
+    if (origin := origins(graph).get(node.id)) is not None:
+        say(f"  Origin: {origin_text(origin)}")
     for title, topics in (
         ("Subscribers", subscriptions),
         ("Publishers", publishers),

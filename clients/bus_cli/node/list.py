@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_node
-from bus_cli.origin import origin_record, origin_text
+from bus_cli.origin import origin_record, origin_text, origins
 from bus_cli.output import complain, show
 from bus_cli.query import get_graph
 
@@ -21,8 +21,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
+    graph = get_graph(args)
     found = sorted(
-        (node for node in get_graph(args).nodes if args.all or not is_hidden_node(node.name)),
+        (node for node in graph.nodes if args.all or not is_hidden_node(node.name)),
         key=lambda node: (node.full_name, node.pid),
     )
     if args.count_nodes:
@@ -30,8 +31,9 @@ def main(args: Namespace) -> int:
         return 0
     if len({node.full_name for node in found}) < len(found):
         complain(_NOT_UNIQUE)
+    shown = origins(graph)
     for node in found:
-        name = node.full_name
-        text = name if node.origin is None else f"{name} ({origin_text(node.origin)})"
+        name, origin = node.full_name, shown.get(node.id)
+        text = name if origin is None else f"{name} ({origin_text(origin)})"
         show(text, {"node": name, "pid": node.pid, **origin_record(node)}, as_json=args.json)
     return 0
