@@ -97,7 +97,7 @@ export class Graph {
 
   layOut({ boxes, edges }) {
     const plan = new dagre.graphlib.Graph();
-    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 70, edgesep: 8 });
+    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 48, edgesep: 8 });
     const font = getComputedStyle(this.place).fontFamily;
     this.measure.font = `600 13px ${font}`;
     for (const [id, box] of boxes) {
@@ -132,7 +132,7 @@ export class Graph {
     setAttribute(this.root, "viewBox", `${left - MARGIN} ${top - MARGIN} ${width} ${height}`);
     setAttribute(this.root, "width", width);
     setAttribute(this.root, "height", height);
-    this.root.style.minWidth = `${Math.round(width * 0.75)}px`;
+    this.root.style.minWidth = `${Math.round(width * 0.66)}px`;
     if (!this.root.isConnected) this.place.append(this.root);
   }
 

@@ -22,7 +22,7 @@ export class Log {
   add({ lines, left_out: leftOut }) {
     this.leftOut += leftOut;
     const isAtEnd = this.list.scrollTop + this.list.clientHeight >= this.list.scrollHeight - 4;
-    for (const [ms, level, name, text] of lines) {
+    for (const [ms, level, name, text] of lines.sort(([one], [other]) => one - other)) {
       const time = new Date(ms).toTimeString().slice(0, 8);
       const kind = nameOf(level);
       const line = element("li", { class: kind.toLowerCase(), "data-level": level },

@@ -108,7 +108,7 @@ export class Table {
     const line = svg("polyline", { fill: "none" });
     const spark = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", class: "spark" }, line);
     const cells = COLUMNS.map(([title], at) =>
-      element(at ? "td" : "th", { scope: at ? null : "row", class: NUMBERS.has(title) ? "number" : null }));
+      element(at ? "td" : "th", { scope: at ? null : "row", class: NUMBERS.has(title) ? "number" : title === "Type" ? "type" : null }));
     cells[0].append(button);
     cells[4].append(spark);
     const row = element("tr", { "data-topic": name }, ...cells);
@@ -117,6 +117,7 @@ export class Table {
       row,
       paint: (topic, view) => {
         COLUMNS.forEach(([, , text], at) => text && setText(cells[at], text(topic)));
+        setAttribute(cells[1], "title", topic.types.join(" and "));
         drawSpark(line, topic.history);
         setAttribute(spark, "aria-label", `Hz of the last minute, ${rate(Math.max(0, ...topic.history))} at most`);
         const isChosen = view.topic === name;
