@@ -197,6 +197,8 @@ class Endpoint(Generic[M]):
     def _declared(self, answer: m.Created) -> None:
         """The broker knows this endpoint now, for the first time or again."""
         self._id = answer.id
+        if self._besides is not None:
+            self._link.report(self)
 
     def _disconnected(self) -> None:
         """The broker is gone: so are the matches, until it is back."""

@@ -272,7 +272,7 @@ class Subscription(Endpoint[M]):
         self._ack_samples = answer.window_samples // 8
         if self._total_matches:  # a new broker has its counters yet to learn
             self._link.report(self)
-        if self.qos.deadline is not None:
+        if self.qos.deadline is not None and self._role != "mirror":
             self._watch_deadline()
         if self._rings is not None:
             self._rings.declared()

@@ -150,6 +150,15 @@ class TestMirrors:
         stage.world.settle()
         assert publisher.matches == () and [one.current_count for one in stage.changes] == [1, 0]
 
+    def test_it_waits_for_no_message(self, shares: bool) -> None:
+        """Those that it stands for have the deadline."""
+        stage = Stage(shares=shares)
+        qos = QoSProfile(3, deadline=0.1)
+        stage.publisher(qos)
+        mirror = stage.bridge.subscription(qos, role="mirror", gid=GID)
+        stage.world.advance(1)
+        assert mirror.get_publisher_count() == 1 and mirror._deadline is None
+
     def test_it_is_there_again_after_busd_was_away(self, shares: bool) -> None:
         stage = Stage(shares=shares)
         publisher = stage.publisher(LOSSLESS)
@@ -236,3 +245,12 @@ class TestReportBesides:
         assert (found.samples, found.dropped) == (3, {"lost_on_the_way": 4})
         size = len(SUPPORT.encode(SUPPORT.cls(2, 1, "")))
         assert found.bytes == 3 * size
+
+    def test_a_new_busd_is_told_too(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.bridge.publisher(QoSProfile(3), gid=GID)
+        stage.world.settle()
+        publisher.report_besides(dropped={"lost_on_the_way": 4})
+        stage.world.restart_broker()
+        stage.world.connect_all()
+        assert stage.report()[GID].dropped == {"lost_on_the_way": 4}
