@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from itertools import combinations
 from typing import Any
 
 import bus
@@ -166,6 +167,30 @@ async def test_nothing_crosses_without_a_subscription_and_once_with_three(world:
         await until(lambda: not any(route.is_flowing for route in one.bridge.status().routes))
         publisher.publish(Int32(data=0))
         assert link.crossed == 20
+
+
+async def test_what_two_other_buses_say_to_each_other_is_not_read_here(world: Made) -> None:
+    """A bus in the middle shows both ends, and leaves them to their own bridges."""
+    async with world() as made:
+        sites = [made.site(name) for name in ("left", "middle", "right")]
+        engines = [(await made.bridge(site)).engine for site in sites]
+        for one, other in combinations(engines, 2):
+            made.network.join(one, other)
+        talker, looker, listener = [await site.node("node") for site in sites]
+        publisher = await talker.create_publisher(String, "chatter")
+        subscription = await listener.create_subscription(String, "chatter")
+        await publisher.wait_for_subscriptions()
+        await subscription.wait_for_publishers()
+        graph = await looker.wait_for_graph(
+            lambda graph: graph.publishers_of("/chatter") and graph.subscriptions_of("/chatter")
+        )
+        publisher.publish(String(data="hello"))
+        assert await received(subscription, 1) == ["hello"]
+        (shown,), (heard,) = graph.publishers_of("/chatter"), graph.subscriptions_of("/chatter")
+        graph = await looker.graph(statistics=True)
+        assert not [one for one in graph.matches if (one.publisher, one.subscription) == (shown.id, heard.id)]
+        (shown,) = graph.publishers_of("/chatter")
+        assert shown.statistics is not None and shown.statistics.samples == 0
 
 
 async def test_a_namespace_goes_in_front_of_all_that_leaves(world: Made) -> None:

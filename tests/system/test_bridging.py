@@ -87,10 +87,10 @@ async def test_what_the_command_line_shows() -> None:
         await here.create_publisher(String, "t")
         publisher = await far.create_publisher(String, "t", gid=GID)
         mirror = await far.create_subscription(String, "t", gid=bytes(16), role="mirror")
-        await further.create_subscription(String, "t", role="mirror", gid=b"f" * 16)
+        await further.create_subscription(String, "t", role="mirror", gid=b"f" * 16, local_only=True)
         tap = await further.create_subscription(String, "t", role="tap", local_only=True)
         await until(lambda: len(mirror.matches) == len(tap.matches) == 1)
-        assert publisher.get_subscription_count() == 1
+        assert publisher.get_subscription_count() == 0
         mirror.report_besides(samples=7, bytes=700, dropped={"rate_limit": 2})
         said = await asyncio.to_thread(bus_cli, "node", "list")
         assert said.out == (
@@ -128,9 +128,9 @@ async def test_what_the_command_line_shows() -> None:
         "Matches: 2\n  /far (route: bridge)\n  /further (route: bridge)"
     )
     assert by_node["far", "PUBLISHER"].endswith(
-        "Matches: 1\n"
-        "  /far (no match: both are of laptop-1f2e3d4c, where they match)\n"
-        "  /further (route: bridge)"
+        "Matches: 0\n"
+        "  /far (no match: both have come from laptop-1f2e3d4c)\n"
+        "  /further (no match: both are of other buses, and nothing goes on from there to there)"
     )
     assert (
         "Messages: 7 (700 B)\nQueue: 0 of 10\nDropped: 2 (rate_limit: 2)\nExpected: 9\n"

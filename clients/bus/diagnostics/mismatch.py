@@ -28,7 +28,7 @@ def kept_apart(publisher: GraphEndpoint, subscription: GraphEndpoint) -> str:
     be."""
     one, other = publisher.node.origin, subscription.node.origin
     shared = set() if one is None or other is None else one.buses & other.buses
-    return f"both are of {min(shared)}, where they match" if shared else ""
+    return f"both have come from {min(shared)}" if shared else ""
 
 
 def _difference(publisher: GraphEndpoint, subscription: GraphEndpoint, describe: Describe) -> str:

@@ -335,6 +335,8 @@ class Mirrors:
                 raw=True,
                 events=SubscriptionEvents(matched=lambda change: route.matches_changed()),
                 gid=far.far.gid,
+                # Else what is brought from one far bus would be read for another, to which it does not go on.
+                local_only=route.is_local,
                 role="mirror",
             )
         except BaseException:

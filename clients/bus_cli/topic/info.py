@@ -105,11 +105,18 @@ def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[
             if endpoint.kind == "tap":
                 continue
             reason = kept_apart(publisher, subscription) or mismatch(publisher, subscription, describe)
-            how = {"reason": reason or "unknown"}
+            how = {"reason": reason or _other_reason(publisher, subscription)}
         else:
             how = {"route": route}
         found.append({"node": other.node.full_name, **how})
     return found
+
+
+def _other_reason(publisher: GraphEndpoint, subscription: GraphEndpoint) -> str:
+    """Where neither types nor QoS stand in the way."""
+    if publisher.node.origin is None or subscription.node.origin is None:
+        return "unknown"
+    return "both are of other buses, and nothing goes on from there to there"
 
 
 def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str, Any]:
