@@ -133,8 +133,10 @@ class Import:
             self._on_trouble(f"{type(error).__name__}: {error}")
 
     def _receive(self, samples: Sequence[Sample]) -> None:
-        account = self.account
+        account, size = self.account, 0
         account.taken += len(samples)
+        if self._is_lossless:
+            size = self._waiting.bytes + sum([len(sample.payload) for sample in samples])
         if not self._is_next(samples):
             samples = self._without_repeated(samples)
         if self._lifespan_ns:
@@ -144,6 +146,8 @@ class Import:
         if self._is_lossless:
             _, over = self._waiting.put(samples, None)
             account.drop(MEMORY, over)
+            if self._reader is not None and (gone := size - self._waiting.bytes):
+                self._reader.taken(gone)  # the writer does not wait for what is dropped here
             self._pump()
             return
         publish, size = self._publish, 0

@@ -74,8 +74,9 @@ class ZenohWriter:
         return bool(self._interests) and self._outlet is not None and self._outlet.is_ready
 
     @property
-    def interests(self) -> frozenset[Interest]:
-        return self._interests
+    def lost(self) -> dict[str, int]:
+        """None: what zenoh drops is sent again, or missing on arrival."""
+        return {}
 
     def write(self, samples: Sequence[Sample]) -> int:
         kept = self._kept
