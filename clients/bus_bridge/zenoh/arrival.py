@@ -1,93 +1,67 @@
-"""What has arrived from one far publisher, in order and without what came before. Pure.
+"""What has arrived from one far publisher: parts in order, each once. Pure.
 
-A route that keeps something over there (reliable, or transient local) begins by asking for it; what arrives
-meanwhile is held. A reliable route asks again whenever a put names a message before it that never came.
+A route begins by asking where it begins, and for what the far side keeps; what arrives meanwhile is held. It
+asks again whenever a part is missing before one that has come.
 """
 
-from collections import deque
-from collections.abc import Sequence
-
-from bus_bridge.engine import Sample
+from bus_bridge.zenoh.records import Content, Probe
 
 __all__ = ["HELD_BYTES", "Arrival"]
 
 HELD_BYTES = 16 << 20
-"""That may wait for an answer: more than is ever under way."""
+"""That may wait for what is missing: more than is ever under way."""
 
 
 class Arrival:
-    """`reliable`: puts name the message before them. `asks`: something is kept over there."""
-
-    def __init__(self, *, reliable: bool, asks: bool) -> None:
+    def __init__(self) -> None:
         self.last = 0
-        """Number of the last message that has gone on."""
-        self.asking = asks
-        """Whether the far side has to be asked for what comes after `last`."""
-        self.dropped = 0
-        """Messages that could not be held; a reliable route gets them by asking."""
-        self._reliable = reliable
-        self._held: deque[tuple[int, Sequence[Sample]]] = deque()
+        """Number of the last part that has gone on."""
+        self.is_begun = False
+        """Whether it is known where the route begins."""
+        self._held: dict[int, tuple[Content, int]] = {}
         self._held_bytes = 0
+        self._newest = 0
 
-    def arrive(self, samples: Sequence[Sample], previous: int) -> Sequence[Sample]:
-        """A put has come. The messages that may go on."""
-        if self._reliable and previous > self.last:
-            self.asking = True
-        elif self._reliable or not self.asking:
-            return self._pass(samples)
-        self._hold(samples, previous)
-        return ()
+    @property
+    def misses(self) -> bool:
+        """Whether the far side has to be asked for the part behind `last`."""
+        return self.is_begun and self._newest > self.last
 
-    def answer(self, samples: Sequence[Sample], newest: int) -> Sequence[Sample]:
-        """The far side has answered with what comes after `last`, up to a batch; `newest`: the number of the
-        newest message that it has sent to anybody. The messages that may go on."""
-        gone = list(self._newer(samples))
-        if gone:
-            self.last = gone[-1].number
-        if samples and self.last < newest and not self._reaches():
-            return gone  # there is more: ask on
-        if self._reliable and not samples:
-            self.last = max(self.last, newest)  # what is not kept for us is not for us
-        self.asking = False
-        while self._held:
-            previous, held = self._held[0]
-            if self._reliable and previous > self.last:
-                self.asking = True
-                break
-            self._held.popleft()
-            self._held_bytes -= _size(held)
-            more = self._newer(held)
-            if more:
-                gone += more
-                self.last = more[-1].number
+    def begin(self, base: int) -> list[Content]:
+        """What comes behind the part `base` is for us. What may go on."""
+        self.is_begun, self.last = True, base
+        for number in [one for one in self._held if one <= base]:
+            self._held_bytes -= self._held.pop(number)[1]
+        return self._flush()
+
+    def arrive(self, number: int, content: Content, size: int) -> list[Content]:
+        """A part has come, of so many bytes. What may go on."""
+        if isinstance(content, Probe):
+            self._newest = max(self._newest, number)
+            return []
+        if self.is_begun:
+            if number <= self.last:  # a second time
+                return []
+            if number == self.last + 1:
+                self.last = number
+                self._newest = max(self._newest, number)
+                return [content, *self._flush()] if self._held else [content]
+        self._newest = max(self._newest, number)
+        if number not in self._held and self._held_bytes + size <= HELD_BYTES:  # else it is asked for
+            self._held[number] = content, size
+            self._held_bytes += size
+        return []
+
+    def skip(self) -> list[Content]:
+        """What is missing is kept by nobody: go on with what is there."""
+        self.last = min(self._held, default=self._newest + 1) - 1
+        return self._flush()
+
+    def _flush(self) -> list[Content]:
+        gone = list[Content]()
+        while self.last + 1 in self._held:
+            self.last += 1
+            content, size = self._held.pop(self.last)
+            self._held_bytes -= size
+            gone.append(content)
         return gone
-
-    def _reaches(self) -> bool:
-        """Whether what is held goes on where `last` is."""
-        return self._reliable and bool(self._held) and self._held[0][0] <= self.last
-
-    def _newer(self, samples: Sequence[Sample]) -> Sequence[Sample]:
-        if not samples or samples[0].number > self.last:
-            return samples
-        return [one for one in samples if one.number > self.last]
-
-    def _pass(self, samples: Sequence[Sample]) -> Sequence[Sample]:
-        if self._reliable:
-            samples = self._newer(samples)  # sent a second time
-        if samples:
-            self.last = samples[-1].number
-        return samples
-
-    def _hold(self, samples: Sequence[Sample], previous: int) -> None:
-        self._held.append((previous, samples))
-        self._held_bytes += _size(samples)
-        while self._held_bytes > HELD_BYTES and len(self._held) > 1:
-            # Of a reliable route the newest goes: what is held must begin where the answers end.
-            _, lost = self._held.pop() if self._reliable else self._held.popleft()
-            self._held_bytes -= _size(lost)
-            if not self._reliable:
-                self.dropped += len(lost)
-
-
-def _size(samples: Sequence[Sample]) -> int:
-    return sum(len(one.payload) for one in samples)

@@ -264,18 +264,16 @@ class ZenohEngine:
             writer.see_interests(self._presence.interests(gid))
 
     def _see_word(self, word: tuple[str, bytes]) -> None:
-        found, said = keys.parse_importer(word[0]), records.read_word(word[1])
+        found, said = keys.parse_importer(word[0]), records.read_pair(word[1])
         if found is not None and said is not None and found[0] in self._writers:
             self._writers[found[0]].see_word(found[1], *said)
 
     def _answer_kept(self, query: Query) -> None:
-        found, after = keys.parse_importer(query.key), records.read_number(query.payload)
-        writer = None if found is None else self._writers.get(found[0])
-        if writer is None or after is None:
+        found = keys.parse_importer(query.key)
+        if found is None or found[0] not in self._writers:
             query.drop()
         else:
-            assert found is not None
-            writer.reply(query, found[1], after)
+            self._writers[found[0]].reply(query, found[1])
 
     def _answer_type(self, query: Query) -> None:
         kind = keys.parse_type(query.key)

@@ -10,7 +10,7 @@ its start to its end: a bridge that comes back is told from the one that it was 
 
     busd/1/data/<topic without its first slash>/<type>/<hash>/<bus>/<gid>
     busd/1/type/<bus>/<type>/<hash>          queryable: how the type is described
-    busd/1/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps
+    busd/1/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
     busd/1/word/<bus>/<gid>/<importer>       how far the importer has come
 
 Each part between two slashes is percent-encoded, so that no name means anything in a key expression. The

@@ -1,10 +1,16 @@
-"""Messages as they go through zenoh: several small ones in one put, a large one in a put of its own. Pure.
+"""Messages as they go through zenoh: several small ones in one part, a large one in several parts. Pure.
 
-A put of a batch has records back to back: number u64, source time i64 (wall clock, ns), size u32, payload.
-A put of one large message has the payload as it is, and number and source time in its attachment. Reliable
-routes have `previous`, the number of the message before the put's first, at the end of the attachment. An
-empty payload with only that is a question: how far are you? The answer, a word, has two u64, the numbers of
-the newest message that has arrived and of the newest that was taken. All little-endian.
+A part is what one put carries. It begins with a head, in the put's attachment: its kind, and its number in
+the route, from 1. The kinds:
+
+- a batch: records back to back: number u64, source time i64 (wall clock, ns), size u32, payload;
+- a whole message: the head has its number and source time, the payload is as it is;
+- a piece of a large one: the head also has the message's size and where in it the piece begins, u64 each;
+- a probe, without payload and with the number of the part before it: how far are you?
+
+The answer to a probe is a word: two u64, the numbers of the newest part that has arrived and of the newest
+whose messages were taken. What asks for something kept has two u64 too: what is there behind this message's
+number, from that byte on. All little-endian.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,112 +20,156 @@ from typing import NamedTuple
 from bus_bridge.engine import Sample
 
 __all__ = [
-    "BATCH_BYTES",
-    "Put",
-    "count",
+    "MAX_MESSAGE_BYTES",
+    "PART_BYTES",
+    "Assembler",
+    "Part",
+    "Piece",
+    "Probe",
     "pack",
+    "piece",
     "probe",
-    "read_number",
-    "unpack",
-    "write_number",
+    "read_pair",
+    "read_part",
+    "write_pair",
 ]
 
-BATCH_BYTES = 60 << 10
-"""Of a batch: with its key and zenoh's own heads it fits into one of zenoh's batches of 64 KiB."""
+PART_BYTES = 60 << 10
+"""With its key and zenoh's own heads a part fits into one of zenoh's batches of 64 KiB."""
 _ALONE_BYTES = 16 << 10  # from here on, the copy into a batch costs more than a put
+MAX_MESSAGE_BYTES = 1 << 30
 
-_HEAD = Struct("<QqI")
-_ALONE = Struct("<Qq")
-_NUMBER = Struct("<Q")
-_WORD = Struct("<QQ")
+_RECORD = Struct("<QqI")
+_HEAD = Struct("<cQ")
+_WHOLE = Struct("<cQQq")
+_PIECE = Struct("<cQQqQQ")
+_PAIR = Struct("<QQ")
+_BATCH_KIND, _WHOLE_KIND, _PIECE_KIND, _PROBE_KIND = b"b", b"w", b"p", b"?"
 
 
-class Put(NamedTuple):
+class Part(NamedTuple):
+    """What one put carries."""
+
     payload: bytes
-    attachment: bytes | None
+    number: int
+    """In its route, from 1."""
+    head: bytes
 
 
-def pack(
-    samples: Sequence[Sample], previous: int | None = None, alone_bytes: int = _ALONE_BYTES
-) -> Iterator[Put]:
-    """The puts that carry `samples`; `previous`: the number before the first, for reliable routes. From
-    `alone_bytes` on, a message has a put of its own."""
-    head, parts, size = _HEAD.pack, list[bytes](), 0
-    before, mark = previous or 0, previous is not None
-    last = before
-    for payload, number, source_time_ns in samples:
+class Piece(NamedTuple):
+    """Bytes of a message that is larger than a part."""
+
+    number: int
+    source_time_ns: int
+    total: int
+    offset: int
+    payload: bytes
+
+
+class Probe(NamedTuple):
+    """No message."""
+
+
+Content = list[Sample] | Piece | Probe
+
+
+def pack(samples: Sequence[Sample], number: int) -> Iterator[Part]:
+    """The parts that carry `samples`; the first one has that number."""
+    record, parts, size = _RECORD.pack, list[bytes](), 0
+    for sample in samples:
+        payload, message, source_time_ns = sample
         length = len(payload)
-        if parts and (length >= alone_bytes or size + length + _HEAD.size > BATCH_BYTES):
-            yield Put(b"".join(parts), _NUMBER.pack(before) if mark else None)
-            parts, size, before = [], 0, last
-        if length >= alone_bytes:
-            alone = _ALONE.pack(number, source_time_ns)
-            yield Put(payload, alone + _NUMBER.pack(before) if mark else alone)
-            before = number
+        if parts and (length >= _ALONE_BYTES or size + length + _RECORD.size > PART_BYTES):
+            yield Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number))
+            parts, size, number = [], 0, number + 1
+        if length < _ALONE_BYTES:
+            parts += (record(message, source_time_ns, length), payload)
+            size += length + _RECORD.size
+        elif length <= PART_BYTES:
+            yield Part(payload, number, _WHOLE.pack(_WHOLE_KIND, number, message, source_time_ns))
+            number += 1
         else:
-            parts += (head(number, source_time_ns, length), payload)
-            size += length + _HEAD.size
-        last = number
+            for offset in range(0, length, PART_BYTES):
+                yield piece(sample, offset, number)
+                number += 1
     if parts:
-        yield Put(b"".join(parts), _NUMBER.pack(before) if mark else None)
+        yield Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number))
 
 
-def probe(last: int) -> Put:
-    """No message, but a question to those who take; `last`: the number of the newest message."""
-    return Put(b"", _NUMBER.pack(last))
+def piece(sample: Sample, offset: int, number: int) -> Part:
+    """The piece of a large message that begins at byte `offset`."""
+    payload, message, source_time_ns = sample
+    head = _PIECE.pack(_PIECE_KIND, number, message, source_time_ns, len(payload), offset)
+    return Part(payload[offset : offset + PART_BYTES], number, head)
 
 
-def is_probe(payload: bytes, attachment: bytes | None) -> bool:
-    return not payload and attachment is not None and len(attachment) == _NUMBER.size
+def probe(last: int) -> Part:
+    """A question to those who take; `last`: the number of the newest part."""
+    return Part(b"", last, _HEAD.pack(_PROBE_KIND, last))
 
 
-def unpack(payload: bytes, attachment: bytes | None, *, marked: bool) -> tuple[list[Sample], int] | None:
-    """The messages of a put, and `previous` (0 where the route is not `marked`); None where it is broken."""
-    rest, previous = attachment or b"", 0
-    if marked:
-        if len(rest) < _NUMBER.size:
+def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
+    """A part's number and what it carries; None where it is broken."""
+    kind, size = (head[:1], len(head)) if head else (b"", 0)
+    if head is None or size < _HEAD.size:
+        return None
+    number: int = _HEAD.unpack_from(head)[1]
+    if kind == _BATCH_KIND and size == _HEAD.size:
+        found = _records(payload)
+        return None if found is None else (number, found)
+    if kind == _WHOLE_KIND and size == _WHOLE.size:
+        _, _, message, source_time_ns = _WHOLE.unpack(head)
+        return number, [Sample(payload, message, source_time_ns)]
+    if kind == _PIECE_KIND and size == _PIECE.size:
+        _, _, message, source_time_ns, total, offset = _PIECE.unpack(head)
+        if not payload or offset + len(payload) > total or total > MAX_MESSAGE_BYTES:
             return None
-        rest, previous = rest[: -_NUMBER.size], _NUMBER.unpack(rest[-_NUMBER.size :])[0]
-    if rest:
-        if len(rest) != _ALONE.size:
-            return None
-        number, source_time_ns = _ALONE.unpack(rest)
-        return [Sample(payload, number, source_time_ns)], previous
-    found = _records(payload)
-    return None if found is None else (found, previous)
+        return number, Piece(message, source_time_ns, total, offset, payload)
+    if kind == _PROBE_KIND and size == _HEAD.size and not payload:
+        return number, Probe()
+    return None
 
 
 def _records(payload: bytes) -> list[Sample] | None:
-    head, start, end, found = _HEAD.unpack_from, 0, len(payload), list[Sample]()
-    last_head = end - _HEAD.size
+    head, start, end, found = _RECORD.unpack_from, 0, len(payload), list[Sample]()
+    last_head = end - _RECORD.size
     while start <= last_head:
         number, source_time_ns, size = head(payload, start)
-        start += _HEAD.size
+        start += _RECORD.size
         stop = start + size
         found.append(Sample(payload[start:stop], number, source_time_ns))
         start = stop
     return found if start == end else None
 
 
-def count(payload: bytes, attachment: bytes | None, *, marked: bool) -> int:
-    """How many messages a put has; 0 where it is broken."""
-    found = unpack(payload, attachment, marked=marked)
-    return 0 if found is None else len(found[0])
+class Assembler:
+    """Puts pieces together, which come in order. One message at a time."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        """Bytes that are there of a message that is not complete."""
+        self._number = 0
+        self._pieces: list[bytes] = []
+
+    def add(self, part: Piece) -> Sample | None:
+        """The message, with its last piece. A piece that goes on nowhere is dropped, with what is there."""
+        if part.offset == 0 or part.number != self._number or part.offset != self.size:
+            self._pieces, self._number, self.size = [], part.number, 0
+            if part.offset:
+                return None
+        self._pieces.append(part.payload)
+        self.size += len(part.payload)
+        if self.size < part.total:
+            return None
+        whole = b"".join(self._pieces)
+        self._pieces, self.size = [], 0
+        return Sample(whole, part.number, part.source_time_ns)
 
 
-def write_number(number: int) -> bytes:
-    return _NUMBER.pack(number)
+def write_pair(first: int, second: int) -> bytes:
+    return _PAIR.pack(first, second)
 
 
-def read_number(data: bytes) -> int | None:
-    """None where that is no number."""
-    return int(_NUMBER.unpack(data)[0]) if len(data) == _NUMBER.size else None
-
-
-def write_word(arrived: int, taken: int) -> bytes:
-    return _WORD.pack(arrived, taken)
-
-
-def read_word(data: bytes) -> tuple[int, int] | None:
-    """None where that is no word."""
-    return _WORD.unpack(data) if len(data) == _WORD.size else None
+def read_pair(data: bytes | None) -> tuple[int, int] | None:
+    """None where that is none."""
+    return _PAIR.unpack(data) if data is not None and len(data) == _PAIR.size else None

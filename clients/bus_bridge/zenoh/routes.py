@@ -4,16 +4,20 @@ import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from bus.qos import Durability, History, Reliability
+from bus.qos import Durability, Reliability
+from bus.qos import History as Kept
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, RouteRule, Sample
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.arrival import Arrival
 from bus_bridge.zenoh.presence import Interest
+from bus_bridge.zenoh.records import Assembler, Content, Part, Piece
 from bus_bridge.zenoh.session import Outlet, Query, Session
-from bus_bridge.zenoh.window import Kept
+from bus_bridge.zenoh.window import History, Window
 
 __all__ = ["ZenohReader", "ZenohWriter"]
 
+LINK_FULL = "link_full"
+"""Of a best effort publisher: the link is slower than its messages come."""
 _DEPTH = 1000
 _READER_BYTES = 16 << 20
 _ASK_S = 1.0
@@ -41,21 +45,19 @@ class ZenohWriter:
         self._priority = rule.priority
         self._on_change = on_change
         self._on_close = on_close
-        self._is_latched = qos.durability is Durability.TRANSIENT_LOCAL
-        depth = (rule.depth or _DEPTH) if qos.history is History.KEEP_ALL else qos.depth
         self._is_reliable = qos.reliability is Reliability.RELIABLE
-        self._kept: Kept | None = None
-        if self._is_reliable or self._is_latched:
-            self._kept = Kept(
-                reliable=self._is_reliable,
-                lossless=qos.is_lossless,
-                history=depth if self._is_latched else 0,
-            )
+        self._history: History | None = None
+        if qos.durability is Durability.TRANSIENT_LOCAL:
+            self._history = History((rule.depth or _DEPTH) if qos.history is Kept.KEEP_ALL else qos.depth)
+        self._window = Window(lossless=qos.is_lossless)
+        self._number = 0
+        self._rest: deque[Part] = deque()
+        """Parts of messages that have been written, for which there was no room yet."""
         self._interests: frozenset[Interest] = frozenset()
         self._outlet: Outlet | None = None
+        self._lost: dict[str, int] = {}
         self._is_held = False
         self._in_flight_before = 0
-        self._last = 0
         self._is_leaving = False
         self._is_closed = False
         self._waiting: set[str] = set()
@@ -63,53 +65,51 @@ class ZenohWriter:
         self._patience: asyncio.TimerHandle | None = None
 
     @property
-    def lost(self) -> dict[str, int]:
-        """As `Writer.lost`: zenoh does not say what it drops; the far side sees it by the numbers."""
-        return {}
-
-    @property
     def is_wanted(self) -> bool:
-        if self._is_latched:
+        if self._history is not None:
             return True  # late joiners want what it keeps
         return bool(self._interests) and self._outlet is not None and self._outlet.is_ready
 
     @property
     def lost(self) -> dict[str, int]:
-        """None: what zenoh drops is sent again, or missing on arrival."""
-        return {}
+        return self._lost
+
+    @property
+    def interests(self) -> frozenset[Interest]:
+        return self._interests
 
     def write(self, samples: Sequence[Sample]) -> int:
-        kept = self._kept
-        previous: int | None = None
-        if kept is not None:
-            fitting = kept.fitting(samples)
-            if fitting < len(samples):
-                self._is_held = True
-                samples = samples[:fitting]
-            if self._is_reliable:
-                previous = kept.last
-            kept.add(samples)
-        if self._interests and self._outlet is not None and self._outlet.is_ready:
-            put = self._outlet.put
-            for payload, attachment in records.pack(samples, previous):
-                put(payload, attachment=attachment)
-            if samples:
-                self._last = samples[-1].number
-            if kept is not None and kept.must_ask():
-                self._probe()
-        return len(samples)
+        """As `Writer.write`. What a best effort publisher sends beyond the link's speed is lost here."""
+        gone = len(samples)
+        if self._interests:
+            gone = self._fitting(samples)
+            if gone < len(samples):
+                if self._is_reliable:
+                    self._is_held = True
+                else:
+                    self._lost[LINK_FULL] = self._lost.get(LINK_FULL, 0) + len(samples) - gone
+            fitting = samples if gone == len(samples) else samples[:gone]
+            self._rest += records.pack(fitting, self._number + 1)
+            if self._rest:
+                self._number = self._rest[-1].number
+            self._pump()
+            if not self._is_reliable:
+                gone = len(samples)
+        if self._history is not None:
+            self._history.add(samples[:gone])
+        return gone
 
     def close(self) -> None:
         """As `Writer.close`. Its token stays until the importers have got what was written."""
         if self._is_leaving or self._is_closed:
             return
         self._is_leaving = True
-        if self._outlet is None or not self._outlet.is_ready or not self._interests or not self._last:
+        if not self._interests or not self._number:
             self.end()
             return
         self._waiting = {one.run for one in self._interests}
         self._probe()
-        self._patience = asyncio.get_running_loop().call_later(_LEAVE_S, self.end)
+        self._wait()
 
     # --- for the engine
 
@@ -127,60 +127,105 @@ class ZenohWriter:
 
     def see_interests(self, interests: frozenset[Interest]) -> None:
         """Who takes what it sends has changed."""
-        if self._kept is not None:
-            for one in interests - self._interests:
-                self._kept.join(one.run)
-            for one in self._interests - interests:
-                self._kept.leave(one.run)
+        for one in interests - self._interests:
+            self._window.join(one.run)
+        for one in self._interests - interests:
+            self._window.leave(one.run)
         was_wanted, self._interests = self.is_wanted, interests
+        if not interests:
+            self._rest.clear()
+            self._number = self._window.last
+        elif self._outlet is None and not self._is_closed:
+            self._outlet = self._session.outlet(self._key, self._priority, self._begin)
+        self._waiting &= {one.run for one in interests}
+        self._go_on()
         if self._is_leaving:
-            self._waiting &= {one.run for one in interests}
             self._end_if_arrived()
-            return
-        if interests and self._outlet is None:
-            self._outlet = self._session.outlet(self._key, self._priority, self._on_change)
-        if self.is_wanted != was_wanted or self._is_held:
-            self._go_on()
+        elif self.is_wanted != was_wanted:
+            self._on_change()
 
     def see_word(self, importer: str, arrived: int, taken: int) -> None:
         """How far an importer is."""
-        if self._kept is not None and self._kept.hear(importer, arrived, taken) and self._is_held:
+        is_news = self._window.hear(importer, arrived, taken)
+        if is_news:
             self._go_on()
-        if self._is_leaving and arrived >= self._last:
-            self._waiting.discard(importer)
+        if self._is_leaving:
+            if is_news:
+                self._wait()
+            if not self._rest and arrived >= self._number:
+                self._waiting.discard(importer)
+            elif not self._rest:
+                self._probe()
             self._end_if_arrived()
 
-    def _end_if_arrived(self) -> None:
-        if not self._waiting:
-            self.end()
-
-    def reply(self, query: Query, importer: str, after: int) -> None:
-        """Somebody lacks what came after the number `after`."""
-        found = None if self._kept is None else self._kept.find(importer, after)
-        if found is None:
+    def reply(self, query: Query, importer: str) -> None:
+        """Somebody lacks a part, or does not know yet where the route begins and what is kept."""
+        base, asked = self._window.joined(importer), records.read_pair(query.payload[1:])
+        if base is None or asked is None:
             query.drop()
-            return
-        assert self._kept is not None
-        payload, alone = next(records.pack(found, None, records.BATCH_BYTES), (b"", None))
-        query.reply(payload, (alone or b"") + records.write_number(self._kept.last))
+        elif query.payload[:1] == b"p":
+            part = self._window.find(importer, asked[0]) or records.probe(self._window.last)
+            query.reply(part.payload, part.head)
+        else:
+            kept = None if self._history is None else self._history.find(*asked)
+            begin = records.write_pair(base, 0)
+            query.reply(*((b"", begin) if kept is None else (kept.payload, begin + kept.head)))
 
     def look(self) -> None:
-        """About once a second: where nothing is taken any more, what was sent last may have been lost."""
-        if self._kept is None:
-            return
-        in_flight, before = self._kept.in_flight, self._in_flight_before
+        """About once a second: where nothing arrives any more, what was sent last may have been lost."""
+        in_flight, before = self._window.in_flight, self._in_flight_before
         self._in_flight_before = in_flight
         if in_flight and in_flight >= before:
             self._probe()
 
-    def _probe(self) -> None:
-        if self._outlet is not None and self._outlet.is_ready:
-            payload, attachment = records.probe(self._last)
-            self._outlet.put(payload, attachment=attachment)
+    # --- inside
+
+    def _fitting(self, samples: Sequence[Sample]) -> int:
+        """How many of them may be written now."""
+        room = 0 if self._rest else self._window.room
+        for index, sample in enumerate(samples):
+            if room <= 0:
+                return index
+            room -= len(sample[0])
+        return len(samples)
+
+    def _pump(self) -> None:
+        """Put what waits for room, as far as there is some."""
+        outlet, window, rest = self._outlet, self._window, self._rest
+        if not rest or outlet is None or not outlet.is_ready:
+            return
+        put = outlet.put
+        while rest and window.room > 0:
+            part = rest.popleft()
+            window.add(part)
+            put(part.payload, attachment=part.head)
+        if window.must_ask():
+            self._probe()
 
     def _go_on(self) -> None:
-        self._is_held = False
+        """There may be room again: for what waits here, then for the caller."""
+        self._pump()
+        if self._is_held and not self._rest and self._window.room > 0:
+            self._is_held = False
+            self._on_change()
+
+    def _begin(self) -> None:
+        self._pump()
         self._on_change()
+
+    def _probe(self) -> None:
+        if self._outlet is not None and self._outlet.is_ready:
+            part = records.probe(self._window.last)
+            self._outlet.put(part.payload, attachment=part.head)
+
+    def _wait(self) -> None:
+        if self._patience is not None:
+            self._patience.cancel()
+        self._patience = asyncio.get_running_loop().call_later(_LEAVE_S, self.end)
+
+    def _end_if_arrived(self) -> None:
+        if not self._waiting:
+            self.end()
 
 
 class ZenohReader:
@@ -204,24 +249,25 @@ class ZenohReader:
         self._on_broken = on_broken
         self._on_close = on_close
         self._is_lossless = qos.is_lossless
-        self._is_reliable = qos.reliability is Reliability.RELIABLE
-        asks = self._is_reliable or qos.durability is Durability.TRANSIENT_LOCAL
-        self._arrival = Arrival(reliable=self._is_reliable, asks=asks)
+        self._arrival = Arrival()
+        self._assembler = Assembler()
+        self._kept_last = 0
+        """Number of the last message that was kept over there before this way began."""
         self._arrived: list[Sample] = []
         self._is_asking = False
+        self._is_asked = False
         self._is_closed = False
-        self._lost: dict[str, int] = {}
         self._untaken: deque[tuple[int, int]] = deque()
-        """Number and size of what has gone on, until the bus has taken it."""
+        """Number of each part and the size of the messages that it brought, until the bus has taken them."""
         self._credit = 0
         self._taken = 0
         self._unsaid = 0
-        self._is_asked = False
         self._saying: asyncio.TimerHandle | None = None
         self._kept_key = keys.kept_key(bus, gid, run)
         self._word_key = keys.word_key(bus, gid, run)
+        # What does not fit is asked for again.
         self._source = session.source(
-            self._take, _READER_BYTES, self._lose, keeps_oldest=self._is_reliable, after=self._give
+            self._take, _READER_BYTES, lambda _: None, keeps_oldest=True, after=self._give
         )
         push = self._source.push
         key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, gid)
@@ -231,25 +277,17 @@ class ZenohReader:
             lambda _, payload, attachment: push((payload, attachment), len(payload)),
         )
         self._token = session.token(keys.interest_token(own, run, bus, gid))
-        if asks:
-            self._ask()
+        self._ask()
 
     @property
     def lost(self) -> dict[str, int]:
-        dropped = self._arrival.dropped
-        return (
-            {**self._lost, "bridge_full": self._lost.get("bridge_full", 0) + dropped}
-            if dropped
-            else self._lost
-        )
+        """None: what does not fit here is asked for again."""
+        return {}
 
     def taken(self, size: int) -> None:
         if not self._is_lossless:
             return
         self._credit += size
-        while self._untaken and self._untaken[0][1] <= self._credit:
-            self._taken, gone = self._untaken.popleft()
-            self._credit -= gone
         self._unsaid += size
         if self._unsaid >= _SAY_BYTES:
             self._say()
@@ -267,30 +305,42 @@ class ZenohReader:
         self._source.close()
         self._on_close()
 
-    def _lose(self, put: tuple[bytes, bytes | None]) -> None:  # in zenoh's thread
-        if not self._is_reliable:  # those are asked for
-            lost = records.count(*put, marked=False)
-            self._lost["bridge_full"] = self._lost.get("bridge_full", 0) + lost
+    # --- parts
 
     def _take(self, put: tuple[bytes, bytes | None]) -> None:
-        payload, attachment = put
-        is_probe = records.is_probe(payload, attachment)
-        found = records.unpack(payload, attachment, marked=self._is_reliable or is_probe)
+        found = records.read_part(*put)
         if found is None:
             self._on_broken(f"a message on {self._topic} can't be read")
             return
-        samples, previous = found
-        self._arrived += self._arrival.arrive(samples, previous)
-        self._is_asked |= is_probe
+        number, content = found
+        self._is_asked |= isinstance(content, records.Probe)
+        self._unpack(self._arrival.arrive(number, content, len(put[0])))
+
+    def _unpack(self, contents: Sequence[Content]) -> None:
+        number = self._arrival.last - len(contents)
+        for content in contents:
+            number += 1
+            samples = self._samples(content)
+            if samples and samples[0].number <= self._kept_last:
+                samples = [one for one in samples if one.number > self._kept_last]
+            self._arrived += samples
+            if self._is_lossless:
+                self._untaken.append((number, sum([len(one[0]) for one in samples])))
+
+    def _samples(self, content: Content) -> list[Sample]:
+        if isinstance(content, list):
+            return content
+        whole = self._assembler.add(content) if isinstance(content, Piece) else None
+        return [] if whole is None else [whole]
 
     def _give(self) -> None:
-        if self._arrival.asking and not self._is_asking:
-            self._ask()
         samples, self._arrived = self._arrived, []
         if samples:
-            if self._is_lossless:
-                self._untaken += [(one.number, len(one.payload)) for one in samples]
             self._on_samples(samples)
+        if self._is_closed:
+            return
+        if self._arrival.misses and not self._is_asking:
+            self._ask()
         if self._is_asked:  # behind what it brought
             self._say()
 
@@ -298,22 +348,53 @@ class ZenohReader:
 
     def _ask(self) -> None:
         self._is_asking = True
-        after = records.write_number(self._arrival.last)
-        self._session.ask(self._kept_key, after, _ASK_S, self._hear)
+        if self._arrival.is_begun:
+            question = b"p" + records.write_pair(self._arrival.last, 0)
+        else:
+            question = b"h" + records.write_pair(self._kept_last, self._assembler.size)
+        self._session.ask(self._kept_key, question, _ASK_S, self._hear)
 
-    def _hear(self, payload: bytes | None, attachment: bytes | None) -> None:
+    def _hear(self, payload: bytes | None, head: bytes | None) -> None:
         if self._is_closed:
             return
         self._is_asking = False
         if payload is None:
             asyncio.get_running_loop().call_later(0.1, self._ask_again)
-            return
-        found = records.unpack(payload, attachment, marked=True)
-        if found is None:
+        elif not (self._hear_part if self._arrival.is_begun else self._hear_kept)(payload, head or b""):
             self._on_broken(f"an answer about {self._topic} can't be read")
-            return
-        self._arrived += self._arrival.answer(*found)
-        self._give()
+        else:
+            self._give()
+
+    def _hear_part(self, payload: bytes, head: bytes) -> bool:
+        found = records.read_part(payload, head)
+        if found is None:
+            return False
+        if isinstance(found[1], records.Probe):
+            self._unpack(self._arrival.skip())
+        else:
+            self._unpack(self._arrival.arrive(*found, len(payload)))
+        return True
+
+    def _hear_kept(self, payload: bytes, head: bytes) -> bool:
+        base = records.read_pair(head[:16])
+        if base is None:
+            return False
+        if not head[16:]:
+            self._unpack(self._arrival.begin(base[0]))
+            return True
+        found = records.read_part(payload, head[16:])
+        if found is None:
+            return False
+        samples = [one for one in self._samples(found[1]) if one.number > self._kept_last]
+        if samples:
+            self._kept_last = samples[-1].number
+            self._arrived += samples
+            if self._is_lossless:
+                self._untaken.append((0, sum([len(one[0]) for one in samples])))
+        elif not self._assembler.size:
+            return False  # it would be asked for ever
+        self._ask()
+        return True
 
     def _ask_again(self) -> None:
         if not self._is_closed and not self._is_asking:
@@ -324,4 +405,8 @@ class ZenohReader:
             self._saying.cancel()
             self._saying = None
         self._unsaid, self._is_asked = 0, False
-        self._session.put(self._word_key, records.write_word(self._arrival.last, self._taken))
+        while self._untaken and self._untaken[0][1] <= self._credit:
+            self._taken, gone = self._untaken.popleft()
+            self._credit -= gone
+        word = records.write_pair(self._arrival.last, self._taken)
+        self._session.put(self._word_key, word)

@@ -40,6 +40,7 @@ _PRIORITIES: dict[Priority, Any] = {
     "data_low": zenoh.Priority.DATA_LOW,
     "background": zenoh.Priority.BACKGROUND,
 }
+_WORDS = zenoh.Priority.INTERACTIVE_HIGH  # what keeps routes going overtakes what waits on them
 
 
 class Link(NamedTuple):
@@ -295,7 +296,7 @@ class Session:
                 key,
                 payload,
                 congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.DATA_HIGH,
+                priority=_WORDS,
                 allowed_destination=zenoh.Locality.REMOTE,
             )
 
@@ -326,6 +327,7 @@ class Session:
                     Callback(hear, end, indirect=False),
                     payload=payload,
                     timeout=timeout_s,
+                    priority=_WORDS,  # of the answer, too
                     congestion_control=zenoh.CongestionControl.DROP,
                     allowed_destination=zenoh.Locality.REMOTE,
                     consolidation=zenoh.ConsolidationMode.NONE,

@@ -8,89 +8,100 @@ from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
 from bus_bridge.zenoh.arrival import HELD_BYTES, Arrival
+from bus_bridge.zenoh.records import Content, Probe
 
 
-def some(*numbers: int) -> list[Sample]:
-    return [Sample(b"x", number, 0) for number in numbers]
+def content(number: int) -> Content:
+    return [Sample(b"x", number, 0)]
 
 
-def test_a_best_effort_route_passes_everything_on() -> None:
-    arrival = Arrival(reliable=False, asks=False)
-    assert arrival.arrive(some(3, 4), 0) == some(3, 4)
-    assert arrival.arrive(some(9), 0) == some(9)
-    assert not arrival.asking
+def numbers(contents: list[Content]) -> list[int]:
+    return [sample.number for one in contents if isinstance(one, list) for sample in one]
 
 
-def test_what_is_kept_comes_first() -> None:
-    arrival = Arrival(reliable=False, asks=True)
-    assert arrival.arrive(some(4, 5), 0) == ()
-    assert arrival.answer(some(1, 2), 5) == some(1, 2)
-    assert arrival.asking
-    assert arrival.answer(some(3, 4, 5), 5) == some(3, 4, 5)
-    assert not arrival.asking
-    assert arrival.arrive(some(6), 0) == some(6)
+def arrive(arrival: Arrival, number: int, size: int = 1) -> list[int]:
+    return numbers(arrival.arrive(number, content(number), size))
+
+
+def test_what_comes_before_the_route_begins_is_held() -> None:
+    arrival = Arrival()
+    assert arrive(arrival, 6) == [] and arrive(arrival, 5) == [] and arrive(arrival, 4) == []
+    assert not arrival.misses
+    assert numbers(arrival.begin(4)) == [5, 6]
+    assert arrive(arrival, 7) == [7]
 
 
 def test_a_gap_is_asked_for() -> None:
-    arrival = Arrival(reliable=True, asks=True)
-    assert arrival.answer([], 10) == []
-    assert arrival.last == 10 and not arrival.asking
-    assert arrival.arrive(some(11), 10) == some(11)
-    assert arrival.arrive(some(14), 13) == ()
-    assert arrival.asking
-    assert arrival.answer(some(12, 13), 14) == some(12, 13, 14)
-    assert not arrival.asking
+    arrival = Arrival()
+    arrival.begin(10)
+    assert arrive(arrival, 11) == [11] and not arrival.misses
+    assert arrive(arrival, 14) == [] and arrival.misses
+    assert arrive(arrival, 12) == [12] and arrival.misses
+    assert arrive(arrival, 13) == [13, 14] and not arrival.misses
 
 
 def test_a_second_copy_is_dropped() -> None:
-    arrival = Arrival(reliable=True, asks=False)
-    assert arrival.arrive(some(1, 2), 0) == some(1, 2)
-    assert arrival.arrive(some(1, 2, 3), 0) == some(3)
-    assert arrival.arrive(some(2), 1) == []
+    arrival = Arrival()
+    arrival.begin(0)
+    assert arrive(arrival, 1) == [1]
+    assert arrive(arrival, 1) == []
+    assert arrive(arrival, 3) == arrive(arrival, 3) == []
+    assert arrive(arrival, 2) == [2, 3]
+
+
+def test_a_probe_tells_what_is_missing_at_the_end() -> None:
+    arrival = Arrival()
+    arrival.begin(0)
+    assert arrival.arrive(2, Probe(), 0) == [] and arrival.misses
+    assert arrive(arrival, 1) == [1] and arrival.misses
+    assert arrive(arrival, 2) == [2] and not arrival.misses
 
 
 def test_what_is_not_kept_any_more_is_not_waited_for() -> None:
-    arrival = Arrival(reliable=True, asks=False)
-    assert arrival.arrive(some(9), 8) == ()
-    assert arrival.answer([], 9) == []
-    assert not arrival.asking and arrival.last == 9
+    arrival = Arrival()
+    arrival.begin(0)
+    assert arrive(arrival, 5) == [] and arrive(arrival, 6) == []
+    assert numbers(arrival.skip()) == [5, 6] and not arrival.misses
+    arrival.arrive(9, Probe(), 0)
+    assert arrival.skip() == [] and not arrival.misses
+    assert arrive(arrival, 10) == [10]
 
 
 def test_what_is_held_is_bounded() -> None:
-    big = bytes(HELD_BYTES // 4)
-    lossy = Arrival(reliable=False, asks=True)
-    sure = Arrival(reliable=True, asks=True)
-    for arrival in (lossy, sure):
-        for number in range(2, 10):
-            arrival.arrive([Sample(big, number, 0)], number - 1)
-    assert lossy.dropped == 4 and sure.dropped == 0
-    assert [one.number for one in lossy.answer([], 9)] == [6, 7, 8, 9]
-    assert [one.number for one in sure.answer(some(1), 9)] == [1, 2, 3, 4, 5]
-    assert [one.number for one in sure.arrive(some(10), 9)] == [] and sure.asking
+    arrival = Arrival()
+    arrival.begin(0)
+    for number in range(2, 12):
+        arrive(arrival, number, HELD_BYTES // 4)
+    assert arrive(arrival, 1) == [1, 2, 3, 4, 5]
+    assert arrival.misses
+    for number in range(6, 12):
+        assert arrive(arrival, number, HELD_BYTES // 4) == [number]
+    assert not arrival.misses
 
 
-@given(st.integers(0, 10**9), st.integers(1, 60))
-def test_whatever_zenoh_drops_everything_arrives_once_in_order(seed: int, total: int) -> None:
+@given(st.integers(0, 10**9), st.integers(1, 60), st.integers(0, 5))
+def test_whatever_zenoh_drops_everything_arrives_once_in_order(seed: int, total: int, base: int) -> None:
     chance = Random(seed)
-    arrival = Arrival(reliable=True, asks=True)
+    arrival = Arrival()
     got: list[int] = []
-    sent = 0
-    late: deque[tuple[list[Sample], int]] = deque()
+    late: deque[int] = deque()
 
     def ask() -> None:
-        piece = some(*range(arrival.last + 1, min(sent, arrival.last + 3) + 1))
-        got.extend(one.number for one in arrival.answer(piece, sent))
+        got.extend(arrive(arrival, arrival.last + 1))
 
-    while sent < total:
-        first, sent = sent + 1, min(total, sent + chance.randint(1, 4))
-        late.append((some(*range(first, sent + 1)), first - 1))
+    for sent in range(base + 1, base + total + 1):
+        late.append(sent)
         while late and chance.random() < 0.7:
-            put = late.popleft()
+            number = late.popleft()
             if chance.random() < 0.7:
-                got.extend(one.number for one in arrival.arrive(*put))
-        if arrival.asking and chance.random() < 0.5:
+                got.extend(arrive(arrival, number))
+        if not arrival.is_begun and chance.random() < 0.3:
+            got.extend(numbers(arrival.begin(base)))
+        if arrival.misses and chance.random() < 0.5:
             ask()
-    got.extend(one.number for one in arrival.arrive([], sent))  # a probe
-    while arrival.asking:
+    if not arrival.is_begun:
+        got.extend(numbers(arrival.begin(base)))
+    arrival.arrive(base + total, Probe(), 0)
+    while arrival.misses:
         ask()
-    assert got == list(range(1, total + 1))
+    assert got == list(range(base + 1, base + total + 1))

@@ -1,16 +1,16 @@
-"""Messages in puts."""
+"""Messages in parts."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
 from bus_bridge.zenoh import records
-from bus_bridge.zenoh.records import BATCH_BYTES
+from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, Probe
 
 _samples = st.lists(
     st.builds(
         Sample,
-        st.integers(0, 3 * BATCH_BYTES // 2).map(bytes) | st.binary(max_size=100),
+        st.integers(0, 3 * PART_BYTES).map(bytes) | st.binary(max_size=100),
         st.integers(0, 2**64 - 1),
         st.integers(-(2**63), 2**63 - 1),
     ),
@@ -18,55 +18,81 @@ _samples = st.lists(
 )
 
 
-@given(_samples, st.none() | st.integers(0, 2**64 - 1))
-def test_what_is_packed_comes_out_in_order(samples: list[Sample], previous: int | None) -> None:
+def unpack(parts: list[Part]) -> list[Sample]:
     found: list[Sample] = []
-    before = previous
-    for payload, attachment in records.pack(samples, previous):
-        unpacked = records.unpack(payload, attachment, marked=previous is not None)
-        assert unpacked is not None
-        if previous is not None:
-            assert unpacked[1] == before
-            before = unpacked[0][-1].number
-        assert len(payload) <= BATCH_BYTES or len(unpacked[0]) == 1
-        found += unpacked[0]
-    assert found == samples
+    assembler = Assembler()
+    for part in parts:
+        read = records.read_part(part.payload, part.head)
+        assert read is not None and read[0] == part.number
+        if isinstance(read[1], Piece):
+            whole = assembler.add(read[1])
+            found += [] if whole is None else [whole]
+        else:
+            assert isinstance(read[1], list)
+            found += read[1]
+    return found
 
 
-def test_small_messages_share_a_put_and_a_large_one_is_not_copied() -> None:
-    large = bytes(100_000)
-    puts = list(
-        records.pack([Sample(b"a", 1, 5), Sample(b"b", 2, 6), Sample(large, 3, 7), Sample(b"c", 4, 8)])
+@given(_samples, st.integers(1, 2**60))
+def test_what_is_packed_comes_out_in_order(samples: list[Sample], first: int) -> None:
+    parts = list(records.pack(samples, first))
+    assert [part.number for part in parts] == list(range(first, first + len(parts)))
+    assert all(len(part.payload) <= PART_BYTES for part in parts)
+    assert unpack(parts) == samples
+
+
+def test_small_messages_share_a_part_and_a_large_one_is_not_copied() -> None:
+    large = bytes(50_000)
+    samples = [Sample(b"a", 1, 5), Sample(b"b", 2, 6), Sample(large, 3, 7), Sample(b"c", 4, 8)]
+    parts = list(records.pack(samples, 1))
+    assert len(parts) == 3
+    assert parts[1].payload is large
+
+
+def test_pieces_that_go_on_nowhere_are_dropped() -> None:
+    first, second, third = (
+        records.read_part(part.payload, part.head) for part in records.pack([Sample(bytes(150_000), 7, 0)], 1)
     )
-    assert len(puts) == 3
-    assert puts[1].payload is large
-    assert records.count(*puts[0], marked=False) == 2
+    assembler = Assembler()
+    for read in (second, first, third, first, second):
+        assert read is not None and isinstance(read[1], Piece)
+        assert assembler.add(read[1]) is None
+    assert assembler.size == 2 * PART_BYTES
+    assert third is not None and isinstance(third[1], Piece)
+    whole = assembler.add(third[1])
+    assert whole == Sample(bytes(150_000), 7, 0) and assembler.size == 0
 
 
 def test_a_probe_is_no_message() -> None:
     probe = records.probe(7)
-    assert records.is_probe(*probe)
-    assert records.unpack(*probe, marked=True) == ([], 7)
-    assert not records.is_probe(b"x", b"12345678")
+    assert records.read_part(probe.payload, probe.head) == (7, Probe())
+    assert records.read_part(b"x", probe.head) is None
 
 
-def test_words_and_numbers() -> None:
-    assert records.read_word(records.write_word(2**64 - 1, 3)) == (2**64 - 1, 3)
-    assert records.read_word(b"x") is None
-    assert records.read_number(records.write_number(9)) == 9
-    assert records.read_number(b"") is None
+def test_pairs() -> None:
+    assert records.read_pair(records.write_pair(2**64 - 1, 3)) == (2**64 - 1, 3)
+    assert records.read_pair(b"x") is None
+    assert records.read_pair(None) is None
 
 
 def test_a_size_beyond_the_end_is_refused() -> None:
-    (put,) = records.pack([Sample(b"abc", 1, 2)])
-    assert records.unpack(put.payload[:-1], None, marked=False) is None
-    assert records.unpack(put.payload + b"x", None, marked=False) is None
-    assert records.count(put.payload[:-1], None, marked=False) == 0
+    (part,) = records.pack([Sample(b"abc", 1, 2)], 1)
+    for payload, head in (
+        (part.payload[:-1], part.head),
+        (part.payload + b"x", part.head),
+        (part.payload, part.head + b"x"),
+        (part.payload, None),
+    ):
+        assert records.read_part(payload, head) is None
+    piece = records.piece(Sample(bytes(100_000), 1, 2), PART_BYTES, 1)
+    assert records.read_part(bytes(PART_BYTES), piece.head) is None
+    huge = piece.head[:25] + (2**40).to_bytes(8, "little") + piece.head[33:]
+    assert records.read_part(b"x", huge) is None
 
 
-@given(st.binary(max_size=200), st.none() | st.binary(max_size=40), st.booleans())
-def test_random_bytes_get_no_further_than_none(
-    payload: bytes, attachment: bytes | None, marked: bool
-) -> None:
-    found = records.unpack(payload, attachment, marked=marked)
-    assert found is None or sum(len(one.payload) for one in found[0]) <= len(payload)
+@given(st.binary(max_size=200), st.none() | st.binary(max_size=40))
+def test_random_bytes_get_no_further_than_none(payload: bytes, head: bytes | None) -> None:
+    for kind in (b"", b"b", b"w", b"p", b"?"):
+        found = records.read_part(payload, None if head is None else kind + head)
+        if found is not None and isinstance(found[1], list):
+            assert sum(len(one.payload) for one in found[1]) <= len(payload)

@@ -1,154 +1,172 @@
 """What a publisher's way out keeps, and for how long."""
 
 from bus_bridge.engine import Sample
-from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, Kept
+from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, read_part
+from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, History, Window
+
+SIZE = 1000
 
 
-def some(first: int, last: int, size: int = 1000) -> list[Sample]:
-    return [Sample(bytes(size), number, 0) for number in range(first, last + 1)]
+def fill(window: Window, size: int = SIZE) -> int:
+    """Until there is no room; the number of the last."""
+    while window.room > 0:
+        window.add(Part(bytes(size), window.last + 1, b""))
+    return window.last
 
 
-def numbers(samples: object) -> list[int]:
-    assert isinstance(samples, list)
-    return [one.number for one in samples]
+def send(window: Window, count: int) -> None:
+    for _ in range(count):
+        window.add(Part(bytes(SIZE), window.last + 1, b""))
 
 
-def fill(kept: Kept, first: int = 1, size: int = 1000) -> int:
-    """Until nothing fits; the number of the last."""
-    number = first
-    while kept.fitting(some(number, number, size)):
-        kept.add(some(number, number, size))
-        number += 1
-    return number - 1
-
-
-def test_without_an_importer_everything_goes() -> None:
-    kept = Kept(reliable=True)
-    assert kept.fitting(some(1, 9999)) == 9999
-    kept.add(some(1, 9999))
-    assert kept.in_flight == 0
+def test_without_an_importer_nothing_is_kept() -> None:
+    window = Window(lossless=True)
+    send(window, 9999)
+    assert window.in_flight == 0 and window.room > 0
 
 
 def test_a_lossless_window_is_full_until_the_slowest_has_taken() -> None:
-    kept = Kept(reliable=True, lossless=True)
-    kept.join("a")
-    kept.join("b")
+    window = Window(lossless=True)
+    window.join("a")
+    window.join("b")
     last = 0
-    while (more := fill(kept, last + 1)) > last:
-        kept.hear("a", more, more)
-        kept.hear("b", more, 0)  # it has arrived there, and nobody takes it
+    while (more := fill(window)) > last:
+        window.hear("a", more, more)
+        window.hear("b", more, 0)  # it has arrived there, and nobody takes it
         last = more
-    assert WINDOW_BYTES - 1020 < kept.in_flight <= WINDOW_BYTES
-    assert kept.hear("b", last, last)
-    assert kept.in_flight == 0
-    assert kept.fitting(some(last + 1, last + 1)) == 1
+    assert WINDOW_BYTES <= window.in_flight < WINDOW_BYTES + 2 * SIZE
+    assert window.hear("b", last, last)
+    assert window.in_flight == 0 and window.room > 0
 
 
 def test_an_importer_that_goes_is_waited_for_no_more() -> None:
-    kept = Kept(reliable=True, lossless=True)
-    kept.join("a")
-    kept.join("hung")
-    last = fill(kept)
-    kept.hear("a", last, last)
-    assert kept.fitting(some(last + 1, last + 1)) == 0
-    kept.leave("hung")
-    assert kept.in_flight == 0
-    assert kept.fitting(some(last + 1, last + 1)) == 1
+    window = Window(lossless=False)
+    window.join("a")
+    window.join("hung")
+    last = fill(window)
+    window.hear("a", last, last)
+    assert window.room <= 0
+    window.leave("hung")
+    assert window.in_flight == 0 and window.room > 0
 
 
-def test_of_a_reliable_route_arrival_is_enough() -> None:
-    kept = Kept(reliable=True)
-    kept.join("a")
-    last = fill(kept)
-    kept.hear("a", last, 0)
-    assert kept.in_flight == 0
-
-
-def test_a_message_larger_than_the_window_goes_alone() -> None:
-    kept = Kept(reliable=True, lossless=True)
-    kept.join("a")
-    huge = [Sample(bytes(2 * WINDOW_BYTES), 2, 0)]
-    kept.add(some(1, 1))
-    assert kept.fitting(huge) == 0
-    kept.hear("a", 1, 1)
-    assert kept.fitting(huge) == 1
-    kept.add(huge)
-    assert kept.fitting(some(3, 3)) == 0
-    kept.hear("a", 2, 2)
-    assert kept.fitting(some(3, 3)) == 1
+def test_of_other_routes_arrival_is_enough() -> None:
+    window = Window(lossless=False)
+    window.join("a")
+    window.hear("a", fill(window), 0)
+    assert window.in_flight == 0
 
 
 def test_what_is_missing_is_found_and_less_goes_at_a_time() -> None:
-    kept = Kept(reliable=True, lossless=True)
-    kept.join("a")
-    last = fill(kept)
-    kept.hear("a", 10, 0)
-    found = kept.find("a", 10)
-    assert numbers(found)[:3] == [11, 12, 13]
-    assert sum(len(one.payload) for one in found or ()) < 64 << 10
-    kept.hear("a", last, last)
-    shrunk = fill(kept, last + 1) - last
-    assert shrunk < last * 3 / 4
-    assert kept.find("stranger", 0) is None
+    window = Window(lossless=True)
+    window.join("a")
+    last = fill(window)
+    window.hear("a", 10, 0)
+    found = window.find("a", 10)
+    assert found is not None and found.number == 11
+    assert window.find("a", last) is None
+    assert window.find("stranger", 0) is None
+    window.hear("a", last, last)
+    assert fill(window) - last < last * 3 / 4
 
 
 def test_it_grows_again() -> None:
-    kept = Kept(reliable=True)
-    kept.join("a")
-    first = last = fill(kept)
+    window = Window(lossless=False)
+    window.join("a")
+    first = last = fill(window)
     for _ in range(100):
-        kept.hear("a", last, 0)
-        before, last = last, fill(kept, last + 1)
-    assert 2 * first < last - before <= WINDOW_BYTES / 1000
+        window.hear("a", last, 0)
+        before, last = last, fill(window)
+    assert 2 * first < last - before <= WINDOW_BYTES / SIZE
 
 
-def test_importers_get_only_what_came_after_them_but_of_transient_local() -> None:
-    volatile = Kept(reliable=True)
-    latched = Kept(reliable=True, history=3)
-    for kept in (volatile, latched):
-        kept.join("a")
-        kept.add(some(1, 5))
-        kept.join("late")
-        kept.add(some(6, 7))
-    assert numbers(volatile.find("late", 0)) == [6, 7]
-    assert numbers(latched.find("late", 0)) == [1, 2, 3, 4, 5, 6, 7]  # all that is there for "a"
-    latched.hear("a", 7, 7)
-    latched.hear("late", 7, 7)
-    assert numbers(latched.find("late", 0)) == [5, 6, 7]
-    assert numbers(latched.find("late", 6)) == [7]
-
-
-def test_a_history_is_bounded_in_bytes() -> None:
-    kept = Kept(reliable=False, history=1000)
-    kept.join("a")
-    size = HISTORY_BYTES // 4
-    kept.add(some(1, 10, size))
-    assert numbers(kept.find("a", 0)) == [7]  # a piece at a time
-    kept.add(some(11, 11, 2 * HISTORY_BYTES))
-    assert numbers(kept.find("a", 0)) == [11]
+def test_importers_get_only_what_came_after_them() -> None:
+    window = Window(lossless=False)
+    window.join("a")
+    send(window, 5)
+    window.join("late")
+    send(window, 2)
+    found = window.find("late", 0)
+    assert found is not None and found.number == 6
+    assert (window.joined("a"), window.joined("late"), window.joined("stranger")) == (0, 5, None)
 
 
 def test_numbers_that_were_never_sent_count_as_the_newest() -> None:
-    kept = Kept(reliable=True, lossless=True)
-    kept.join("a")
-    kept.add(some(1, 3))
-    assert kept.hear("a", 2**64 - 1, 2**64 - 1)
-    assert kept.in_flight == 0
-    kept.add(some(4, 4))
-    assert kept.in_flight == 1020
-    assert not kept.hear("a", 1, 1)
-    assert not kept.hear("stranger", 4, 4)
-    assert not kept.has_arrived
-    assert kept.hear("a", 4, 0) and kept.has_arrived and kept.in_flight == 1020
+    window = Window(lossless=True)
+    window.join("a")
+    send(window, 3)
+    assert window.hear("a", 2**64 - 1, 2**64 - 1)
+    assert window.in_flight == 0
+    send(window, 1)
+    assert window.in_flight > SIZE
+    assert not window.hear("a", 1, 1)
+    assert not window.hear("stranger", 4, 4)
+    assert window.hear("a", 4, 0) and window.in_flight > SIZE
 
 
 def test_importers_are_asked_a_few_times_in_a_span() -> None:
-    kept = Kept(reliable=True)
-    kept.join("a")
+    window = Window(lossless=False)
+    window.join("a")
     asked = 0
-    number = 1
-    while kept.fitting(some(number, number)):
-        kept.add(some(number, number))
-        asked += kept.must_ask()
-        number += 1
+    while window.room > 0:
+        send(window, 1)
+        asked += window.must_ask()
     assert 3 <= asked <= 4
+
+
+# --- history
+
+
+def read(history: History) -> list[int]:
+    """As an importer reads it: the numbers of the messages."""
+    after, found = 0, list[int]()
+    assembler = Assembler()
+    while (part := history.find(after, assembler.size)) is not None:
+        assert len(part.payload) <= PART_BYTES
+        content = read_part(part.payload, part.head)
+        assert content is not None
+        if isinstance(content[1], Piece):
+            whole = assembler.add(content[1])
+            samples = [] if whole is None else [whole]
+        else:
+            assert isinstance(content[1], list)
+            samples = content[1]
+        found += [one.number for one in samples]
+        after = found[-1] if found else 0
+    return found
+
+
+def some(first: int, last: int, size: int = SIZE) -> list[Sample]:
+    return [Sample(bytes(size), number, 0) for number in range(first, last + 1)]
+
+
+def test_a_history_has_the_last_messages_small_and_large() -> None:
+    history = History(5)
+    assert read(history) == []
+    history.add(some(1, 5))
+    history.add(some(6, 6, 300_000))
+    history.add(some(7, 8))
+    assert read(history) == [4, 5, 6, 7, 8]
+    many = History(1000)
+    many.add(some(1, 2000))
+    assert read(many) == list(range(1001, 2001))
+
+
+def test_a_history_is_bounded_in_bytes() -> None:
+    history = History(1000)
+    history.add(some(1, 10, HISTORY_BYTES // 4))
+    assert read(history) == [7, 8, 9, 10]
+    history.add(some(11, 11, 2 * HISTORY_BYTES))
+    assert read(history) == [11]
+
+
+def test_a_message_that_has_gone_while_it_was_read_is_left_out() -> None:
+    history = History(1)
+    history.add(some(1, 1, 300_000))
+    assert history.find(0, PART_BYTES) is not None
+    history.add(some(2, 2, 100_000))
+    part = history.find(0, 4 * PART_BYTES)
+    assert part is not None
+    content = read_part(part.payload, part.head)
+    assert content is not None and isinstance(content[1], Piece)
+    assert (content[1].number, content[1].offset) == (2, 0)
