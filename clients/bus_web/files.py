@@ -39,7 +39,7 @@ def security_headers(host: str) -> dict[str, str]:
     """Of every answer: what a page of this server may load, and who may have it in one of his."""
     return {
         "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-        f"img-src 'self' blob:; connect-src 'self' ws://{host}; base-uri 'none'; form-action 'none'; "
+        f"img-src 'self'; connect-src 'self' ws://{host}; base-uri 'none'; form-action 'none'; "
         "frame-ancestors 'none'",
         "X-Content-Type-Options": "nosniff",
         "Cross-Origin-Resource-Policy": "same-origin",

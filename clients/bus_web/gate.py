@@ -66,7 +66,7 @@ class Gate:
 
     def judge(self, ask: Ask, *, is_socket: bool) -> Enter | Redirect | Refuse:
         """`is_socket`: it asks for a WebSocket, which goes by no redirect."""
-        if ask.method not in ("GET", "HEAD"):
+        if ask.method != "GET":
             return Refuse(405, "only GET is answered here")
         host = ask.host[0].lower() if len(ask.host) == 1 else ""
         if not _is_loopback(host):

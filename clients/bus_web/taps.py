@@ -135,7 +135,7 @@ class Taps:
             while True:
                 tap.news.clear()
                 wanted = self._kinds.get(tap.topic)
-                if wanted is not None and wanted != kind:
+                if wanted is not None and (wanted != kind or subscription is None):
                     if subscription is not None:
                         await subscription.close()
                         subscription = None

@@ -191,6 +191,15 @@ class TestWhatIsTold:
             viewer.hear("value", lambda told: int(told["tree"]["data"].rpartition(" ")[2]) > number)
             viewer.hear("rates")
 
+    def test_a_topic_that_comes_back_with_another_type(self, daemon: Daemon) -> None:
+        other = TALKER.replace("import String", "import Int64").replace("(String,", "(Int64,")
+        other = other.replace('String(data=f"Hello World: {number}")', "Int64(data=number)")
+        with serving() as server, server.viewer() as viewer:
+            viewer.say("look", topics={"/topic": []})
+            for program, name in ((TALKER, "String"), (other, "Int64"), (other, "Int64"), (TALKER, "String")):
+                with script(program, "0.01"):
+                    viewer.hear("value", lambda told, name=name: told["type"] == f"std_msgs/msg/{name}")
+
     def test_a_type_that_does_not_match(self, daemon: Daemon) -> None:
         other = LISTENER.replace("String", "Int32")
         with script(TALKER, "0.01"), script(other), serving() as server, server.viewer() as viewer:

@@ -37,6 +37,24 @@ async def main():
         await asyncio.Event().wait()
 bus.run(main())
 """
+PICTURE = """
+import asyncio, bus, struct, zlib
+from bus.msg.sensor_msgs import CompressedImage
+def part(kind, data):
+    return struct.pack("!I", len(data)) + kind + data + struct.pack("!I", zlib.crc32(kind + data))
+png = b"".join([
+    bytes([137, 80, 78, 71, 13, 10, 26, 10]), part(b"IHDR", struct.pack("!IIBBBBB", 3, 2, 8, 0, 0, 0, 0)),
+    part(b"IDAT", zlib.compress(bytes(8))), part(b"IEND", b""),
+])
+async def main():
+    async with bus.Node("camera") as node:
+        publisher = await node.create_publisher(CompressedImage, "image", 1)
+        print("ready", flush=True)
+        while True:
+            publisher.publish(CompressedImage(format="png", data=png))
+            await asyncio.sleep(0.1)
+bus.run(main())
+"""
 HOSTILE = """
 import asyncio, bus
 from bus.msg.std_msgs import String
@@ -168,6 +186,15 @@ def test_routes_and_what_does_not_match(
             "/minimal_publisher and /other don't match: the publisher has std_msgs/msg/String, "
             "the subscription std_msgs/msg/Int32"
         ]
+
+
+def test_a_compressed_image_is_drawn(server: Serving, page: Page) -> None:
+    with script(PICTURE):
+        page.open(server.page)
+        page.wait("return document.querySelector('g.topic') !== null")
+        choose(page, "/image")
+        size = "const one = document.querySelector('#detail canvas'); return one && [one.width, one.height]"
+        page.wait(size, fits=lambda found: found == [3, 2])
 
 
 def test_busd_is_restarted_and_the_page_comes_back(daemon: Daemon, server: Serving, page: Page) -> None:
