@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from bus.base.printable import printable
+from bus.diagnostics.provoked import warn
 from bus.graph import Origin
 from bus.node import Node
 from bus_bridge.core.announcing import Announcing
@@ -69,7 +70,9 @@ class Bridge:
         self._schemas = Schemas(node, engine, bounds.schema_bytes, self._blame)
         self._exports = Exports(node, rules, self._local.knows, self.warn)
         self._announcing = Announcing(node, engine, self._local, self._exports, self.warn)
-        self._mirrors = Mirrors(engine, self._far, self._exports, self._schemas, self._make_node, self.warn)
+        self._mirrors = Mirrors(
+            engine, self._far, self._exports, self._schemas, self._make_node, self._local.knows, self.warn
+        )
         self._reporting = Reporting(self._exports, self._mirrors)
 
     async def run(self, on_open: Callable[[], object] = lambda: None) -> None:
@@ -187,7 +190,7 @@ class Bridge:
         self._said[text] = None
         if len(self._said) > _MOST_SAID:
             self._said.popitem(last=False)
-        self._log.warning(printable(text, keep=""))
+        warn(self._log, text)  # a far side can cause any number
 
     # --- inside
 

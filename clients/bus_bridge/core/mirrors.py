@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 _AT_ONCE = 64
 _CLOSE_S = 1.0
-_FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 30.0
+_FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 4.0
 _LINGER_S = 5.0
 """How long a transient local publisher stays when the link to its bus ends: when it is back by then, those
 that have its messages don't get them again."""
@@ -76,8 +76,8 @@ class EndpointMirror:
 
 
 class Mirrors:
-    """`make_node(name, namespace, origin)` makes a node, which is opened here; `warn` gets what the user
-    should know."""
+    """`make_node(name, namespace, origin)` makes a node, which is opened here. `knows` says whether an
+    endpoint with this gid was on this bus at the last look; `warn` gets what the user should know."""
 
     def __init__(
         self,
@@ -86,9 +86,11 @@ class Mirrors:
         exports: Exports,
         schemas: Schemas,
         make_node: Callable[[str, str, Origin], Node],
+        knows: Callable[[bytes], bool],
         warn: Callable[[str], None],
     ) -> None:
         self._engine = engine
+        self._knows = knows
         self._far = far
         self._exports = exports
         self._schemas = schemas
@@ -234,6 +236,9 @@ class Mirrors:
                     continue
                 mirror = self._endpoints[gid] = EndpointMirror(far, node)
             if mirror.far is not far or mirror.is_open or mirror.retry_s > now_s:
+                continue
+            if mirror.failures and self._knows(gid):  # it has come by another way, and is still there
+                self._count_failure(mirror)
                 continue
             try:
                 schema = self._schemas.get(far.far)
@@ -401,7 +406,7 @@ class Mirrors:
 
     def _count_failure(self, mirror: NodeMirror | EndpointMirror) -> None:
         mirror.failures += 1
-        pause_s = min(_FIRST_RETRY_S * 2 ** (mirror.failures - 1), _LONGEST_RETRY_S)
+        pause_s = min(_FIRST_RETRY_S * 2 ** min(mirror.failures - 1, 8), _LONGEST_RETRY_S)
         mirror.retry_s = self._loop.time() + pause_s
 
 

@@ -8,6 +8,7 @@ from bus_bridge.engine import Sample
 __all__ = ["RateLimit", "Waiting"]
 
 _NS_PER_S = 1_000_000_000
+_NEVER_NS = 1 << 63
 _SLACK = 0.05
 """By how much of a period a message may be early: publishers' timers are not exact."""
 
@@ -69,7 +70,7 @@ class RateLimit:
     def __init__(self, hz: float) -> None:
         self._period_ns = int(_NS_PER_S / hz)
         self._slack_ns = int(self._period_ns * _SLACK)
-        self._due_ns = 0
+        self._due_ns = -_NEVER_NS
 
     def passing(self, samples: Sequence[Sample]) -> list[Sample]:
         """Those of `samples`, which come in order, that may go on."""
@@ -77,7 +78,7 @@ class RateLimit:
 
     def _passes(self, time_ns: int) -> bool:
         late_ns = time_ns - self._due_ns
-        if -self._period_ns <= late_ns < -self._slack_ns:
+        if -2 * self._period_ns <= late_ns < -self._slack_ns:
             return False
         # On time, the schedule goes on from when it was due, so that the mean rate is exact. After a pause,
         # or where the publisher's clock was set back, it begins anew.

@@ -1,0 +1,196 @@
+from collections.abc import Sequence
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus.qos import QoSProfile
+from bus_bridge.core.export import Export
+from bus_bridge.engine import RouteRule, Sample
+
+_GID = bytes(16)
+
+
+class Writer:
+    def __init__(self) -> None:
+        self.is_wanted = True
+        self.room = 1 << 30
+        self.lost: dict[str, int] = {}
+        self.numbers: list[int] = []
+        self.is_closed = False
+
+    def write(self, samples: Sequence[Sample]) -> int:
+        taken = samples[: self.room]
+        self.numbers += [one.number for one in taken]
+        self.room -= len(taken)
+        return len(taken)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Way:
+    """An export with all that is around it."""
+
+    def __init__(self, qos: QoSProfile | int = 10, rule: RouteRule | None = None, depth: int = 100) -> None:
+        self.is_matched = True
+        self.frees = 0
+        self.writer = Writer()
+        self.export = Export(_GID, depth, lambda gid: self.is_matched, self._free)
+        self.qos = QoSProfile(qos) if isinstance(qos, int) else qos
+        self.rule = rule or RouteRule()
+
+    def attach(self) -> "Way":
+        self.export.attach(self.writer, self.qos, self.rule)
+        return self
+
+    def put(self, *numbers: int) -> None:
+        self.export.put([Sample(b"1234", number, number) for number in numbers])
+
+    def _free(self) -> None:
+        self.frees += 1
+
+    @property
+    def closes(self) -> bool:
+        account = self.export.account
+        return account.waiting == self.export.waiting and account.sent == len(self.writer.numbers)
+
+
+def test_what_is_wanted_goes_at_once() -> None:
+    way = Way().attach()
+    way.put(1, 2, 3)
+    assert way.writer.numbers == [1, 2, 3]
+    assert (way.export.account.bytes, way.export.account.dropped) == (12, {})
+    assert way.closes
+
+
+def test_what_comes_before_the_way_is_made_waits_up_to_the_depth_of_its_publisher() -> None:
+    way = Way(3)
+    way.put(*range(1, 6))
+    way.writer.is_wanted = False
+    way.attach()
+    way.put(6)
+    assert way.export.waiting == 3
+    assert way.export.account.dropped == {"replaced": 3}
+    way.writer.is_wanted = True
+    way.export.flush()
+    assert way.writer.numbers == [4, 5, 6]
+    assert way.closes
+
+
+def test_what_nobody_wants_is_passed_over() -> None:
+    way = Way().attach()
+    way.writer.is_wanted = way.is_matched = False
+    way.put(1, 2)
+    assert way.export.account.dropped == {"not_wanted": 2}
+    way.is_matched = True
+    way.put(3)
+    way.is_matched = False
+    way.export.flush()
+    assert way.export.account.dropped == {"not_wanted": 3}
+    assert way.closes
+
+
+def test_order_is_kept_where_the_engine_takes_little() -> None:
+    way = Way().attach()
+    way.writer.room = 1
+    way.put(1, 2, 3)
+    way.put(4)
+    way.writer.room = 2
+    way.export.flush()
+    way.put(5)
+    way.writer.room = 100
+    way.export.flush()
+    assert way.writer.numbers == [1, 2, 3, 4, 5]
+    assert way.frees == 1
+
+
+def test_a_lossless_publisher_is_held_and_loses_nothing() -> None:
+    way = Way(QoSProfile(history="keep_all"), depth=2).attach()
+    way.writer.room = 0
+    way.put(*range(1, 50))
+    assert way.export.is_holding
+    way.writer.room = 100
+    way.export.flush()
+    assert way.writer.numbers == list(range(1, 50))
+    assert not way.export.is_holding
+
+
+def test_numbers_that_are_missing_were_lost_in_the_tap() -> None:
+    way = Way().attach()
+    way.put(5, 6)  # the first may have any number
+    way.put(9)
+    assert way.export.account.dropped == {"replaced": 2}
+    way.export.is_fresh = True  # another tap
+    way.put(20)
+    assert way.export.account.dropped == {"replaced": 2}
+    assert way.closes
+
+
+def test_a_history_that_comes_again_does_not_go_again() -> None:
+    way = Way(QoSProfile(10, durability="transient_local")).attach()
+    way.put(1, 2, 3)
+    way.export.is_fresh = True
+    way.put(1, 2, 3, 4)
+    assert way.writer.numbers == [1, 2, 3, 4]
+    assert way.export.account.dropped == {"repeated": 3}
+    assert way.closes
+
+
+def test_rules_bound_the_rate() -> None:
+    way = Way(rule=RouteRule(max_rate_hz=1e9 / 10)).attach()  # sample n is from nanosecond n
+    way.put(*range(1, 101))
+    assert way.writer.numbers == list(range(1, 101, 10))
+    assert way.export.account.dropped == {"rate_limit": 90}
+    assert way.closes
+
+
+def test_at_its_end_what_waits_is_counted_as_lost() -> None:
+    way = Way().attach()
+    way.writer.room = 0
+    way.put(1, 2)
+    way.export.close()
+    assert way.export.account.dropped == {"disconnected": 2}
+    assert way.writer.is_closed
+    assert way.closes
+
+
+def test_what_the_engine_has_lost_was_not_sent() -> None:
+    way = Way().attach()
+    way.put(1, 2, 3)
+    way.writer.lost = {"link_congested": 1}
+    assert (way.export.sent, way.export.losses) == (2, {"link_congested": 1})
+
+
+_acts = st.one_of(
+    st.tuples(st.just("put"), st.integers(1, 9)),
+    st.tuples(st.just("room"), st.integers(0, 20)),
+    st.tuples(st.just("wanted"), st.booleans()),
+    st.tuples(st.just("matched"), st.booleans()),
+    st.tuples(st.just("skip"), st.integers(1, 3)),
+    st.tuples(st.just("flush"), st.none()),
+)
+
+
+@given(st.lists(_acts, max_size=60), st.booleans())
+def test_accounts_close_and_order_is_kept_whatever_happens(
+    acts: list[tuple[str, int]], lossless: bool
+) -> None:
+    way = Way(QoSProfile(history="keep_all") if lossless else QoSProfile(4), depth=8).attach()
+    number = 0
+    for act, value in acts:
+        match act:
+            case "put":
+                way.put(*range(number + 1, number + value + 1))
+                number += value
+            case "room":
+                way.writer.room = value
+            case "wanted":
+                way.writer.is_wanted = bool(value)
+            case "matched":
+                way.is_matched = bool(value)
+            case "skip":
+                number += value
+            case _:
+                way.export.flush()
+        assert way.closes
+    assert way.writer.numbers == sorted(set(way.writer.numbers))

@@ -1,0 +1,194 @@
+"""What far buses have said, held against bounds, names and rules."""
+
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus.qos import QoSProfile
+from bus_bridge.core.bounds import Bounds
+from bus_bridge.core.far_graph import FarGraph
+from bus_bridge.core.naming import Naming
+from bus_bridge.core.rules import Rules, TopicRule
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Kind
+
+
+def far(namespace: str = "", bounds: Bounds | None = None, **rules: Any) -> FarGraph:
+    made = FarGraph("here", bounds or Bounds(), Rules(**rules), Naming(namespace))
+    assert made.bus_came(FarBus("there"), 0.0) == ""
+    return made
+
+
+def node(key: str, bus: str = "there", namespace: str = "/", via: tuple[str, ...] = ()) -> FarNode:
+    return FarNode(key, bus, "node", namespace, via)
+
+
+def endpoint(gid: int, key: str, topic: str = "/t", kind: Kind = "publisher") -> FarEndpoint:
+    gid_bytes = gid.to_bytes(16, "big")
+    return FarEndpoint(kind, gid_bytes, key, topic, "std_msgs/msg/String", "h", QoSProfile(10))
+
+
+def topics(graph: FarGraph) -> list[str]:
+    return sorted(one.topic for one in graph.endpoints.values())
+
+
+def test_nodes_and_endpoints_come_and_go() -> None:
+    graph = far()
+    assert graph.node_came(node("1"), 0) == graph.endpoint_came(endpoint(1, "1"), 0) == ""
+    assert (list(graph.nodes), topics(graph)) == (["1"], ["/t"])
+    assert graph.endpoint_went(bytes(15) + b"\1", "1", 0) == ""
+    assert (list(graph.nodes), topics(graph)) == (["1"], [])
+    graph.endpoint_came(endpoint(1, "1"), 0)
+    assert graph.node_went("1", 0) == ""
+    assert (graph.nodes, graph.endpoints) == ({}, {})
+
+
+def test_what_is_said_of_unknown_things_is_ignored() -> None:
+    graph = far()
+    assert graph.node_came(node("1", "nobody"), 0) == ""
+    assert graph.endpoint_came(endpoint(1, "1"), 0) == ""
+    assert graph.endpoint_went(bytes(16), "1", 0) == ""
+    assert graph.node_went("1", 0) == ""
+    graph.bus_went("nobody")
+    assert (graph.nodes, graph.endpoints) == ({}, {})
+
+
+def test_with_a_bus_all_goes_that_it_had() -> None:
+    graph = far()
+    graph.node_came(node("1"), 0)
+    graph.endpoint_came(endpoint(1, "1"), 0)
+    graph.bus_went("there")
+    assert (graph.nodes, graph.endpoints, graph.buses) == ({}, {}, [])
+
+
+def test_what_came_through_this_bus_does_not_come_back() -> None:
+    graph = far()
+    graph.node_came(node("1", via=("here",)), 0)
+    graph.endpoint_came(endpoint(1, "1"), 0)
+    assert (graph.nodes, graph.endpoints) == ({}, {})
+    assert graph.ways(endpoint(1, "1").gid) == []
+
+
+def test_names_outside_of_the_namespace_stay_outside() -> None:
+    graph = far("/bot1")
+    for key, namespace in (("in", "/bot1/ns"), ("out", "/desk"), ("none", "/")):
+        graph.node_came(node(key, namespace=namespace), 0)
+    graph.endpoint_came(endpoint(1, "in", "/bot1/scan"), 0)
+    graph.endpoint_came(endpoint(2, "in", "/scan"), 0)
+    graph.endpoint_came(endpoint(3, "out", "/bot1/cmd"), 0)
+    assert topics(graph) == ["/cmd", "/scan"]
+    assert {key: one.namespace for key, one in graph.nodes.items()} == {"in": "/ns", "out": "/desk"}
+    graph.endpoint_went(endpoint(3, "out").gid, "out", 0)
+    assert list(graph.nodes) == ["in"]
+
+
+def test_rules_say_what_comes_in() -> None:
+    graph = far(topics=[TopicRule(pattern="/out", direction="out"), TopicRule(pattern="/in", direction="in")])
+    graph.node_came(node("1"), 0)
+    for number, topic in enumerate(("/out", "/in")):
+        graph.endpoint_came(endpoint(2 * number, "1", topic, "publisher"), 0)
+        graph.endpoint_came(endpoint(2 * number + 1, "1", topic, "subscription"), 0)
+    kinds = {(one.topic, one.far.kind) for one in graph.endpoints.values()}
+    assert kinds == {("/out", "subscription"), ("/in", "publisher")}
+
+
+def test_of_two_ways_the_first_is_used_and_then_the_other() -> None:
+    graph = far()
+    graph.bus_came(FarBus("other"), 0)
+    graph.node_came(node("1"), 0)
+    graph.node_came(node("2", "other", via=("there",)), 0)
+    one, other = endpoint(1, "1"), endpoint(1, "2")
+    graph.endpoint_came(one, 0)
+    first = graph.endpoints[one.gid]
+    graph.endpoint_came(other, 0)
+    assert graph.endpoints[one.gid] is first
+    assert graph.ways(one.gid) == ["there", "other"]
+    graph.endpoint_went(one.gid, "1", 0)
+    assert graph.endpoints[one.gid].node.key == "2"
+    graph.bus_went("other")
+    assert graph.endpoints == {}
+
+
+def test_one_that_went_and_came_is_another() -> None:
+    graph = far()
+    graph.node_came(node("1"), 0)
+    graph.endpoint_came(endpoint(1, "1"), 0)
+    before = graph.endpoints[endpoint(1, "1").gid]
+    graph.endpoint_came(endpoint(1, "1"), 0)
+    assert graph.endpoints[before.far.gid] is before
+    graph.endpoint_went(before.far.gid, "1", 0)
+    graph.endpoint_came(endpoint(1, "1"), 0)
+    assert graph.endpoints[before.far.gid] is not before
+
+
+def test_bounds() -> None:
+    graph = far(bounds=Bounds(nodes=1, endpoints=2, types=1, buses=1))
+    assert "there are 1 far buses" in graph.bus_came(FarBus("other"), 0)
+    assert graph.node_came(node("1"), 0) == ""
+    assert "more than 1 nodes" in graph.node_came(node("2"), 0)
+    assert graph.endpoint_came(endpoint(1, "1"), 0) == graph.endpoint_came(endpoint(2, "1"), 0) == ""
+    assert "more than 2 endpoints" in graph.endpoint_came(endpoint(3, "1"), 0)
+
+
+def test_news_are_bounded_in_time() -> None:
+    graph = far(bounds=Bounds(nodes=1, endpoints=1, news_per_s=10))
+    said = [graph.node_came(node("1"), 0.0) or graph.node_went("1", 0.0) for _ in range(10)]
+    assert any("more than 10 times in a second" in one for one in said)
+    graph = far(bounds=Bounds(nodes=1, endpoints=1, news_per_s=10))
+    assert not any(graph.node_came(node("1"), at / 5) or graph.node_went("1", at / 5) for at in range(100))
+
+
+def test_a_node_of_another_bus_can_not_be_claimed() -> None:
+    graph = far()
+    graph.bus_came(FarBus("other"), 0)
+    graph.node_came(node("1"), 0)
+    assert "names a node of 'there' as its own" in graph.node_came(node("1", "other"), 0)
+
+
+def test_its_own_id_is_no_far_bus() -> None:
+    assert "choose another with --id" in far().bus_came(FarBus("here"), 0)
+
+
+_steps = st.lists(
+    st.tuples(
+        st.sampled_from(["node", "no node", "endpoint", "no endpoint", "bus", "no bus"]),
+        st.sampled_from(["there", "other"]),
+        st.integers(0, 3),
+        st.integers(0, 3),
+    ),
+    max_size=60,
+)
+
+
+@given(_steps)
+def test_whatever_is_said_the_rest_is_what_is_there(steps: list[tuple[str, str, int, int]]) -> None:
+    graph = far("/bot1")
+    nodes: dict[str, str] = {}
+    endpoints: set[tuple[int, str]] = set()
+    buses = {"there"}
+    for act, bus, number, gid in steps:
+        key = f"{bus}/{number}"
+        match act:
+            case "bus":
+                graph.bus_came(FarBus(bus), 0)
+                buses.add(bus)
+            case "no bus":
+                graph.bus_went(bus)
+                buses.discard(bus)
+            case "node" if bus in buses:
+                graph.node_came(node(key, bus, "/bot1" if number else "/"), 0)
+                nodes[key] = bus
+            case "no node":
+                graph.node_went(key, 0)
+                nodes.pop(key, None)
+            case "endpoint" if key in nodes:
+                graph.endpoint_came(endpoint(gid, key, "/bot1/t"), 0)
+                endpoints.add((gid, key))
+            case "no endpoint":
+                graph.endpoint_went(gid.to_bytes(16, "big"), key, 0)
+                endpoints.discard((gid, key))
+        nodes = {key: bus for key, bus in nodes.items() if bus in buses}
+        endpoints = {(gid, key) for gid, key in endpoints if key in nodes}
+        assert {int.from_bytes(one) for one in graph.endpoints} == {gid for gid, _ in endpoints}
+        used = {one.node.key for one in graph.endpoints.values()}
+        assert set(graph.nodes) == {key for key in nodes if not key.endswith("/0") or key in used}

@@ -1,0 +1,144 @@
+"""What of this bus is shown, as graphs follow each other."""
+
+from typing import Any
+
+from bus.endpoint import Match
+from bus.graph import Graph, GraphEndpoint, GraphNode, Origin
+from bus.qos import QoSProfile
+from bus_bridge.core.local_graph import Changes, LocalGraph
+from bus_bridge.core.naming import Naming
+from bus_bridge.core.rules import Rules, TopicRule
+
+_QOS = QoSProfile(10)
+
+
+def node(number: int, name: str = "", **more: Any) -> GraphNode:
+    return GraphNode(id=number, name=name or f"node{number}", namespace="/", pid=more.pop("pid", 1), **more)
+
+
+def endpoint(kind: str, gid: int, of: GraphNode, topic: str, number: int = 0) -> GraphEndpoint:
+    return GraphEndpoint(
+        id=number or gid,
+        kind=kind,
+        node=of,
+        topic=topic,
+        type_name="std_msgs/msg/String",
+        type_hash="h",
+        gid=gid.to_bytes(16, "big"),
+        qos=_QOS,
+    )
+
+
+def graph(
+    *endpoints: GraphEndpoint, revision: int = 1, pid: int = 9, nodes: tuple[GraphNode, ...] = ()
+) -> Graph:
+    all_nodes = {one.node.id: one.node for one in endpoints} | {one.id: one for one in nodes}
+    return Graph(
+        revision=revision,
+        broker_pid=pid,
+        nodes=tuple(all_nodes.values()),
+        publishers=tuple(one for one in endpoints if one.kind == "publisher"),
+        subscriptions=tuple(one for one in endpoints if one.kind == "subscription"),
+        matches=(),
+    )
+
+
+def local(namespace: str = "", **rules: Any) -> LocalGraph:
+    return LocalGraph(Rules(**rules), Naming(namespace))
+
+
+def told(changes: Changes) -> dict[str, list[str]]:
+    return {
+        name: [
+            one.topic if hasattr(one, "topic") else getattr(one, "name", one)
+            for one in getattr(changes, name)
+        ]
+        for name in changes.__struct_fields__
+        if getattr(changes, name)
+    }
+
+
+def test_what_comes_and_goes() -> None:
+    one = node(1)
+    seen = local()
+    publisher, subscription = endpoint("publisher", 1, one, "/a"), endpoint("subscription", 2, one, "/b")
+    assert told(seen.look(graph(publisher, subscription))) == {
+        "nodes": ["node1"],
+        "subscriptions": ["/b"],
+        "publishers": ["/a"],
+    }
+    assert told(seen.look(graph(publisher, subscription, revision=2))) == {}
+    assert told(seen.look(graph(subscription, revision=3))) == {"gone": ["/a"]}
+    assert told(seen.look(graph(revision=4))) == {"gone": ["/b"], "gone_nodes": ["node1"]}
+    assert (seen.endpoints, seen.nodes) == ({}, [])
+
+
+def test_what_rules_keep_in_is_known_and_not_shown() -> None:
+    one = node(1)
+    seen = local(deny=["/secret"])
+    hidden = [endpoint("publisher", 1, one, "/secret"), endpoint("publisher", 2, one, "/rosout")]
+    assert told(seen.look(graph(*hidden))) == {"nodes": ["node1"]}
+    assert all(seen.knows(each.gid) for each in hidden)
+
+
+def test_what_bridges_have_brought_is_not_shown_but_in_transit() -> None:
+    far = node(1, origin=Origin("zenoh", "b", ("a",)))
+    endpoints = [endpoint("publisher", 1, far, "/a"), endpoint("publisher", 2, far, "/b")]
+    assert told(local().look(graph(*endpoints))) == {}
+    changes = local(topics=[TopicRule(pattern="/a", transit=True)]).look(graph(*endpoints))
+    assert told(changes) == {"nodes": ["node1"], "publishers": ["/a"]}
+    assert changes.nodes[0].via == ("a", "b")
+
+
+def test_the_namespace_goes_in_front() -> None:
+    changes = local("/bot1").look(graph(endpoint("publisher", 1, node(1), "/a")))
+    assert changes.nodes[0].namespace == "/bot1"
+    assert (changes.publishers[0].local.topic, changes.publishers[0].topic) == ("/bot1/a", "/a")
+    long = "/" + "a" * 245
+    changes = local("/bot1").look(graph(endpoint("publisher", 1, node(1), long)))
+    assert changes.publishers == []
+    assert "has 251 characters" in changes.warnings[0]
+
+
+def test_a_busd_that_is_back_changes_nothing() -> None:
+    seen = local()
+    before = [endpoint("publisher", 1, node(5, "talker"), "/a"), endpoint("subscription", 2, node(6), "/b")]
+    seen.look(graph(*before, revision=50))
+    ids = [one.id for one in seen.nodes]
+    first = graph(revision=1)
+    assert seen.is_other_busd(first)
+    assert told(seen.look(first, keeps=True)) == {}
+    half = graph(endpoint("publisher", 1, node(9, "talker"), "/a", number=77), revision=2)
+    assert told(seen.look(half, keeps=True)) == {}
+    assert told(seen.look(half)) == {"gone": ["/b"], "gone_nodes": ["node6"]}
+    assert [one.id for one in seen.nodes] == ids[:1]
+
+
+def test_a_node_of_another_process_is_another_node() -> None:
+    seen = local()
+    seen.look(graph(nodes=(node(1, "talker", pid=1),)))
+    changes = seen.look(graph(nodes=(node(1, "talker", pid=2),), revision=0, pid=8))
+    assert told(changes) == {"nodes": ["talker"], "gone_nodes": ["talker"]}
+
+
+def test_namesakes_are_kept_apart() -> None:
+    seen = local()
+    one, other = node(1, "talker"), node(2, "talker")
+    changes = seen.look(graph(endpoint("publisher", 1, one, "/a"), endpoint("publisher", 2, other, "/b")))
+    ids = {shown.topic: shown.local.node.id for shown in changes.publishers}
+    assert len(set(ids.values())) == 2
+    gone = seen.look(graph(endpoint("publisher", 2, other, "/b"), revision=2)).gone_nodes
+    assert [one.id for one in gone] == [ids["/a"]]
+
+
+def test_a_publisher_that_no_graph_has_shown() -> None:
+    seen = local("/bot1", deny=["/secret"])
+    match = Match("/ns/once", bytes(16), _QOS, "shm")
+    changes = seen.look_at_lone(match, ("/a", "std_msgs/msg/String", "h"))
+    (shown,) = changes.publishers
+    assert (shown.local.topic, shown.local.node.namespace, shown.local.node.name) == (
+        "/bot1/a",
+        "/bot1/ns",
+        "once",
+    )
+    assert told(seen.look_at_lone(match, ("/secret", "t", "h"))) == {}

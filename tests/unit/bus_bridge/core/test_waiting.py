@@ -1,0 +1,69 @@
+from bus_bridge.core.waiting import RateLimit, Waiting
+from bus_bridge.engine import Sample
+from rows import for_each
+
+_S = 1_000_000_000
+
+
+def samples(*numbers: int, size: int = 1) -> list[Sample]:
+    return [Sample(bytes(size), number, number) for number in numbers]
+
+
+def numbers(waiting: Waiting) -> list[int]:
+    return [one.number for one in waiting.first(1000)]
+
+
+def test_the_oldest_go_beyond_the_depth() -> None:
+    waiting = Waiting(1000)
+    assert waiting.put(samples(1, 2, 3), 2) == (1, 0)
+    assert numbers(waiting) == [2, 3]
+    assert waiting.put(samples(4, 5, 6), 2) == (3, 0)
+    assert numbers(waiting) == [5, 6]
+
+
+def test_without_a_depth_all_stay() -> None:
+    waiting = Waiting(1 << 20)
+    assert waiting.put(samples(*range(5000)), None) == (0, 0)
+    assert len(waiting) == 5000
+
+
+def test_the_oldest_go_beyond_the_bytes_but_never_the_last() -> None:
+    waiting = Waiting(100)
+    assert waiting.put(samples(1, 2, size=60), 10) == (0, 1)
+    assert numbers(waiting) == [2]
+    assert waiting.put(samples(3, size=500), 10) == (0, 1)
+    assert numbers(waiting) == [3]
+    assert waiting.bytes == 500
+
+
+def test_what_has_gone_on_is_forgotten() -> None:
+    waiting = Waiting(100)
+    waiting.put(samples(1, 2, 3, size=10), 10)
+    assert [one.number for one in waiting.first(2)] == [1, 2]
+    waiting.remove(2)
+    assert (numbers(waiting), waiting.bytes) == ([3], 10)
+    assert waiting.clear() == 1
+    assert (len(waiting), waiting.bytes) == (0, 0)
+
+
+@for_each(
+    "hz, sent_hz, passing",
+    [(10.0, 100, 10), (10.0, 30, 10), (10.0, 10, 10), (10.0, 5, 5), (1.0, 1000, 1), (30.0, 50, 30)],
+)
+def test_the_rate_is_that_of_the_rule(hz: float, sent_hz: int, passing: int) -> None:
+    limit = RateLimit(hz)
+    sent = [Sample(b"", number, 100 * _S + number * _S // sent_hz) for number in range(10 * sent_hz)]
+    assert abs(len(limit.passing(sent)) - 10 * passing) <= 1
+
+
+def test_a_timer_that_is_a_little_early_loses_nothing() -> None:
+    limit = RateLimit(10.0)
+    sent = [Sample(b"", n, 100 * _S + n * _S // 10 + (-1) ** n * 2_000_000) for n in range(100)]
+    assert len(limit.passing(sent)) == 100
+
+
+def test_after_a_pause_or_with_a_clock_that_was_set_the_next_one_passes() -> None:
+    limit = RateLimit(1.0)
+    times = [100 * _S, 100 * _S + 1, 1000 * _S, 1000 * _S + 1, 50 * _S, 50 * _S + 1, 51 * _S]
+    passing = limit.passing([Sample(b"", number, time) for number, time in enumerate(times)])
+    assert [one.number for one in passing] == [0, 2, 4, 6]
