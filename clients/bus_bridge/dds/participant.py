@@ -123,14 +123,17 @@ class Participant:
         on_data: Callable[[], None],
         on_matched: Callable[[], object] | None = None,
     ) -> "Endpoint":
-        """A reader. Raises BridgeError."""
-        callbacks: dict[str, Any] = {"on_data_available": lambda reader: on_data()}
+        """A reader; `hush` of the result keeps `on_data` from being called. Raises BridgeError."""
+        callbacks: dict[str, Any] = {}
         if on_matched is not None:
             callbacks["on_subscription_matched"] = lambda reader, status: on_matched()
-        listener = self._listener(**callbacks)
-        return self._make(
+        hushed = self._listener(**callbacks)
+        listener = self._listener(on_data_available=lambda reader: on_data(), **callbacks)
+        made = self._make(
             self._reader_class, self._subscriber, topic, idl_type, policies, (user_data, []), listener
         )
+        made.listeners = listener, hushed
+        return made
 
     def watch(self, what: str, on_data: Callable[[], None]) -> Any:
         """A reader of `DcpsParticipant`, `DcpsPublication` or `DcpsSubscription`."""
@@ -197,7 +200,15 @@ class Endpoint:
     def __init__(self, entity: Any, release: Callable[[], None]) -> None:
         self.entity = entity
         self.guid: bytes = entity.guid.bytes
+        self.listeners: tuple[Any, Any] | None = None
+        """Of a reader: the one that hears of data, and the one that does not."""
         self._release: Callable[[], None] | None = release
+
+    def hush(self, is_hushed: bool) -> None:
+        """Whether `on_data` of a reader is left out: under load it would take the interpreter's lock for each
+        message. After its end look once more whether there is data."""
+        if self.listeners is not None and self._release is not None:
+            raw.listen(self.entity, self.listeners[is_hushed])
 
     def matched_readers(self) -> list[int]:
         """Handles of the readers that are matched with this writer."""

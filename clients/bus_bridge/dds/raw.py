@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-__all__ = ["TIMED_OUT", "delete", "describe_code", "taker_of", "writer_of"]
+__all__ = ["TIMED_OUT", "delete", "describe_code", "listen", "taker_of", "writer_of"]
 
 TIMED_OUT: Final = -10
 """What `write` returns where a reliable writer has no room."""
@@ -35,6 +35,11 @@ def writer_of(writer: Any) -> Callable[[bytes, int], int]:
     from cyclonedds import _clayer
 
     return partial(_clayer.ddspy_write_ts, writer._ref)
+
+
+def listen(entity: Any, listener: Any) -> None:
+    """From now on `listener` hears of an entity, which must outlive it. Its own method copies listeners."""
+    entity._set_listener(entity._ref, listener._ref)
 
 
 def delete(entity: Any) -> None:

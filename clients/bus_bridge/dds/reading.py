@@ -20,6 +20,8 @@ from bus_ros.cdr import CdrError
 __all__ = ["FarWay", "Intake", "Ways"]
 
 _BATCH: Final = 256
+_BURST: Final = 16
+"""So many messages at once, and a call for each of them would cost more than to look in each turn."""
 _LINGER_S: Final = 0.02
 """How long a reader that is withdrawn still carries: what has reached the other has reached it too, then."""
 _CATCH_UP_S: Final = 1.0
@@ -54,6 +56,8 @@ class Intake:
         self.is_retiring = False
         self.is_closed = False
         self._is_scheduled = False
+        self._is_hushed = False
+        """Whether it is looked into in each turn of the loop, and DDS need not call."""
         self._holds = 0
         self._fresh: dict[int, deque[Arrived]] = {}
         """By handle, what came before it was known who carries it."""
@@ -100,7 +104,7 @@ class Intake:
         """Take what there is, a batch of it. Returns whether there may be more."""
         self._is_scheduled = False
         if self.is_closed or self._holds:
-            return False
+            return False  # `release` wakes it
         found = self._take(_BATCH)
         batches: dict[FarWay, list[Arrived]] = {}
         ways = self._ways.by_handle
@@ -115,7 +119,14 @@ class Intake:
                 self._keep(handle, (data, info.source_timestamp))
         for way, batch in batches.items():
             way.arrived(batch)
-        if len(found) == _BATCH and not self._is_scheduled:
+        if len(found) >= _BURST and not self._is_hushed:
+            self._is_hushed = True
+            self._endpoint.hush(True)
+        elif not found and self._is_hushed:
+            self._is_hushed = False
+            self._endpoint.hush(False)
+            self._wake()
+        if (self._is_hushed or len(found) == _BATCH) and not self._is_scheduled:
             self._is_scheduled = True
             self._loop.call_soon(self.drain)
         return len(found) == _BATCH
@@ -209,14 +220,18 @@ class FarWay:
                 self._catches_up_until = 0.0
             if not batch:
                 return
-        samples = []
-        for data, time_ns in batch:
-            try:
-                samples.append(Sample(self._decode(data), 0, time_ns))
-            except CdrError:
-                self._lose("undecodable")
+        decode = self._decode
+        try:
+            samples = [Sample(decode(data), 0, time_ns) for data, time_ns in batch]
+        except CdrError:
+            samples = self._right_ones(batch)
         self.last_ns = batch[-1][1]
         if not self._is_lossless:
+            self._on_samples(samples)
+            return
+        size = sum([len(sample.payload) for sample in samples])
+        if not self._held and self._outstanding + size <= _WINDOW:
+            self._outstanding += size
             self._on_samples(samples)
             return
         for sample in samples:
@@ -226,6 +241,15 @@ class FarWay:
                 self._held.append(sample)
                 self._held_bytes += len(sample.payload)
         self._go_on()
+
+    def _right_ones(self, batch: Sequence[Arrived]) -> list[Sample]:
+        samples = []
+        for data, time_ns in batch:
+            try:
+                samples.append(Sample(self._decode(data), 0, time_ns))
+            except CdrError:
+                self._lose("undecodable")
+        return samples
 
     def taken(self, size: int) -> None:
         self._outstanding = max(self._outstanding - size, 0)

@@ -16,7 +16,7 @@ from bus_bridge.dds import raw
 
 def test_the_names_are_there() -> None:
     assert callable(_clayer.ddspy_take) and callable(_clayer.ddspy_write_ts)
-    assert {"_entities", "_delete"} <= vars(Entity).keys()
+    assert {"_entities", "_delete", "_set_listener"} <= vars(Entity).keys()
     assert "self._ref" in inspect.getsource(Entity.__del__)
 
 
