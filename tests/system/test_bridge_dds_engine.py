@@ -279,7 +279,8 @@ async def test_types_that_are_not_known_and_services_are_said_once(bridge: Bridg
     )
     service = DataWriter(alone.participant, alone.topic("rr/addReply"))
     each = DataWriter(alone.participant, alone.topic("rr/node/get_parametersReply"))
-    assert one and other and service and each
+    client = DataReader(alone.participant, alone.topic("rr/otherReply"))
+    assert one and other and service and each and client
     await until(lambda: len(bridge.far.warnings) == 3)
     wheel, text, services = sorted(bridge.far.warnings, key=lambda said: ("services" in said, "text" in said))
     assert "topic /wheel of ROS 2 is left out: unknown interface 'demo_msgs/msg/Wheel'" in wheel

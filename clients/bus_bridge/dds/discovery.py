@@ -158,7 +158,8 @@ class Discovery:
                 self.node_info.writer_came(handle, participant, "typehash" not in said)
             case "service":
                 service = service_from_dds(sample.topic_name)
-                if service is not None and not is_service_of_each_node(service):
+                is_server = kind == ("subscription" if sample.topic_name.startswith("rq") else "publisher")
+                if service is not None and is_server and not is_service_of_each_node(service):
                     self._far.warn(NO_SERVICES)
             case "topic":
                 found = self._endpoint(handle, participant, sample, kind, said.get("typehash", ""))

@@ -5,12 +5,13 @@ Owns: what the bridge asks for, carried out with one participant. How each thing
 
 from collections.abc import Callable, Sequence
 
+from bus.names import request_topic, service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
 from bus_bridge.dds.discovery import MARK, NO_SERVICES, Discovery
 from bus_bridge.dds.graph import FarGraph, NodeEntities
 from bus_bridge.dds.known_types import KnownType, KnownTypes
-from bus_bridge.dds.names import is_own_service_topic, is_service_of_each_node, topic_to_dds, user_data
+from bus_bridge.dds.names import is_service_of_each_node, topic_to_dds, user_data
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import Participant
@@ -213,9 +214,11 @@ class DdsEngine:
         return set(self._discovery.publishers.get(topic, {}).values())
 
     def _is_left_out(self, endpoint: LocalEndpoint) -> bool:
-        if not is_own_service_topic(endpoint.topic):
+        service = service_of_topic(endpoint.topic)
+        if service is None:
             return False
-        if not is_service_of_each_node(endpoint.topic.rpartition("/")[0]):
+        is_server = endpoint.topic == request_topic(service) and endpoint.kind == "subscription"
+        if is_server and not is_service_of_each_node(service):
             self._far.warn(NO_SERVICES)
         return True
 
@@ -238,8 +241,7 @@ class DdsEngine:
         return user_data({"typehash": known.codec.type_hash, **self._mark})
 
     def _address(self) -> str:
-        interface = self._options.interface or "this machine only"
-        return f"DDS domain {self._options.domain}, {interface}"
+        return f"DDS domain {self._options.domain} on {self._options.interface or 'loopback'}"
 
 
 class _Subscription:

@@ -7,15 +7,12 @@ import re
 from collections.abc import Mapping
 from typing import Final, Literal
 
-from bus.names import service_of_topic
-
 __all__ = [
     "GRAPH_TOPIC",
     "GRAPH_TYPE",
     "GRAPH_TYPE_HASH",
     "Kind",
     "bare_node_name",
-    "is_own_service_topic",
     "is_service_of_each_node",
     "kind_of",
     "service_from_dds",
@@ -71,11 +68,6 @@ def service_from_dds(dds_topic: str) -> str | None:
     """`rq/sRequest` and `rr/sReply` as `/s`; None for what is of no service of ROS 2."""
     found = _SERVICE.fullmatch(dds_topic)
     return found[1] if found else None
-
-
-def is_own_service_topic(topic: str) -> bool:
-    """Whether a topic of this bus carries a service, which ROS 2 would not understand."""
-    return service_of_topic(topic) is not None
 
 
 def is_service_of_each_node(service: str) -> bool:

@@ -64,13 +64,6 @@ def test_user_data_is_read_as_it_was_written() -> None:
 
 
 @for_each(
-    "topic, is_service", [("/s/_request", True), ("/s/_reply", True), ("/s/request", False), ("/_x/y", False)]
-)
-def test_topics_of_services_of_this_bus(topic: str, is_service: bool) -> None:
-    assert names.is_own_service_topic(topic) is is_service
-
-
-@for_each(
     "service, has_each", [("/n/get_parameters", True), ("/get_type_description", True), ("/add", False)]
 )
 def test_services_that_each_node_has(service: str, has_each: bool) -> None:
