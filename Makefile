@@ -76,7 +76,7 @@ compiled: $(TOOLS)
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --collect-only -p no:cacheprovider >/dev/null || true
 
 # Each part runs also where another has failed; the last lines say which have.
-NIGHTLY = test-nightly native sanitize arm mutants chaos fuzz soak
+NIGHTLY = test-nightly native sanitize arm mutants chaos chaos-bridges fuzz soak
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
@@ -156,6 +156,9 @@ bench: $(BENCH_STAMP) $(ROS_STAMP) ## the same, longer: about an hour
 chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)
 	@PYTHONPATH=tests $(BIN)/python -m chaos --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED))
 
+chaos-bridges: $(TOOLS) ## the same of two buses and what joins them: bridges, busds and a cable (KILLS=200 SEED=7)
+	@PYTHONPATH=tests $(BIN)/python -m chaos.bridges --kills $(or $(KILLS),200) $(if $(SEED),--seed $(SEED))
+
 soak: $(SOAK_STAMP) ## a steady load: memory and descriptors flat, latency over time (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(or $(MINUTES),30)
 
@@ -208,4 +211,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor axe fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor axe fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons clean

@@ -15,10 +15,11 @@ _EACH = 20
 
 
 class Crowd(msgspec.Struct, frozen=True):
-    """So many endpoints, half of them publishers, on topics that begin with `prefix`."""
+    """So many endpoints, each on a topic that begins with `prefix`: publishers, or `both` kinds in turn."""
 
     endpoints: int
     prefix: str
+    both: bool = True
 
 
 class Torrent(msgspec.Struct, frozen=True):
@@ -44,11 +45,11 @@ async def crowd(parent: Parent) -> None:
     for number in range(what.endpoints):
         if number % _EACH == 0:
             nodes.append(await bus.Node(f"{name}_{number // _EACH}", rosout=False).__aenter__())
-        topic = f"{what.prefix}/{number // 2}"
-        if number % 2:
-            await nodes[-1].create_subscription(String, f"{topic}/in", 10, _hear)
+        topic = f"{what.prefix}/topic_{number}"
+        if what.both and number % 2:
+            await nodes[-1].create_subscription(String, topic, 10, _hear)
         else:
-            await nodes[-1].create_publisher(String, f"{topic}/out", 10)
+            await nodes[-1].create_publisher(String, topic, 10)
     parent.tell("made")
     await asyncio.Event().wait()
 

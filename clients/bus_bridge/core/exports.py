@@ -81,7 +81,9 @@ class TopicRoute:
         if self._matched is None:
             self._matched = frozenset(match.gid for one in self.mirrors for match in one.matches)
             self._present = frozenset(match.gid for tap in self.taps for match in tap.matches)
-        return gid in self._matched or (bool(self.mirrors) and gid not in self._present)
+        if gid in self._matched or self.holders > len(self.mirrors):  # one that is being made may be matched
+            return True
+        return bool(self.mirrors) and gid not in self._present
 
     def meet(self, tap: Subscription[Any] | None) -> None:
         """Publishers of this bus may have come or gone."""

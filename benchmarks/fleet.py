@@ -1,0 +1,172 @@
+"""`python -m benchmarks.fleet`: many buses on one machine, each with a bridge and some topics.
+
+How long it takes until every bus shows all topics of all others, what the bridges use for that and then, and
+how both grow with buses and topics: a table for docs/bridge.md. Not a part of `make bench`, since one machine
+stands for all, so that the times are those of its CPUs.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from statistics import mean
+from time import monotonic, sleep
+from typing import Literal, NamedTuple
+
+from benchmarks import paced
+from benchmarks.adapters.bridging import Crowd
+from benchmarks.bridge import count_endpoints, start_worker
+from benchmarks.bridged import free_port, missing, start_bridge
+from benchmarks.harness import START_S, Child, Failure, Group
+from benchmarks.machine import look_at_machine
+from bus_cli.query import Query
+
+Shape = Literal["mesh", "router"]
+"""Each bridge goes to all others; or all go to one router of zenoh."""
+_PREFIX = "/fleet"
+_LIMIT_S, _LOOK_S = 240.0, 0.1
+_SETTLE_S, _WATCH_S = 3.0, 5.0
+_SMALL = ((2, 50), (5, 50), (10, 50), (10, 25), (10, 100))
+_LARGE = (20, 50)
+
+
+class Found(NamedTuple):
+    """What one fleet took. MiB and percent are of a bridge; CPU seconds too, over all that was mirrored."""
+
+    shape: Shape
+    buses: int
+    topics: int
+    there_s: float
+    cpu_s: float
+    mib: float
+    most_mib: float
+    idle_percent: float
+    router_mib: float
+
+
+class Fleet:
+    """So many buses, bus_0 to bus_N, with a bridge each."""
+
+    def __init__(self, group: Group, shape: Shape, buses: int) -> None:
+        self.group = group
+        self.names = [f"bus_{number}" for number in range(buses)]
+        self.router: Child | None = None
+        for name in self.names:
+            group.start_busd(name=name)
+        self.bridges = [*self._join(shape)]
+
+    def _join(self, shape: Shape) -> Iterator[Child]:
+        endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in self.names]
+        if shape == "router":
+            self.router = self.group.start_python(
+                "router", "-m", "benchmarks.adapters.zenoh_router", endpoints[0]
+            )
+            self.group.expect(self.router, "ready", within_s=START_S)
+        for number, name in enumerate(self.names):
+            words = ["--router", endpoints[0]] if shape == "router" else ["--listen", endpoints[number]]
+            if shape == "mesh":
+                for endpoint in endpoints[:number]:
+                    words += ["--connect", endpoint]
+            words += ["--id", name]  # else they are told apart by their sockets only, which is as good
+            yield start_bridge(self.group, "zenoh", *words, name=f"bridge_{number}", bus=name)
+
+    def wait_until_all_have(self, topics: int) -> None:
+        """Every bus shows so many topics of each. Raises Failure."""
+        wanted, end = topics * len(self.names), monotonic() + _LIMIT_S
+        waiting = set(self.names)
+        while waiting:
+            if monotonic() > end:
+                raise Failure(f"after {_LIMIT_S:g} s {len(waiting)} buses don't show all {wanted} topics yet")
+            sleep(_LOOK_S)
+            for name in sorted(waiting):  # one is asked again and again, so that asking costs little
+                with Query(self.group.folder / f"{name}.sock", may_start=False) as query:
+                    if count_endpoints(query, _PREFIX) < wanted:
+                        break
+                waiting.discard(name)
+
+
+def measure(shape: Shape, buses: int, topics: int) -> Found:
+    """A fleet from nothing. Raises Failure."""
+    with Group() as group:
+        fleet = Fleet(group, shape, buses)
+        crowds = [
+            start_worker(
+                group, "crowd", Crowd(topics, f"{_PREFIX}/{name}", both=False), bus=name, name=f"crowd_{name}"
+            )
+            for name in fleet.names
+        ]
+        fleet.wait_until_all_have(0)
+        sleep(_SETTLE_S)
+        before_ns = [bridge.cpu_ns() for bridge in fleet.bridges]
+        began = monotonic()
+        for crowd in crowds:
+            crowd.tell("go")
+        fleet.wait_until_all_have(topics)
+        there_s = monotonic() - began
+        used = [bridge.cpu_ns() - before for bridge, before in zip(fleet.bridges, before_ns, strict=True)]
+        sleep(_SETTLE_S)
+        idle = _cpu_percent_of_all(fleet.bridges)
+        memory = [paced.memory_mib(bridge) for bridge in fleet.bridges]
+        router_mib = paced.memory_mib(fleet.router) if fleet.router else 0.0
+    return Found(
+        shape, buses, topics, there_s, mean(used) / 1e9, mean(memory), max(memory), max(idle), router_mib
+    )
+
+
+def _cpu_percent_of_all(children: Sequence[Child]) -> list[float]:
+    began, before_ns = monotonic(), [child.cpu_ns() for child in children]
+    sleep(_WATCH_S)
+    took_s = monotonic() - began
+    return [
+        (child.cpu_ns() - before) / 1e7 / took_s for child, before in zip(children, before_ns, strict=True)
+    ]
+
+
+def table(found: Sequence[Found]) -> str:
+    """As Markdown."""
+    lines = [
+        "| joined by | buses | topics each | mirrors on each bus | s until all are there "
+        "| CPU s of a bridge for that | MiB of a bridge (the largest) | CPU % of a bridge, then |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for one in found:
+        mirrors = (one.buses - 1) * one.topics
+        lines.append(
+            f"| {one.shape} | {one.buses} | {one.topics} | {mirrors:,} | {one.there_s:.1f} | {one.cpu_s:.2f} "
+            f"| {one.mib:.0f} ({one.most_mib:.0f}) | {one.idle_percent:.1f} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Measure; returns 0, or 1 where one came to nothing."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.fleet", description=__doc__)
+    parser.add_argument("--shape", choices=("mesh", "router"), action="append", help="(default: both)")
+    parser.add_argument("--buses", type=int, metavar="N", help="one fleet of so many (default: several)")
+    parser.add_argument("--topics", type=int, default=50, metavar="N", help="of each of --buses")
+    parser.add_argument("--quick", action="store_true", help="no fleet of 20")
+    options = parser.parse_args()
+    if reason := missing("zenoh"):
+        print(reason)
+        return 1
+    sizes = (
+        ((options.buses, options.topics),)
+        if options.buses
+        else (*_SMALL, *(() if options.quick else (_LARGE,)))
+    )
+    print(look_at_machine().describe(), flush=True)
+    found, code = [], 0
+    for shape in options.shape or ("mesh", "router"):
+        for buses, topics in sizes:
+            try:
+                found.append(measure(shape, buses, topics))
+            except Failure as failure:
+                print(f"{shape}, {buses} buses, {topics} topics: failed: {failure}", flush=True)
+                code = 1
+            else:
+                print(found[-1], flush=True)
+    print(f"\n{table(found)}")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

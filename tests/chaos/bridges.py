@@ -1,0 +1,212 @@
+"""`python -m chaos.bridges --kills 200 --seed 7`: two buses joined by zenoh, and faults of all between them.
+
+Bridges and busds are killed and come back, bridges hang, and the cable is pulled, one after the other or
+together, under streams in both directions. What must hold:
+
+- Nothing comes twice, and nothing out of order: always.
+- After the last fault everything flows again within five seconds.
+- In a round in which nobody was killed, so that no counter has gone with its process, all that is missing has
+  been counted: by the subscription, or by one of the bridges.
+"""
+
+import argparse
+import asyncio
+import os
+import random
+import sys
+import tempfile
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import AsyncExitStack
+from functools import partial
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import bus
+import netns
+from bridged_world import BACK_S, Stream, World
+from bus.runner import loop_factory
+
+QUALITIES = {
+    "reliable": bus.QoSProfile(1000),
+    "shallow": bus.QoSProfile(5),
+    "sensor": bus.QoSProfile(1000, reliability="best_effort"),
+    "lossless": bus.QoSProfile(history="keep_all"),
+}
+_HZ = 50.0
+_PER_ROUND = 4
+_AWAY_S, _BETWEEN_S = (0.0, 1.5), (0.0, 1.0)
+
+
+class Deed(NamedTuple):
+    """What is done to whom, for so long; `kills`: a process, with its counters."""
+
+    what: str
+    who: str
+    away_s: float
+    pause_s: float
+    kills: bool
+
+
+class Broken(Exception):
+    """An invariant did not hold."""
+
+
+def plan(chance: random.Random, kills: int) -> Iterator[list[Deed]]:
+    """Rounds of some deeds each, until so many are done. Every third round kills nobody."""
+    done = number = 0
+    while done < kills:
+        number += 1
+        gentle = number % 3 == 0
+        kinds = ["pull", "down", "stop"] if gentle else ["bridge", "bridge", "busd", "pull", "down", "stop"]
+        deeds = []
+        for _ in range(min(_PER_ROUND, kills - done)):
+            what = chance.choice(kinds)
+            who = chance.choice(("robot", "laptop"))
+            away_s = chance.uniform(*_AWAY_S)
+            if what in ("pull", "stop") and chance.random() < 0.05:
+                away_s = 13.0  # longer than zenoh's lease
+            pause_s = chance.uniform(*_BETWEEN_S) * (chance.random() < 0.7)
+            deeds.append(Deed(what, who, away_s, pause_s, what in ("bridge", "busd")))
+        done += len(deeds)
+        yield deeds
+
+
+class Storms:
+    """The streams, and what is done to what carries them."""
+
+    def __init__(self, world: World, streams: dict[str, Stream]) -> None:
+        self._world = world
+        self._streams = streams
+        self.done: Counter[str] = Counter()
+        self.back_s: list[float] = []
+        self.missing: Counter[str] = Counter()
+        self._locks: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    def lines(self) -> Iterator[str]:
+        """What came of it."""
+        yield f"faults: {', '.join(f'{what}: {count}' for what, count in sorted(self.done.items()))}"
+        yield f"until all flowed again: {median(self.back_s):.2f} s, {max(self.back_s):.2f} s at most"
+        for name, stream in self._streams.items():
+            heard, missing = len(stream.heard), self.missing[name]
+            yield f"{name}: {stream.sent} said, {heard} heard, {missing} missing on the way"
+
+    async def round(self, deeds: list[Deed]) -> None:
+        """Do them, and see what holds. Raises Broken."""
+        before = self._counted() if not any(deed.kills for deed in deeds) else None
+        marks = {name: len(stream.heard) for name, stream in self._streams.items()}
+        pending = []
+        for deed in deeds:
+            pending.append(asyncio.create_task(self._do(deed)))
+            await asyncio.sleep(deed.pause_s)
+        await asyncio.gather(*pending)
+        took_s = await asyncio.gather(*(self._flows(stream) for stream in self._streams.values()))
+        self.back_s.append(max(took_s))
+        self.done.update(deed.what for deed in deeds)
+        for name, stream in self._streams.items():
+            heard = stream.heard[max(0, marks[name] - 1) :]
+            for one, other in pairwise(heard):
+                if other <= one:
+                    raise Broken(f"{name}: after {one} came {other}")
+            missing = heard[-1] - heard[0] + 1 - len(heard) if heard else 0
+            self.missing[name] += missing
+            if before is not None and missing:
+                await self._accounts(name, missing, before[name])
+
+    async def _accounts(self, name: str, missing: int, before: int) -> None:
+        """What is missing was counted. What the bridges tell in the graph is some tenths of a second old."""
+        end = time.monotonic() + BACK_S
+        while (counted := self._counted()[name] - before) < missing:
+            if time.monotonic() > end:
+                raise Broken(f"{name}: {missing} are missing, {counted} are counted")
+            await asyncio.sleep(0.1)
+
+    def _counted(self) -> dict[str, int]:
+        """For each stream what was counted as dropped or lost."""
+        routes = [route for bridge in self._world.bridges for route in bridge.status()["routes"]]
+        found = {}
+        for name, stream in self._streams.items():
+            here = sum(stream.subscription.statistics().dropped.values())
+            there = sum(sum(one["dropped"].values()) for one in routes if one["topic"] == stream.topic)
+            found[name] = here + there
+        return found
+
+    async def _flows(self, stream: Stream) -> float:
+        try:
+            return await stream.flows(BACK_S)
+        except AssertionError as error:
+            raise Broken(f"{stream.topic} does not flow {BACK_S:g} s after the last fault: {error}") from None
+
+    async def _do(self, deed: Deed) -> None:
+        side = self._world[deed.who]
+        target = {"stop": "bridge", "pull": "cable", "down": "cable"}.get(deed.what, deed.what)
+        async with self._locks[target if target == "cable" else f"{target} of {deed.who}"]:
+            if deed.kills:
+                victim = side.bridges[0] if deed.what == "bridge" else side.daemon
+                victim.kill()
+                await asyncio.sleep(deed.away_s)
+                victim.restart()
+            else:
+                cable = self._world.cable()
+                happens = {"pull": cable.pulled, "down": cable.down, "stop": side.bridges[0].stopped}
+                with happens[deed.what]():
+                    await asyncio.sleep(deed.away_s)
+
+
+async def storm(world: World, kills: int, chance: random.Random, tell: Callable[[str], None]) -> None:
+    """Until so many deeds are done. Raises Broken."""
+    world.join_by_zenoh()
+    sides = {"there": ("robot", "laptop"), "back": ("laptop", "robot")}
+    async with AsyncExitStack() as stack:
+        streams: dict[str, Stream] = {}
+        for way, names in sides.items():
+            talker, listener = [
+                await stack.enter_async_context(world[name].node(f"{way}_{name}")) for name in names
+            ]
+            for quality, profile in QUALITIES.items():
+                streams[f"{way} {quality}"] = await stack.enter_async_context(
+                    Stream.open(f"/{way}/{quality}", talker, listener, profile, hz=_HZ)
+                )
+        for stream in streams.values():
+            await stream.flows()
+        storms = Storms(world, streams)
+        for number, deeds in enumerate(plan(chance, kills), 1):
+            tell(f"round {number}: {', '.join(f'{one.what} {one.who} {one.away_s:.1f} s' for one in deeds)}")
+            await storms.round(deeds)
+        for line in storms.lines():
+            tell(line)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="chaos.bridges", description=__doc__)
+    parser.add_argument("--kills", type=int, default=200, help="how many faults (default 200)")
+    parser.add_argument("--seed", type=int, default=0, help="repeats the faults of a run (default: another)")
+    args = parser.parse_args()
+    seed = args.seed or time.time_ns() % 1_000_000_000
+    if reason := netns.why_not() or ("" if find_spec("zenoh") else "eclipse-zenoh is not installed"):
+        print(f"chaos of bridges is left out: {reason}")
+        return 0
+    print(f"chaos of bridges: {args.kills} faults, seed {seed}", flush=True)
+    os.environ["BUSD_AUTOSTART"] = "0"
+    with tempfile.TemporaryDirectory(prefix="chaos-") as folder:
+        try:
+            with (
+                World(Path(folder), None, "robot", "laptop") as world,
+                asyncio.Runner(loop_factory=loop_factory()) as runner,
+            ):
+                runner.run(storm(world, args.kills, random.Random(seed), partial(print, flush=True)))
+        except Broken as broken:
+            print(f"FAILED: {broken} (seed {seed})")
+            return 1
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

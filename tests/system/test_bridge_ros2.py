@@ -1,0 +1,274 @@
+"""`bus bridge ros2`: a bus with nodes of ROS 2's own rclpy, Jazzy and Kilted, and with plain cyclonedds."""
+
+import asyncio
+import contextlib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import msgspec
+import pytest
+
+import bus
+from bridged_world import BACK_S, END_S, Bridge, Side, World, on_one_loop, until
+from bus.msg.geometry_msgs import Twist, Vector3
+from bus.msg.sensor_msgs import Image
+from bus.msg.std_msgs import Header, String
+from forks import Forks
+from peers import peer
+from peers.peer import Peer
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+
+LATCHED = bus.QoSProfile(1, durability="transient_local")
+_LATCHED = {"durability": "transient_local", "depth": 1}
+DISTROS = [pytest.param("jazzy", id="jazzy"), pytest.param("kilted", id="kilted", marks=pytest.mark.nightly)]
+_PIXELS = bytes(number % 251 for number in range(3 * 64 * 48))
+MESSAGES: tuple[tuple[Any, dict[str, Any]], ...] = (
+    (String(data="häßlich ∞"), {"data": "häßlich ∞"}),
+    (
+        Twist(linear=Vector3(x=0.1, y=-2.5), angular=Vector3(z=1e300)),
+        {"linear": {"x": 0.1, "y": -2.5}, "angular": {"z": 1e300}},
+    ),
+    (
+        Image(header=Header(frame_id="eye"), width=64, height=48, encoding="rgb8", data=_PIXELS),
+        {
+            "header": {"frame_id": "eye"},
+            "width": 64,
+            "height": 48,
+            "encoding": "rgb8",
+            "data": {"size": len(_PIXELS)},
+        },
+    ),
+)
+"""As this bus has them, and what the peer is told to send."""
+
+
+def values_of(value: Any) -> Any:
+    """A message as a peer tells it."""
+    if isinstance(value, msgspec.Struct):
+        return {name: values_of(getattr(value, name)) for name in value.__struct_fields__}
+    return {"size": len(value), "crc": crc32(value)} if isinstance(value, bytes) else value
+
+
+@pytest.fixture
+def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    with World(tmp_path, forks, "robot") as world:
+        yield world
+
+
+def join(world: World) -> tuple[Side, Bridge]:
+    side = world["robot"]
+    return side, side.bridge("ros2", "--domain-id", str(world.domain))
+
+
+def node_of(world: World, distro: peer.Distro, name: str = "ros_node", namespace: str = "") -> Peer:
+    return peer.ros(distro, name, world["robot"].machine, namespace=namespace, domain=world.domain)
+
+
+async def ask(one: Peer, order: str, **arguments: Any) -> Any:
+    """Without holding up the nodes of this process."""
+    return await asyncio.to_thread(one.ask, order, **arguments)
+
+
+async def answers(one: Peer, order: str, fits: Any, **arguments: Any) -> Any:
+    """The first answer that fits."""
+    return await asyncio.to_thread(one.wait_for, order, fits, **arguments)
+
+
+# --- the graph
+
+
+@pytest.mark.parametrize("distro", DISTROS)
+@on_one_loop
+async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro: peer.Distro) -> None:
+    side, bridge = join(world)
+    with node_of(world, distro, namespace="/ros") as ros:
+        async with side.node("busd_node", namespace="/robot") as node:
+            publisher = await node.create_publisher(Twist, "cmd_vel", bus.QoSProfile(5))
+            await node.create_subscription(String, "/ros/chatter", 10, lambda message: None)
+            await ask(ros, "publish", topic="chatter", type_name="std_msgs/msg/String", depth=7)
+            await ask(ros, "listen", topic="/robot/cmd_vel", type_name="geometry_msgs/msg/Twist")
+            both = ["/robot/busd_node", "/ros/ros_node"]
+            assert await answers(ros, "nodes", lambda found: {*both} <= {*found})
+            assert "/bridge_ros2" not in await ask(ros, "nodes")
+            (types,) = {*(await ask(ros, "topics"))["/robot/cmd_vel"]}
+            assert types == "geometry_msgs/msg/Twist"
+            published, heard = await answers(
+                ros, "of_node", lambda found: all(found), name="busd_node", namespace="/robot"
+            )
+            assert "/robot/cmd_vel" in published and "/ros/chatter" in heard
+            found = await answers(ros, "info", lambda found: len(found) == 2, topic="/robot/cmd_vel")
+            (shown,) = [one for one in found if one["kind"] == "publisher"]
+            assert shown["reliability"] == "reliable" and shown["durability"] == "volatile"
+            if distro == "jazzy":  # Kilted can't tell whose endpoint of another vendor it is
+                assert shown["node"] == "/robot/busd_node"
+            await until(lambda: publisher.get_subscription_count() == 1)
+
+            graph = await side.shows(lambda graph: graph.publishers_of("/ros/chatter"))
+            (mirror,) = graph.publishers_of("/ros/chatter")
+            assert mirror.qos.reliability == "reliable" and "/ros/ros_node" in side.names()
+            out = (await asyncio.to_thread(side.bus, "topic", "info", "-v", "/ros/chatter")).out
+            assert "ros_node" in out and "std_msgs/msg/String" in out
+        await answers(ros, "nodes", lambda found: found == ["/ros/ros_node"])
+        assert bridge.end() < END_S
+        assert not side.names()
+
+
+# --- messages
+
+
+@pytest.mark.parametrize("distro", DISTROS)
+@on_one_loop
+async def test_string_twist_and_image_cross_both_ways(world: World, distro: peer.Distro) -> None:
+    side, _ = join(world)
+    with node_of(world, distro) as ros:
+        async with side.node("busd_node") as node:
+            heard: list[Any] = []
+            infos: list[bus.MessageInfo] = []
+
+            def hear(message: Any, info: bus.MessageInfo) -> None:
+                heard.append(message)
+                infos.append(info)
+
+            for message, filled in MESSAGES:
+                kind: type[Any] = type(message)
+                type_name = f"{kind.__module__.split('.')[-1]}/msg/{kind.__name__}"
+                there, back = f"/there_{kind.__name__}", f"/back_{kind.__name__}"
+                await ask(ros, "listen", topic=there, type_name=type_name)
+                await ask(ros, "publish", topic=back, type_name=type_name)
+                publisher = await node.create_publisher(kind, there, 10)
+                subscription = await node.create_subscription(kind, back, 10, hear)
+                await publisher.wait_for_subscriptions()
+                await subscription.wait_for_publishers()
+                await answers(ros, "matched", lambda found: found[1] == 1, topic=there)
+                await answers(ros, "matched", lambda found: found[0] == 1, topic=back)
+                publisher.publish(message)
+                (came,) = await asyncio.to_thread(ros.wait, there)
+                assert came == values_of(message)
+                await ask(ros, "send", topic=back, **filled)
+                await until(lambda: heard)
+                assert heard.pop() == message
+                info = infos.pop()
+                assert 0 < info.received_timestamp - info.source_timestamp < 5e9
+                assert info.publisher_gid == subscription.matches[0].gid
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@on_one_loop
+async def test_late_joiners_get_what_is_kept_both_ways(world: World, distro: peer.Distro) -> None:
+    side, _ = join(world)
+    with node_of(world, distro) as ros:
+        async with side.node("busd_node") as node:
+            publisher = await node.create_publisher(String, "/there", LATCHED)
+            for text in ("earlier", "kept"):
+                publisher.publish(String(data=text))
+            await ask(ros, "publish", topic="/back", type_name="std_msgs/msg/String", **_LATCHED)
+            for text in ("earlier", "kept"):
+                await ask(ros, "send", topic="/back", data=text)
+            await side.shows(lambda graph: graph.publishers_of("/back"))
+            await answers(ros, "topics", lambda found: "/there" in found)
+            await ask(ros, "listen", topic="/there", type_name="std_msgs/msg/String", **_LATCHED)
+            assert [one["data"] for one in await asyncio.to_thread(ros.wait, "/there")] == ["kept"]
+            heard: list[str] = []
+            await node.create_subscription(
+                String, "/back", LATCHED, lambda message: heard.append(message.data)
+            )
+            await until(lambda: heard)
+            assert heard == ["kept"]
+
+
+@pytest.mark.nightly
+@on_one_loop
+async def test_cyclonedds_alone_hears_and_is_heard(world: World) -> None:
+    side, _ = join(world)
+    with peer.cyclone(side.machine, domain=world.domain) as alone:
+        async with side.node("busd_node") as node:
+            heard: list[str] = []
+            publisher = await node.create_publisher(String, "/there", LATCHED)
+            await node.create_subscription(
+                String, "/back", LATCHED, lambda message: heard.append(message.data)
+            )
+            publisher.publish(String(data="one"))
+            await ask(alone, "listen", topic="/there", type_name="", **_LATCHED)
+            await ask(alone, "publish", topic="/back", type_name="", **_LATCHED)
+            await ask(alone, "send", topic="/back", data="two")
+            assert [one["data"] for one in await asyncio.to_thread(alone.wait, "/there")] == ["one"]
+            await until(lambda: heard == ["two"])
+
+
+# --- what goes wrong
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("victim", ["bridge", "bridge stopped", "busd", "ros"])
+@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+@on_one_loop
+async def test_whoever_is_killed_and_comes_back_all_flows_again(
+    world: World, distro: peer.Distro, victim: str
+) -> None:
+    side, bridge = join(world)
+    with contextlib.ExitStack() as stack:
+        ros = stack.enter_context(node_of(world, distro))
+        async with side.node("busd_node") as node:
+            heard: list[int] = []
+            by_publisher: defaultdict[bytes, list[int]] = defaultdict(list)
+
+            def hear(message: String, info: bus.MessageInfo) -> None:
+                heard.append(int(message.data))
+                by_publisher[info.publisher_gid].append(heard[-1])
+
+            await node.create_subscription(String, "/back", 1000, hear)
+            publisher = await node.create_publisher(String, "/there", 1000)
+            sent = 0
+
+            async def talk() -> None:
+                nonlocal sent
+                while True:
+                    sent += 1
+                    publisher.publish(String(data=str(sent)))
+                    await asyncio.sleep(0.02)
+
+            talking = asyncio.create_task(talk())
+            await _ends(ros)
+            await until(lambda: heard and ros.heard["/there"])
+            if victim == "bridge stopped":
+                with bridge.stopped():
+                    await asyncio.sleep(4)
+            elif victim == "ros":
+                ros.kill()
+                ros = stack.enter_context(node_of(world, distro))
+                await _ends(ros)
+                await until(lambda: len(by_publisher) == 2)
+            else:
+                killed = bridge if victim == "bridge" else side.daemon
+                killed.kill()
+                await asyncio.sleep(0.5)
+                killed.restart()
+            now, count = sent, len(heard)
+            within_s = 20.0 if victim == "ros" else BACK_S
+            await until(lambda: len(heard) > count + 5, "it is heard again", within_s)
+            await until(lambda: _last(ros) > now, "it hears again", within_s)
+            talking.cancel()
+            await ask(ros, "stop", topic="/back")
+            numbers = [int(one["data"]) for one in ros.heard["/there"]]
+            for found in (*by_publisher.values(), numbers):
+                assert found == sorted({*found}), "nothing twice, nothing out of order"
+            await side.shows(lambda graph: len(graph.publishers_of("/back")) == 1)
+
+
+async def _ends(ros: Peer) -> None:
+    """A listener on /there, and a talker on /back."""
+    deep = {"type_name": "std_msgs/msg/String", "depth": 1000}
+    await ask(ros, "listen", topic="/there", **deep)
+    await ask(ros, "publish", topic="/back", **deep)
+    await ask(ros, "stream", topic="/back", hz=50)
+
+
+def _last(ros: Peer) -> int:
+    heard = ros.heard["/there"]
+    return int(heard[-1]["data"]) if heard else 0
