@@ -27,6 +27,7 @@ BENCHMARKS = (
     "idle",
     "growth",
     "discovery",
+    "look",
     "check_cost",
     "codec",
     "bags",

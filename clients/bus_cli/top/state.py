@@ -18,6 +18,8 @@ class State:
         self.is_away = False
         """Whether busd does not answer."""
         self.rows: Sequence[Row] = ()
+        self.index = -1
+        """The place of the chosen row; -1 where there is none."""
         self.sums = "looking for the bus"
         self._hidden = hidden
         self._is_reversed = False
@@ -25,19 +27,10 @@ class State:
         self._model: Model | None = None
         self._name = ""
         """Of the row that the user chose, which may not be there at the moment."""
-        self._place = 0
 
     @property
     def table(self) -> Table:
         return BY_NODE if self._is_by_node else BY_TOPIC
-
-    @property
-    def index(self) -> int:
-        """The place of the chosen row; -1 where there is none."""
-        for place, row in enumerate(self.rows):
-            if name_of(row) == self._name:
-                return place
-        return min(self._place, len(self.rows) - 1)
 
     @property
     def chosen(self) -> Row | None:
@@ -100,8 +93,7 @@ class State:
         self._arrange()
 
     def choose(self, index: int) -> None:
-        self._place = index
-        self._name = name_of(self.rows[index])
+        self.index, self._name = index, name_of(self.rows[index])
 
     def sort_by_next(self) -> None:
         keys = self.table.sort_keys
@@ -120,7 +112,7 @@ class State:
 
     def toggle_nodes(self) -> None:
         self._is_by_node = not self._is_by_node
-        self._name, self._place = "", 0
+        self._name, self.index = "", 0
         if self.by not in (keys := self.table.sort_keys):
             self.by = keys[0]
         self._arrange()
@@ -134,14 +126,14 @@ class State:
         model = self._model
         if model is None:
             return
-        index = self.index
         topics = model.topics(hidden=self._hidden)
         rows: Sequence[Row] = model.nodes(hidden=self._hidden) if self._is_by_node else topics
         if text := self.filter.lower():
             rows = [row for row in rows if text in _searched(row)]
         self.rows = self.table.sort(rows, self.by, reverse=self._is_reversed)
         self.sums = sums_text(model.sums(topics))
-        self._place = max(index, 0)
+        places = (place for place, row in enumerate(self.rows) if name_of(row) == self._name)
+        self.index = next(places, min(max(self.index, 0), len(self.rows) - 1))
 
 
 def _searched(row: Row) -> str:
