@@ -141,6 +141,12 @@ def test_the_robot(robot: None, server: Serving, page: Page) -> None:
         "const one = document.querySelector('#detail canvas'); return one && [one.width, one.height]"
     )
     assert 10 < size[0] <= 240
+    page.press('g.node[data-node="/perception"]')
+    page.wait("return document.querySelectorAll('#detail .ends li').length", fits=lambda count: count == 5)
+    assert set(page.texts("#detail .ends .name")) == {*TOPICS, "/rosout"} - {"/cmd_vel", "/health"}
+    assert page.run("return document.querySelectorAll('g.edge.near').length") == 4
+    page.press("#detail .ends .name")
+    page.wait("return document.querySelector('#detail .values') !== null")
     page.press("#pause")
     frozen = page.run("return document.getElementById('value-note').textContent")
     page.wait("return document.querySelector('figure.plot') !== null")

@@ -1,39 +1,45 @@
 // The chosen topic: who publishes and subscribes, what is lost and why, what does not match, and its values.
+// Or the chosen node, with what it publishes and subscribes to.
 
 import { Kept, element, setAttribute, setChildren, setText } from "./dom.js";
 import { age, count, rate, reasons, shortType, size } from "./format.js";
 import { Tree } from "./tree.js";
 
 export class Detail {
-  constructor(place, { close, plot, look }) {
+  constructor(place, { close, plot, look, choose }) {
     this.place = place;
     this.empty = [...place.children];
     this.close = close;
     this.plot = plot;
     this.look = look;
-    this.topic = null;
+    this.chooseTopic = choose;
+    this.topic = this.node = null;
     this.opened = new Set();
   }
 
-  choose(topic) {
-    if (topic === this.topic) return;
+  choose(topic, node) {
+    if (topic === this.topic && node === this.node) return;
     this.topic = topic;
+    this.node = node;
     this.opened = new Set();
-    if (topic === null) {
+    if (topic === null && node === null) {
       this.place.replaceChildren(...this.empty);
       return;
     }
-    this.title = element("h2", { id: "detail-title", tabindex: "-1" }, topic);
     this.about = element("p", { class: "note" });
-    this.rows = new Kept(() => makeEnd());
+    this.rows = new Kept(() => makeEnd(node === null ? null : this.chooseTopic));
     this.list = element("ul", { class: "ends", "aria-label": "Endpoints" });
+    const title = element("div", { class: "title" }, element("h2", { id: "detail-title" }, topic ?? node),
+      element("button", { type: "button", onclick: () => this.close() }, "Close"));
+    if (node !== null) {
+      this.place.replaceChildren(title, this.about, this.list);
+      return;
+    }
     this.mismatches = element("ul", { class: "mismatches", "aria-label": "What does not match" });
     this.tree = new Tree((path) => this.plot(topic, path), (path) => this.toggle(path));
     this.valueNote = element("p", { class: "note", id: "value-note" }, "no message yet");
     this.place.replaceChildren(
-      element("div", { class: "title" }, this.title,
-        element("button", { type: "button", onclick: () => this.close() }, "Close")),
-      this.about, this.list, this.mismatches, element("h3", {}, "Values"), this.valueNote,
+      title, this.about, this.list, this.mismatches, element("h3", {}, "Values"), this.valueNote,
       element("div", { class: "values", tabindex: "0", role: "group", "aria-label": `Values of ${topic}` }, this.tree.root),
     );
   }
@@ -45,6 +51,7 @@ export class Detail {
   }
 
   show(bus) {
+    if (this.node !== null) this.showNode(bus);
     if (this.topic === null) return;
     const topic = bus.topics.get(this.topic);
     if (!topic) {
@@ -56,12 +63,23 @@ export class Detail {
     const figures = [topic.types.map(shortType).join(" and "), `${rate(topic.hz)} Hz`, `${size(topic.bytesPerS)}/s`];
     setText(this.about, figures.join(" · "));
     const ends = [...topic.publishers, ...topic.subscriptions].filter((end) => bus.nodes.has(end.node));
-    const rows = this.rows.only(ends.map((end) => end.id));
-    setChildren(this.list, rows.map((row) => row.item));
-    rows.forEach((row, at) => row.paint(ends[at], bus.nodes.get(ends[at].node)));
+    this.showEnds(bus, ends);
     const cut = bus.pairs.filter((pair) => pair.reason && pair.publisher.topic === this.topic);
     setChildren(this.mismatches, cut.slice(0, 20).map(({ publisher, subscription, reason }) => element("li", {},
       `${bus.nodes.get(publisher.node)?.name} and ${bus.nodes.get(subscription.node)?.name} don't match: ${reason}`)));
+  }
+
+  showNode(bus) {
+    const nodes = [...bus.nodes.values()].filter((one) => one.name === this.node);
+    setText(this.about, nodes.length ? nodes.map((one) => (one.origin ? `on ${one.origin}` : `process ${one.pid}`)).join(", ") : "It is not on the bus now.");
+    const ends = [...bus.ends.values()].filter((end) => bus.nodes.get(end.node)?.name === this.node && !bus.topics.get(end.topic)?.isHidden);
+    this.showEnds(bus, ends.sort((one, other) => (one.kind + one.topic < other.kind + other.topic ? -1 : 1)));
+  }
+
+  showEnds(bus, ends) {
+    const rows = this.rows.only(ends.map((end) => end.id));
+    setChildren(this.list, rows.map((row) => row.item));
+    rows.forEach((row, at) => row.paint(ends[at], bus.nodes.get(ends[at].node)));
   }
 
   value(told) {
@@ -79,8 +97,11 @@ export class Detail {
   }
 }
 
-function makeEnd() {
-  const kind = element("span", { class: "kind" }), node = element("b"), process = element("span", { class: "note" });
+// `choose`: where the list is of a node, each endpoint has its topic, which may be chosen.
+function makeEnd(choose) {
+  const kind = element("span", { class: "kind" });
+  const node = choose ? element("button", { type: "button", class: "name", onclick: () => choose(node.textContent) }) : element("b");
+  const process = element("span", { class: "note" });
   const qos = element("span", { class: "note" }), figures = element("span"), lost = element("span", { class: "loss" });
   const item = element("li", {}, element("div", {}, kind, " ", node, " ", process), element("div", {}, figures, " ", lost), element("div", {}, qos));
   return {
@@ -89,8 +110,8 @@ function makeEnd() {
       const isSubscription = end.kind === "subscription";
       setText(kind, isSubscription ? "sub" : "pub");
       setAttribute(kind, "title", end.kind);
-      setText(node, about.name);
-      setText(process, about.origin ? `on ${about.origin}` : `pid ${about.pid}`);
+      setText(node, choose ? end.topic : about.name);
+      setText(process, choose ? shortType(end.type) : about.origin ? `on ${about.origin}` : `pid ${about.pid}`);
       const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
       const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
       const routes = [...end.routes].sort().join(" and ");

@@ -8,11 +8,12 @@ const EVERYWHERE = new Set(["/rosout", "/parameter_events"]); // of every node: 
 const LINE = 16, PAD = 12, MARGIN = 16;
 
 export class Graph {
-  // `choose(topic)` when a topic is chosen.
-  constructor(place, note, choose) {
+  // `choose(topic)` when a topic is chosen, `chooseNode(name)` when a node is.
+  constructor(place, note, choose, chooseNode) {
     this.place = place;
     this.note = note;
     this.choose = choose;
+    this.chooseNode = chooseNode;
     this.key = "";
     this.focus = null; // a box whose neighbourhood is shown where all are too many
     this.boxes = new Kept((id) => this.makeBox(id));
@@ -32,7 +33,10 @@ export class Graph {
       this.layOut(found);
     }
     for (const [id, box] of found.boxes) this.paintBox(this.boxes.all.get(id), box, view);
-    for (const [id, edge] of found.edges) paintEdge(this.edges.all.get(id), edge);
+    for (const [id, edge] of found.edges) {
+      const node = (found.boxes.get(edge.from).node ?? found.boxes.get(edge.to).node).name;
+      paintEdge(this.edges.all.get(id), edge, view.topic === edge.topic.name || view.node === node);
+    }
   }
 
   // Boxes by id, and edges with the endpoints that they stand for.
@@ -72,7 +76,8 @@ export class Graph {
   neighbourhood(all, near, view) {
     this.note.hidden = all.size <= MOST_BOXES;
     if (all.size <= MOST_BOXES) return new Set(all.keys());
-    let middle = view.topic && all.has(`t${view.topic}`) ? `t${view.topic}` : this.focus;
+    const chosen = [...all].find(([, { topic, node }]) => (topic ? topic.name === view.topic : node.name === view.node));
+    let middle = chosen ? chosen[0] : this.focus;
     if (!middle || !all.has(middle)) {
       const topics = [...all.values()].filter((one) => one.topic).map((one) => one.topic);
       middle = `t${topics.reduce((best, one) => ((one.hz ?? 0) > (best.hz ?? 0) ? one : best), topics[0]).name}`;
@@ -150,7 +155,7 @@ export class Graph {
         setAttribute(text, "y", line * LINE + 2);
       }
     };
-    const press = () => (id[0] === "t" ? this.choose(id.slice(1)) : this.focusOn(id));
+    const press = () => (id[0] === "t" ? this.choose(id.slice(1)) : this.chooseNode(group.dataset.node));
     group.addEventListener("click", press);
     group.addEventListener("keydown", (event) => {
       if (event.key !== "Enter" && event.key !== " ") return;
@@ -158,12 +163,6 @@ export class Graph {
       press();
     });
     return made;
-  }
-
-  // A node that is chosen: its edges stand out, and where all is too much its neighbourhood is shown.
-  focusOn(id) {
-    this.focus = this.focus === id ? null : id;
-    this.choose(null);
   }
 
   paintBox(drawn, { node, topic }, view) {
@@ -176,7 +175,7 @@ export class Graph {
       setAttribute(drawn.group, "aria-label", `topic ${topic.name} ${figures}${topic.lost ? `, lost ${topic.lost}` : ""}`);
       setAttribute(drawn.group, "data-topic", topic.name);
     } else {
-      const isChosen = this.focus === `n${node.id}`;
+      const isChosen = view.node === node.name;
       setText(drawn.name, node.name);
       setAttribute(drawn.group, "class", `node${isChosen ? " chosen" : ""}`);
       setAttribute(drawn.group, "aria-pressed", isChosen);
@@ -216,7 +215,7 @@ function makeEdge() {
   };
 }
 
-function paintEdge(drawn, { from, to, ends, topic }) {
+function paintEdge(drawn, { from, ends, topic }, isNear) {
   const isSubscription = from[0] === "t";
   const hz = ends.reduce((sum, end) => sum + (end.hz ?? 0), 0);
   const lost = isSubscription ? ends.reduce((sum, end) => sum + end.lost, 0) : 0;
@@ -225,7 +224,7 @@ function paintEdge(drawn, { from, to, ends, topic }) {
   const reasons = [...new Set(ends.flatMap((end) => end.reasons))];
   const isCut = reasons.length > 0 && ends.every((end) => !end.routes.size);
   const kind = isCut ? "grey" : isLosing ? "losing" : lost ? "lost" : "";
-  setAttribute(drawn.group, "class", `edge ${kind}${isSocket ? " socket" : ""}`);
+  setAttribute(drawn.group, "class", `edge ${kind}${isSocket ? " socket" : ""}${isNear ? " near" : ""}`);
   setAttribute(drawn.line, "stroke-width", (1 + 0.9 * Math.log10(1 + hz)).toFixed(1));
   setAttribute(drawn.line, "marker-end", `url(#head${kind})`);
   setText(drawn.label, isCut ? "no match" : lost ? `lost ${count(lost)}` : "");

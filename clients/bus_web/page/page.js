@@ -14,17 +14,17 @@ const the = (id) => document.getElementById(id);
 
 const bus = new Bus();
 const view = {
-  filter: "", hidden: false, topic: null, isPaused: false,
+  filter: "", hidden: false, topic: null, node: null, isPaused: false,
   shows(topic) {
     return (this.hidden || !topic.isHidden) && (!this.filter || topic.name.toLowerCase().includes(this.filter)
       || topic.types.some((type) => type.toLowerCase().includes(this.filter)));
   },
 };
-const graph = new Graph(the("graph"), the("graph-note"), choose);
+const graph = new Graph(the("graph"), the("graph-note"), choose, chooseNode);
 const table = new Table(the("table"), the("pages"), choose);
 const log = new Log(the("lines"), the("log-note"), the("severity"));
 const plots = new Plots(the("plots"), look);
-const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look });
+const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look, choose });
 const missed = new Map();
 let name = "bus", isDue = false, wasDrawn = false;
 
@@ -83,8 +83,17 @@ function look() {
 }
 
 function choose(topic) {
-  view.topic = topic === view.topic ? null : topic;
-  detail.choose(view.topic);
+  Object.assign(view, { topic: topic === view.topic ? null : topic, node: null });
+  chosen();
+}
+
+function chooseNode(name) {
+  Object.assign(view, { topic: null, node: name === view.node ? null : name });
+  chosen();
+}
+
+function chosen() {
+  detail.choose(view.topic, view.node);
   look();
   show();
 }
