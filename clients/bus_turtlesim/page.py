@@ -5,6 +5,7 @@ change nothing.
 """
 
 import asyncio
+import os
 import secrets
 import threading
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ __all__ = ["NoPage", "Page"]
 _SUBPROTOCOL = "busd.turtlesim.v1"
 _PERIOD_S = 1 / 30
 """Between two frames for one browser."""
+_COOKIES = 32
 
 
 class NoPage(Exception):
@@ -33,8 +35,8 @@ class NoPage(Exception):
 class Page:
     """Serves the page at `place` until `close`. Raises NoPage.
 
-    `address` is the page's, with its token. `forwarding`, where no browser reaches it without: what to say
-    for that.
+    `address` is the page's, with its token; `once` the same with one that is good for the first who comes
+    with it. `forwarding`, where no browser reaches it without: what to say for that.
     """
 
     def __init__(self, place: Place) -> None:
@@ -48,7 +50,7 @@ class Page:
         self._ended = self._loop.create_future()
         self._opened = threading.Event()
         self._failure: NoPage | None = None
-        self.address = self.forwarding = ""
+        self.address = self.once = self.forwarding = ""
         self._thread = threading.Thread(target=self._run, args=(place,), name="page", daemon=True)
         self._thread.start()
         self._opened.wait()
@@ -89,15 +91,18 @@ class Page:
             return
         from pathlib import Path
 
-        token = secrets.token_urlsafe(24)
+        token, ticket = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        # Browsers keep the cookies of all ports together, and several simulators may run.
+        gate = Gate(token, f"busd_turtlesim_{os.getpid() % _COOKIES}")
+        gate.issue(ticket)
         files = load(Path(__file__).with_name("page"))
-        server = Server(Gate(token, place.cookie), files, {_SUBPROTOCOL: self._view})
+        server = Server(gate, files, {_SUBPROTOCOL: self._view})
         try:
             place = await server.open(place)
         except PlaceError as error:
             self._failure = NoPage(str(error))
             return
-        self.address = f"http://{place.authority}/?token={token}"
+        self.address, self.once = (f"http://{place.authority}/?token={one}" for one in (token, ticket))
         self.forwarding = place.forwarding if place.path is not None else ""
         self._opened.set()
         try:

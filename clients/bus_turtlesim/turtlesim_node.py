@@ -4,6 +4,7 @@ Owns: the node, its services and parameters, and the period. Browsers see the tu
 """
 
 import sys
+import threading
 from argparse import ArgumentParser, ArgumentTypeError
 from contextlib import suppress
 from typing import Any
@@ -109,10 +110,12 @@ class TurtleSim(Node):
 
 
 def main() -> int:
-    listen = _parser().parse_args(remove_ros_args(sys.argv)[1:]).listen
+    options = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     with rclpy.init(), suppress(KeyboardInterrupt, ExternalShutdownException):
         logger = RcutilsLogger(_NAME)
-        page = _open(listen)
+        page = _serve(options.listen)
+        if options.open and page is not None:
+            _open(page.once)
         try:
             node = TurtleSim(page)
         except ParameterException as error:
@@ -137,6 +140,7 @@ def _parser() -> ArgumentParser:
         default=_ANY,
         help="where their page is: address:port or unix:PATH (default: any port of 127.0.0.1)",
     )
+    parser.add_argument("--open", action="store_true", help="open the page in a browser")
     return parser
 
 
@@ -147,7 +151,19 @@ def _place(text: str) -> Place:
         raise ArgumentTypeError(str(error)) from None
 
 
-def _open(listen: Place) -> Page | None:
+def _open(address: str) -> None:
+    """A browser that takes its time holds no turtle up."""
+
+    def show() -> None:
+        import webbrowser
+
+        if not webbrowser.open(address):
+            print("no browser was found: open the page yourself", flush=True)
+
+    threading.Thread(target=show, daemon=True).start()
+
+
+def _serve(listen: Place) -> Page | None:
     """Says where the page is, or why there is none."""
     try:
         page = Page(listen)

@@ -81,11 +81,11 @@ class Gate:
         if given is None:
             if any(self._is_token(one) for one in self._cookies(ask.cookie)):
                 return Enter(parts.path, host)
-            return Refuse(403, "open the address that bus web has printed: its token is of this start")
+            return Refuse(403, "open the address that the server has printed: its token is of this start")
         if len(given) == 1 and given[0] in self._tickets and not is_socket:
             self._tickets.discard(given[0])
         elif not all(self._is_token(one) for one in given):
-            return Refuse(403, "this token is of another start: open the address that bus web has printed")
+            return Refuse(403, "this token is of another start: open the address that the server has printed")
         if is_socket:
             return Enter(parts.path, host)
         cookie = f"{self._cookie}={self._token.decode()}; Path=/; HttpOnly; SameSite=Strict"

@@ -179,6 +179,7 @@ def test_the_shell_completes_from_the_live_graph(daemon: object, tmp_path: Path)
         assert complete("bus topic echo /t", tmp_path) == ["/topic"]
         offered = complete("bus topic echo /topic ", tmp_path)
         assert [word for word in offered if not word.startswith("-")] == ["std_msgs/msg/String"]
+        assert complete("bus top --sort lo", tmp_path) == ["lost/s", "lost"]
         assert complete("bus node info /m", tmp_path) == ["/minimal_publisher"]
         assert complete("bus topic find std_msgs/msg/Str", tmp_path) == ["std_msgs/msg/String"]
         assert "--once" in complete("bus topic echo --on", tmp_path)

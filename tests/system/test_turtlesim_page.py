@@ -4,14 +4,18 @@ import asyncio
 import re
 import socket
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, closing
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
 from browser import chromium, need_chromium
 from cli import bus
+from conftest import WAIT_S
+from neighbours import wait_until
 from programs import Program, on_one_loop, running
 
 pytest.importorskip("websockets", reason="the page's server is made of websockets")
@@ -42,6 +46,13 @@ async def simulator(folder: Path, *words: str) -> AsyncIterator[tuple[Program, s
 async def call(service: str, kind: str, request: str) -> None:
     said = await asyncio.to_thread(bus, "service", "call", service, kind, request)
     assert said.code == 0, said.err
+
+
+def status_of(address: str) -> int:
+    parts = urlsplit(address)
+    with closing(HTTPConnection(parts.netloc, timeout=WAIT_S)) as asking:
+        asking.request("GET", f"{parts.path}?{parts.query}")
+        return asking.getresponse().status
 
 
 class Viewer:
@@ -127,6 +138,20 @@ async def test_nobody_looks_without_the_token(tmp_path: Path) -> None:
     async with simulator(tmp_path) as (_, address):
         with pytest.raises(InvalidStatus, match="403"):
             await asyncio.to_thread(Viewer, re.sub("token=.*", "token=guess", address))
+
+
+@on_one_loop
+async def test_a_browser_is_opened(tmp_path: Path) -> None:
+    browser, said = tmp_path / "browser", tmp_path / "said"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {said}.new\nmv {said}.new {said}\n')
+    browser.chmod(0o700)
+    async with running(tmp_path, *RUN, "--open", BROWSER=str(browser)) as program:
+        address = (await program.line(r"^page: (http://\S+)$"))[1]
+        await asyncio.to_thread(wait_until, said.exists)
+        once = said.read_text().strip()
+        assert once.partition("?")[0] == address.partition("?")[0]
+        assert once != address
+        assert [await asyncio.to_thread(status_of, once) for _ in range(2)] == [303, 403]
 
 
 @on_one_loop

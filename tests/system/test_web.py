@@ -396,7 +396,7 @@ class TestEnd:
         with serving("--listen", f"127.0.0.1:{port}") as again:
             assert again.token != server.token
             assert again.get("/", {"Cookie": cookie}).status == 403
-            assert "the address that bus web has printed" in text_of(again.get("/", {"Cookie": cookie}))
+            assert "the address that the server has printed" in text_of(again.get("/", {"Cookie": cookie}))
 
 
 def test_without_websockets(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 
 from bus.process.address import socket_path
+from bus_cli.completion import completed_by
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.stream import positive
 from bus_cli.top.table import SORT_KEYS
@@ -20,12 +21,15 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "-d", "--delay", metavar="S", type=_delay, default=1.0, help="seconds between two looks (default: 1)"
     )
-    parser.add_argument(
-        "--sort",
-        metavar="KEY",
-        type=_sort_key,
-        default="topic",
-        help=f"column to sort by: {', '.join(SORT_KEYS)} (default: topic)",
+    completed_by(
+        parser.add_argument(
+            "--sort",
+            metavar="KEY",
+            type=_sort_key,
+            default="topic",
+            help=f"column to sort by: {', '.join(SORT_KEYS)} (default: topic)",
+        ),
+        lambda **_: SORT_KEYS,
     )
     parser.add_argument("--once", action="store_true", help="print the table once rates are known, and exit")
 
