@@ -102,7 +102,7 @@ export class Graph {
 
   layOut({ boxes, edges }) {
     const plan = new dagre.graphlib.Graph();
-    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 48, edgesep: 8 });
+    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 58, edgesep: 8 });
     const font = getComputedStyle(this.place).fontFamily;
     this.measure.font = `600 13px ${font}`;
     for (const [id, box] of boxes) {
@@ -114,7 +114,7 @@ export class Graph {
     dagre.layout(plan);
     const drawn = this.boxes.only(boxes.keys());
     const lines = this.edges.only(edges.keys());
-    setChildren(this.layer, [...lines.map((one) => one.group), ...drawn.map((one) => one.group)]);
+    setChildren(this.layer, [...drawn.map((one) => one.group), ...lines.map((one) => one.group)]); // what is lost, on top
     // dagre's own size leaves out the edges.
     let right = 0, bottom = 0, left = Infinity, top = Infinity;
     const reach = (x, y) => {
@@ -137,7 +137,7 @@ export class Graph {
     setAttribute(this.root, "viewBox", `${left - MARGIN} ${top - MARGIN} ${width} ${height}`);
     setAttribute(this.root, "width", width);
     setAttribute(this.root, "height", height);
-    this.root.style.minWidth = `${Math.round(width * 0.66)}px`;
+    this.root.style.minWidth = `${Math.round(width * 0.62)}px`;
     if (!this.root.isConnected) this.place.append(this.root);
   }
 
