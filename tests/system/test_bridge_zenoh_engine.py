@@ -230,8 +230,11 @@ async def test_endpoints_are_seen_as_they_are_and_go() -> None:
         robot.engine.withdraw_node(NODE)
         await laptop.far.until(lambda: not laptop.far.nodes)
         assert list(laptop.far.buses) == ["robot"]
-        (link,) = [one for one in laptop.engine.links() if one.address.startswith("connect")]
+        (link,) = laptop.engine.links()
         assert (link.state, link.bus) == ("up", "robot")
+        (listening, came) = robot.engine.links()
+        assert (listening.state, listening.text, listening.address) == ("up", "listening", link.address)
+        assert (came.state, came.bus) == ("up", "laptop") and came.address.startswith("tcp/127.0.0.1:")
     assert not laptop.far.warnings and not robot.far.warnings
 
 
@@ -308,6 +311,30 @@ async def test_late_joiners_get_what_each_transient_local_publisher_keeps() -> N
         await publishers[1].send(1)
         await taken.until(6)
         assert taken.numbers == [3, 4, 5, 6]
+
+
+async def test_what_is_kept_may_be_large() -> None:
+    async with pair() as (robot, laptop):
+        publisher, taken = Publisher(robot, LATCHED), Taken()
+        await publisher.send(3, 1_000_000)
+        read(laptop, await laptop.far.endpoint(), taken)
+        await taken.until(3)
+        assert taken.numbers == [1, 2, 3] and {len(one.payload) for one in taken.samples} == {1_000_000}
+
+
+async def test_two_links_between_two_buses_carry_each_message_once() -> None:
+    here, there = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    one, other = (
+        ZenohOptions(listen=(here,), connect=(there,)),
+        ZenohOptions(listen=(there,), connect=(here,)),
+    )
+    async with opened(a=(one, "robot"), b=(other, "laptop")) as (robot, laptop):
+        publisher, taken = Publisher(robot, RELIABLE), Taken()
+        read(laptop, await laptop.far.endpoint(), taken)
+        await publisher.wanted()
+        await publisher.send(500)
+        await taken.until(500)
+        assert taken.numbers == list(range(1, 501))
 
 
 async def test_what_was_written_arrives_before_the_publisher_goes() -> None:

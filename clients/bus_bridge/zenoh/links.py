@@ -51,23 +51,23 @@ class Links:
                 self._warn(f"--connect {address.text}: {reason}; trying on")
 
     def status(self, buses: Sequence[tuple[str, str, str]]) -> list[LinkStatus]:
-        """`buses`: id, zenoh id and refusal of each."""
+        """Each address of the user's, then each bus that came by none of them. `buses`: id, zenoh id and
+        refusal of each."""
         links = self._session.links()
-        names = {zenoh_id: bus for bus, zenoh_id, _ in buses}
-        found = [LinkStatus(f"listen {one.text}", "up") for one in self._listen]
+        known = {zenoh_id: (bus, refusal) for bus, zenoh_id, refusal in buses}
+        found = [LinkStatus(one.text, "up", text="listening") for one in self._listen]
         for address in self._connect:
             link = self._find(address, links)
             if link is not None:
-                found.append(LinkStatus(f"connect {address.text}", "up", names.get(link.zenoh_id, "")))
+                bus, refusal = known.pop(link.zenoh_id, ("", ""))
+                found.append(LinkStatus(address.text, "refused" if refusal else "up", bus, refusal))
             elif self._is_joined(address, links):
-                found.append(LinkStatus(f"connect {address.text}", "up", text="by another link"))
+                found.append(LinkStatus(address.text, "up", text="by another link"))
             else:
-                reason = self._reasons.get(address.text, "")
-                found.append(LinkStatus(f"connect {address.text}", "trying", text=reason))
+                found.append(LinkStatus(address.text, "trying", text=self._reasons.get(address.text, "")))
         where = {link.zenoh_id: link.dst for link in links}
-        for bus, zenoh_id, refusal in buses:
-            address_of = where.get(zenoh_id, "")
-            found.append(LinkStatus(address_of, "refused" if refusal else "up", bus, refusal))
+        for zenoh_id, (bus, refusal) in known.items():
+            found.append(LinkStatus(where.get(zenoh_id, ""), "refused" if refusal else "up", bus, refusal))
         return found
 
     def _find(self, address: Address, links: Sequence[Link]) -> Link | None:
