@@ -332,7 +332,7 @@ class Exports:
     def sweep(self) -> None:
         """Look after messages of publishers that no graph has shown."""
         now_s = self._loop.time()
-        for route in tuple(self._routes.values()):
+        for route in [one for one in self._routes.values() if one.met or one.early]:
             for gid in [gid for gid in route.met if self._knows(gid)]:
                 del route.met[gid]
             for gid, since_s in tuple(route.early.items()):

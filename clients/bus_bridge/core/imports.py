@@ -58,6 +58,8 @@ class Import:
         self._pumping: asyncio.Task[None] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = False
+        self.is_broken = False
+        """The mirror has been ended, as by a new busd that has refused it: another one is to be made."""
 
     @property
     def waiting(self) -> int:
@@ -243,6 +245,7 @@ class Import:
     def _fail(self, error: BusError, count: int = 1) -> None:
         reason = TOO_LARGE if isinstance(error, PayloadTooLarge) else REFUSED
         self.account.drop(reason, count)
+        self.is_broken = isinstance(error, ConnectionClosed)
         self._on_trouble(str(error))
 
     def _read(self) -> None:

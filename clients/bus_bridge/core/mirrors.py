@@ -177,7 +177,11 @@ class Mirrors:
         return self._far.nodes.get(node.far.key) is not node.far
 
     def _is_to_go(self, mirror: EndpointMirror) -> bool:
-        if mirror.is_leaving or self._far.endpoints.get(mirror.far.far.gid) is mirror.far:
+        if mirror.is_leaving:
+            return False
+        if mirror.way is not None and mirror.way.is_broken:
+            return True
+        if self._far.endpoints.get(mirror.far.far.gid) is mirror.far:
             return False
         return self._stays_until(mirror) <= self._loop.time()
 
@@ -316,6 +320,12 @@ class Mirrors:
             events=PublisherEvents(matched=look),
             gid=far.far.gid,
         )
+
+        def hear(text: str) -> None:
+            self._warn(f"messages on '{far.topic}' of '{far.node.bus}' don't come in: {text}")
+            if mirror.way is not None and mirror.way.is_broken:
+                self.look()
+
         lateness = self._lateness.setdefault(mirror.node.far.bus, Lateness())
         mirror.publisher = publisher
         mirror.way = Import(
@@ -324,7 +334,7 @@ class Mirrors:
             schema,
             publisher,
             lateness,
-            lambda text: self._warn(f"messages on '{far.topic}' of '{far.node.bus}' don't come in: {text}"),
+            hear,
         )
         mirror.way.look()
 
@@ -385,6 +395,8 @@ class Mirrors:
                 await closing
         except (TimeoutError, BusError):
             pass
+        except Exception as error:
+            self._warn(f"while a mirror was closed: {_said(error)}")
 
     def _offer(self, far: Mirrored) -> QoSProfile:
         qos = far.far.qos

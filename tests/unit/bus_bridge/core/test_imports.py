@@ -1,0 +1,173 @@
+"""The way in, with a publisher and a reader that do as the test says."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from bus.errors import ConnectionClosed, PayloadTooLarge
+from bus.msg.std_msgs import String
+from bus.qos import QoSProfile
+from bus.schema import MessageSchema
+from bus_bridge.core.imports import Import
+from bus_bridge.core.lateness import Lateness
+from bus_bridge.engine import FarEndpoint, Sample
+
+LOSSLESS = QoSProfile(history="keep_all")
+
+
+class Publisher:
+    """Takes as many messages as it has room for."""
+
+    def __init__(self) -> None:
+        self.subscriptions = 1
+        self.room = 1 << 30
+        self.published: list[tuple[bytes, int | None]] = []
+        self.error: Exception | None = None
+        self._has_room = asyncio.Event()
+
+    def get_subscription_count(self) -> int:
+        return self.subscriptions
+
+    def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool:
+        if self.error is not None:
+            raise self.error
+        if not self.room:
+            return False
+        self.room -= 1
+        self.published.append((payload, source_time_ns))
+        return True
+
+    def give_room(self, number: int) -> None:
+        self.room += number
+        self._has_room.set()
+
+    async def wait_for_room(self) -> None:
+        self._has_room.clear()
+        await self._has_room.wait()
+
+
+class Engine:
+    """Its reader, too."""
+
+    def __init__(self) -> None:
+        self.lost: dict[str, int] = {}
+        self.credit = 0
+        self.reads = 0
+        self.closes = 0
+
+    def read(self, endpoint: FarEndpoint, schema: MessageSchema, on_samples: Callable[..., None]) -> "Engine":
+        self.reads += 1
+        return self
+
+    def taken(self, size: int) -> None:
+        self.credit += size
+
+    def close(self) -> None:
+        self.closes += 1
+
+
+class Way:
+    def __init__(self, qos: QoSProfile | int = 10) -> None:
+        self.publisher = Publisher()
+        self.engine = Engine()
+        self.troubles: list[str] = []
+        profile = QoSProfile(qos) if isinstance(qos, int) else qos
+        schema = MessageSchema.of(String)
+        endpoint = FarEndpoint(
+            "publisher", bytes(16), "far/1", "/t", schema.type_name, schema.type_hash, profile
+        )
+        mirror: Any = self.publisher
+        engine: Any = self.engine
+        self.way = Import(engine, endpoint, schema, mirror, Lateness(), self.troubles.append)
+        self.endpoint = endpoint
+        self.way.look()
+
+    def receive(self, *numbers: int, at_ns: int = 1_000) -> None:
+        self.way.receive([Sample(b"12", number, at_ns) for number in numbers])
+
+    @property
+    def closes(self) -> bool:
+        account = self.way.account
+        return account.waiting == self.way.waiting and account.sent == len(self.publisher.published)
+
+
+async def test_it_reads_while_there_is_a_subscription() -> None:
+    way = Way()
+    assert (way.engine.reads, way.way.is_flowing) == (1, True)
+    way.way.look()
+    assert way.engine.reads == 1
+    way.receive(1, 2, 3)
+    assert way.publisher.published == [(b"12", 1_000)] * 3
+    assert way.closes
+    await way.way.finish()
+    assert way.engine.closes == 1
+    way.receive(4)
+    assert len(way.publisher.published) == 3
+
+
+async def test_numbers_tell_what_comes_twice_and_what_is_lost() -> None:
+    way = Way()
+    way.receive(5, 6)  # the first may have any number
+    way.receive(6, 8, 7)
+    way.receive(0, 0)  # of an engine that knows none
+    way.receive(9)
+    assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
+    assert len(way.publisher.published) == 6
+    assert way.closes
+    way.engine.lost = {"link_congested": 4}
+    assert way.way.losses["link_congested"] == 4
+
+
+async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> None:
+    way = Way()
+    way.receive(1, 2, 3)
+    way.way.begin_again(way.endpoint)
+    assert way.engine.reads == 2
+    way.receive(2, 3, 7)  # what it keeps, and no loss: nobody could have sent the rest
+    assert len(way.publisher.published) == 4
+    assert way.way.losses == {"repeated": 2}
+
+
+async def test_a_lossless_way_waits_for_room_and_gives_credit_for_what_has_gone() -> None:
+    way = Way(LOSSLESS)
+    way.publisher.room = 2
+    way.receive(1, 2, 3, 4)
+    assert (way.engine.credit, way.way.waiting) == (4, 2)
+    await asyncio.sleep(0)
+    finishing = asyncio.create_task(way.way.finish())  # its publisher has gone; what waits still goes
+    await asyncio.sleep(0)
+    way.publisher.give_room(10)
+    await finishing
+    assert len(way.publisher.published) == 4
+    assert way.way.account.dropped == {}
+    assert way.closes
+
+
+async def test_what_is_dropped_gives_credit_too() -> None:
+    way = Way(LOSSLESS)
+    way.receive(1, 2)
+    way.receive(1, 2)
+    assert way.engine.credit == 8
+    assert way.way.losses == {"repeated": 2}
+
+
+async def test_what_this_bus_does_not_take_is_counted_and_said() -> None:
+    way = Way()
+    way.publisher.error = PayloadTooLarge("/t", size_bytes=2, limit_bytes=1)
+    way.receive(1)
+    assert way.way.losses == {"too_large": 1}
+    assert not way.way.is_broken
+    way.publisher.error = ConnectionClosed("this publisher is closed")
+    way.receive(2)
+    assert way.way.losses == {"too_large": 1, "refused": 1}
+    assert way.way.is_broken
+    way.publisher.error = RuntimeError("a fault")
+    way.receive(3)
+    assert way.troubles[-1] == "RuntimeError: a fault"
+
+
+async def test_a_time_that_can_be_none_is_left_out() -> None:
+    way = Way()
+    for at_ns in (0, -5, 1 << 63):
+        way.receive(0, at_ns=at_ns)
+    assert [time for _, time in way.publisher.published] == [None] * 3
