@@ -135,7 +135,7 @@ def _fit(columns: list[Column], wanted: Mapping[str, int], width: int, least: in
             break
         widths[title] -= 1
         left += 1
-    for one in here:
+    for one in sorted(here, key=lambda one: one.goes):
         if one.width == 0 and left > 0:
             more = min(left, wanted[one.title] - widths[one.title])
             widths[one.title] += more
