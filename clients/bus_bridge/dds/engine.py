@@ -3,7 +3,9 @@
 Owns: what the bridge asks for, carried out with one participant. How each thing is done is beside it.
 """
 
+import asyncio
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from bus.names import request_topic, service_of_topic
 from bus.qos import Liveliness
@@ -35,6 +37,10 @@ from bus_bridge.errors import BridgeError
 __all__ = ["DdsEngine"]
 
 
+_LEAVE_S: Final = 0.15
+"""For Cyclone's threads to tell the domain that the bridge leaves."""
+
+
 class _Node:
     def __init__(self, node: LocalNode) -> None:
         self.node = node
@@ -57,6 +63,8 @@ class DdsEngine:
         self._writers: set[DdsWriter] = set()
         self._subscriptions: set[_Subscription] = set()
         self._participant: Participant | None = None
+        self._left: Participant | None = None
+        """The same, from when all has ended."""
         self._refusal = ""
 
     async def open(self, far: FarSide) -> None:
@@ -78,7 +86,12 @@ class DdsEngine:
         self._say_nodes()
 
     async def close(self) -> None:
-        self._end()
+        try:
+            if self._end() is not None:
+                await asyncio.sleep(_LEAVE_S)
+        finally:
+            if self._left is not None:
+                self._left.close()
 
     def announce_node(self, node: LocalNode) -> None:
         self._nodes[node.id] = _Node(node)
@@ -151,7 +164,8 @@ class DdsEngine:
     def refuse(self, bus_id: str, reason: str) -> None:
         if bus_id == self._bus.id and not self._refusal:
             self._refusal = reason
-            self._end()
+            if (participant := self._end()) is not None:
+                asyncio.get_running_loop().call_later(_LEAVE_S, participant.close)
             self._far.bus_went(bus_id, reason)
 
     def links(self) -> Sequence[LinkStatus]:
@@ -193,15 +207,18 @@ class DdsEngine:
         self._subscriptions.discard(subscription)
         subscription.close()
 
-    def _end(self) -> None:
-        if self._participant is not None:
-            participant, self._participant = self._participant, None
+    def _end(self) -> Participant | None:
+        """All but the threads of Cyclone's, which tell of it; None where it was done before."""
+        participant, self._participant = self._participant, None
+        if participant is not None:
+            self._left = participant
             self._discovery.close()
             self._node_info.close()
             self._ways.close()
             for writer in list(self._writers):
                 writer.close()
-            participant.close()
+            participant.leave()
+        return participant
 
     def _discovered(self) -> None:
         for writer in self._writers:
