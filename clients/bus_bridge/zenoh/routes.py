@@ -24,6 +24,7 @@ _ASK_S = 1.0
 _SAY_BYTES = 256 << 10
 _SAY_S = 0.01
 _LEAVE_S = 2.0
+_NUDGE_S = 0.02
 
 
 class ZenohWriter:
@@ -63,6 +64,7 @@ class ZenohWriter:
         self._waiting: set[str] = set()
         """While leaving: who has not said yet that it has got everything."""
         self._patience: asyncio.TimerHandle | None = None
+        self._nudging: asyncio.TimerHandle | None = None
 
     @property
     def is_wanted(self) -> bool:
@@ -86,6 +88,7 @@ class ZenohWriter:
             if gone < len(samples):
                 if self._is_reliable:
                     self._is_held = True
+                    self._nudge_later(_NUDGE_S)
                 else:
                     self._lost[LINK_FULL] = self._lost.get(LINK_FULL, 0) + len(samples) - gone
             fitting = samples if gone == len(samples) else samples[:gone]
@@ -118,8 +121,9 @@ class ZenohWriter:
         if self._is_closed:
             return
         self._is_closed = True
-        if self._patience is not None:
-            self._patience.cancel()
+        for timer in (self._patience, self._nudging):
+            if timer is not None:
+                timer.cancel()
         if self._outlet is not None:
             self._outlet.undeclare()
             self._outlet = None
@@ -201,6 +205,22 @@ class ZenohWriter:
             put(part.payload, attachment=part.head)
         if window.must_ask():
             self._probe()
+        if rest:
+            self._nudge_later(_NUDGE_S)
+
+    def _nudge_later(self, delay_s: float) -> None:
+        if self._nudging is None:
+            before = self._window.in_flight
+            self._nudging = asyncio.get_running_loop().call_later(delay_s, self._nudge, before, delay_s)
+
+    def _nudge(self, before: int, delay_s: float) -> None:
+        """Something waits for room: where nothing moves, a question or its answer was dropped."""
+        self._nudging = None
+        if not self._is_closed and (self._rest or self._is_held):
+            has_moved = self._window.in_flight != before
+            if not has_moved:
+                self._probe()
+            self._nudge_later(_NUDGE_S if has_moved else min(2 * delay_s, 1.0))
 
     def _go_on(self) -> None:
         """There may be room again: for what waits here, then for the caller."""
