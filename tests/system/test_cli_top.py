@@ -19,6 +19,7 @@ from bus_cli.top.state import State
 from cli import bus as run_bus
 from cli import script, start
 from conftest import WAIT_S, Daemon
+from neighbours import wait_until
 from terminals import OwnTerminal
 
 pytest.importorskip("textual", reason="bus top's screen is textual's")
@@ -354,6 +355,23 @@ def test_the_terminal_is_put_back_after_a_signal(world: None, number: int) -> No
         shown.read_until(re.escape("\x1b[?1049l"))
         assert shown.wait() == -number
         assert shown.mode() == before
+
+
+def test_it_is_stopped_and_goes_on(world: None) -> None:
+    def is_stopped() -> bool:
+        return Path(f"/proc/{shown._pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+
+    with terminal("-d", "0.2") as shown:
+        shown.read_until("chatter")
+        shown.write("\x1a")
+        shown.read_until(re.escape("\x1b[?1049l"))
+        wait_until(is_stopped)
+        assert not shown.is_raw()
+        shown.send_signal(signal.SIGCONT)
+        shown.read_until("chatter")
+        assert shown.is_raw()
+        shown.write("q")
+        assert shown.wait() == 0
 
 
 @pytest.mark.parametrize("no_color", [True, False])
