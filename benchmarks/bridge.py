@@ -92,7 +92,9 @@ def run(plan: Plan) -> Section:
     """Measure the rivals, busd alone, and the bridges."""
     cases: list[Case] = []
     for size, stream in _STREAMS.items():
-        work = Work(size=size, count=plan.choose(*stream.counts), warm_up=100, rate=stream.rate)
+        work = Work(
+            size=size, count=plan.choose(*stream.counts), warm_up=int(2 * stream.rate), rate=stream.rate
+        )
         cases += [_paced(system, work) for system in stream.systems]
     for size, systems in _FLOODS.items():
         cases += [_flood(plan, system, size) for system in systems]

@@ -16,12 +16,13 @@ from benchmarks import paced
 from benchmarks.adapters.bridging import Crowd
 from benchmarks.bridge import count_endpoints, start_worker
 from benchmarks.bridged import free_port, missing, start_bridge
-from benchmarks.harness import START_S, Child, Failure, Group
+from benchmarks.harness import Child, Failure, Group
 from benchmarks.machine import look_at_machine
 from bus_cli.query import Query
 
-Shape = Literal["mesh", "router"]
-"""Each bridge goes to all others; or all go to one router of zenoh."""
+Shape = Literal["mesh", "star"]
+"""Each bridge goes to all others; or all go to that of one bus, which passes on what came (`transit`)."""
+_TRANSIT = '[[bridge.zenoh.topics]]\npattern = "/**"\ntransit = true\n'
 _PREFIX = "/fleet"
 _LIMIT_S, _LOOK_S = 240.0, 0.1
 _SETTLE_S, _WATCH_S = 3.0, 5.0
@@ -40,7 +41,6 @@ class Found(NamedTuple):
     mib: float
     most_mib: float
     idle_percent: float
-    router_mib: float
 
 
 class Fleet:
@@ -49,24 +49,20 @@ class Fleet:
     def __init__(self, group: Group, shape: Shape, buses: int) -> None:
         self.group = group
         self.names = [f"bus_{number}" for number in range(buses)]
-        self.router: Child | None = None
         for name in self.names:
             group.start_busd(name=name)
         self.bridges = [*self._join(shape)]
 
     def _join(self, shape: Shape) -> Iterator[Child]:
         endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in self.names]
-        if shape == "router":
-            self.router = self.group.start_python(
-                "router", "-m", "benchmarks.adapters.zenoh_router", endpoints[0]
-            )
-            self.group.expect(self.router, "ready", within_s=START_S)
+        config = self.group.folder / "bridge.toml"
+        config.write_text(_TRANSIT if shape == "star" else "")
         for number, name in enumerate(self.names):
-            words = ["--router", endpoints[0]] if shape == "router" else ["--listen", endpoints[number]]
-            if shape == "mesh":
-                for endpoint in endpoints[:number]:
-                    words += ["--connect", endpoint]
-            words += ["--id", name]  # else they are told apart by their sockets only, which is as good
+            words = ["--id", name, "--config", str(config)]
+            if number == 0 or shape == "mesh":
+                words += ["--listen", endpoints[number]]
+            for endpoint in endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]:
+                words += ["--connect", endpoint]
             yield start_bridge(self.group, "zenoh", *words, name=f"bridge_{number}", bus=name)
 
     def wait_until_all_have(self, topics: int) -> None:
@@ -106,10 +102,7 @@ def measure(shape: Shape, buses: int, topics: int) -> Found:
         sleep(_SETTLE_S)
         idle = _cpu_percent_of_all(fleet.bridges)
         memory = [paced.memory_mib(bridge) for bridge in fleet.bridges]
-        router_mib = paced.memory_mib(fleet.router) if fleet.router else 0.0
-    return Found(
-        shape, buses, topics, there_s, mean(used) / 1e9, mean(memory), max(memory), max(idle), router_mib
-    )
+    return Found(shape, buses, topics, there_s, mean(used) / 1e9, mean(memory), max(memory), max(idle))
 
 
 def _cpu_percent_of_all(children: Sequence[Child]) -> list[float]:
@@ -140,7 +133,7 @@ def table(found: Sequence[Found]) -> str:
 def main() -> int:
     """Measure; returns 0, or 1 where one came to nothing."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fleet", description=__doc__)
-    parser.add_argument("--shape", choices=("mesh", "router"), action="append", help="(default: both)")
+    parser.add_argument("--shape", choices=("mesh", "star"), action="append", help="(default: both)")
     parser.add_argument("--buses", type=int, metavar="N", help="one fleet of so many (default: several)")
     parser.add_argument("--topics", type=int, default=50, metavar="N", help="of each of --buses")
     parser.add_argument("--quick", action="store_true", help="no fleet of 20")
@@ -155,7 +148,7 @@ def main() -> int:
     )
     print(look_at_machine().describe(), flush=True)
     found, code = [], 0
-    for shape in options.shape or ("mesh", "router"):
+    for shape in options.shape or ("mesh", "star"):
         for buses, topics in sizes:
             try:
                 found.append(measure(shape, buses, topics))

@@ -56,6 +56,10 @@ _CONFIG = """<CycloneDDS><Domain><General>
 </Discovery></Domain></CycloneDDS>"""
 
 
+_domains: list[Domain] = []
+"""Held: one that nobody holds is deleted, and a participant then makes one without this configuration."""
+
+
 @dataclass
 class Text(IdlStruct, typename="bench.Text"):  # type: ignore[call-arg]
     """What is sent."""
@@ -77,7 +81,7 @@ def _join() -> tuple[DomainParticipant, Topic[Any], Any]:
     topic, kind = TOPIC, Text
     if of_ros := os.environ.get("BENCH_ROS"):
         number, tag, topic, kind = int(of_ros), "", f"rt/{TOPIC}", RosText
-    Domain(number, _CONFIG.format(tag=tag))
+    _domains.append(Domain(number, _CONFIG.format(tag=tag)))
     participant = DomainParticipant(number)
     return participant, Topic(participant, topic, kind), kind
 
