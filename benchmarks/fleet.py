@@ -49,8 +49,6 @@ class Fleet:
     def __init__(self, group: Group, shape: Shape, buses: int) -> None:
         self.group = group
         self.names = [f"bus_{number}" for number in range(buses)]
-        for name in self.names:
-            group.start_busd(name=name)
         self.bridges = [*self._join(shape)]
 
     def _join(self, shape: Shape) -> Iterator[Child]:
@@ -63,6 +61,7 @@ class Fleet:
                 words += ["--listen", endpoints[number]]
             for endpoint in endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]:
                 words += ["--connect", endpoint]
+            self.group.start_busd(name=name)  # which leaves soon where nobody comes
             yield start_bridge(self.group, "zenoh", *words, name=f"bridge_{number}", bus=name)
 
     def wait_until_all_have(self, topics: int) -> None:
