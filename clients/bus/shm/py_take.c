@@ -12,7 +12,7 @@
 #include <time.h>
 
 enum { SHORT_BYTES = 4096, BATCH_BYTES = 256 << 10, MAX_REJECTED = 64 };
-enum { AGES_AT_ONCE = 64, AGES_EACH = 32 }; /* as in bus.delivery.ages */
+enum { AGES_AT_ONCE = 64, AGES_EACH = 32 }; /* bus.delivery.ages does likewise */
 
 static const char BROKEN[] = "its ring contradicts itself";
 
