@@ -23,11 +23,12 @@ CORES = {
 NOTE = """\
 Pages named here, such as `docs/qos.md`, and the commands with `make` are of the source distribution.
 """
+_IMAGE = re.compile(r"^!\[[^\]]*\]\((?![a-z]+:)[^)\s]+\)\n\n?", re.MULTILINE)
 _FENCED_OR_LINK = re.compile(r"^```.*?^```$|\[([^\]]+)\]\((?![a-z]+:|#)([^)\s]+)\)", re.MULTILINE | re.DOTALL)
 
 
 def read_on_an_index(text: str) -> str:
-    """README.md for a page that has no files beside it: each link to a file becomes the file's path."""
+    """README.md for a page that has no files beside it: links to files become their paths, images go."""
 
     def name_path(found: re.Match[str]) -> str:
         label, path = found.groups()
@@ -36,7 +37,8 @@ def read_on_an_index(text: str) -> str:
         return f"`{path}`" if label == path else f"{label} (`{path}`)"
 
     title, rest = text.split("\n", 1)
-    return f"{title}\n\n{NOTE}{_FENCED_OR_LINK.sub(name_path, rest)}"
+    rest = _FENCED_OR_LINK.sub(name_path, _IMAGE.sub("", rest))
+    return f"{title}\n\n{NOTE}{rest}"
 
 
 class BuildExt(build_ext):

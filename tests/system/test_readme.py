@@ -20,10 +20,12 @@ import pytest
 import bus
 from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import String
+from bus_cli.main import COMMANDS as VERBS
 from conftest import WAIT_S, Daemon
 from pages import BLOCK, FILE, ROOT, SCRIPT, Program, Start, blocks, check, console, shape
 
 README = (ROOT / "README.md").read_text()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 ROBOT_SECONDS = "1"
 
 CONSOLE = console(README)
@@ -272,12 +274,17 @@ def test_what_is_typed_exists(tmp_path: Path) -> None:
             assert done.returncode == 0, done.stderr
             script = re.search(r"\S+\.py", done.stdout)
             assert script is None or (ROOT / script[0]).exists()
+        elif line.startswith("bus "):
+            _, command, verb, *_ = line.split()
+            assert verb in VERBS[command][1]
+        elif found := re.fullmatch(r"pip install -e '\.\[(\w+)\]'", line):
+            assert found[1] in PROJECT["optional-dependencies"]
         else:
             assert line in ("python3 -m venv .venv", ". .venv/bin/activate", "pip install -e .")
 
 
 def test_the_programs_that_pip_installs_are_there() -> None:
-    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    scripts = PROJECT["scripts"]
     assert set(scripts) == {"busd", "bus"}
     for place in scripts.values():
         module, _, function = place.partition(":")

@@ -59,6 +59,7 @@ def test_the_licence_is_what_bus_pkg_create_writes() -> None:
             "[a site](https://example.org/x) and [below](#more)",
         ),
         ("```python\nrows[0](a)\n```\n[x](y)", "```python\nrows[0](a)\n```\nx (`y`)"),
+        ("before\n\n![the page](docs/page.png)\n\nbehind", "before\n\nbehind"),
     ],
 )
 def test_links_to_files_become_their_paths(text: str, shown: str) -> None:
