@@ -112,8 +112,6 @@ class FarBus(msgspec.Struct, frozen=True):
 
     id: str
     """Short text that no other bus has: part of names, shown to users."""
-    address: str = ""
-    """Where it is, as far as known: for `bus bridge status`."""
 
 
 class FarNode(msgspec.Struct, frozen=True):
@@ -218,8 +216,8 @@ class Engine(Protocol):
         """Show it to the far side; the result withdraws it. Raises as `announce_publisher`."""
 
     async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
-        """How the type of a far endpoint is described. Raises BridgeError where nobody knows, or it is
-        broken. Cancellation leaves nothing behind.
+        """What the far side says of an endpoint's type; the bridge checks it. Raises BridgeError where nobody
+        knows. Cancellation leaves nothing behind.
         """
 
     def read(

@@ -311,7 +311,13 @@ async def test_too_many_changes_end_the_link(world: Made) -> None:
 
 
 @pytest.mark.parametrize(
-    ("encoded", "reason"), [(b"\xc1", "is broken"), (b"\x80" + bytes(300_000), "300001 bytes")]
+    ("encoded", "reason"),
+    [
+        (b"", "is broken"),
+        (b"\xc1", "is broken"),
+        (b"\x80", "is broken"),
+        (b"\x80" + bytes(300_000), "300001 bytes"),
+    ],
 )
 async def test_a_broken_description_ends_the_link(world: Made, encoded: bytes, reason: str) -> None:
     async with world() as made:

@@ -361,18 +361,6 @@ async def test_a_bus_that_lies_is_not_heard_again() -> None:
         assert [one.text for one in laptop.engine.links() if one.state == "refused"] == ["too many nodes"]
 
 
-async def test_a_schema_that_can_t_be_is_refused() -> None:
-    async with pair() as (robot, laptop):
-        robot.engine.announce_node(NODE)
-        for number, encoded in enumerate((b"", b"\xff", b"\x80", bytes(2 << 20))):
-            gid, name = bytes([number]) * 16, f"p/msg/T{number}"
-            endpoint = LocalEndpoint("publisher", gid, NODE, "/a", name, "h", RELIABLE)
-            schema = MessageSchema(name, "h", encoded)
-            robot.engine.announce_publisher(endpoint, schema, RouteRule(), lambda: None)
-            with pytest.raises(BridgeError, match=f"bus 'robot' describes {name} in"):
-                await laptop.engine.find_schema(await laptop.far.endpoint(gid))
-
-
 async def test_a_bridge_that_starts_anew_is_found_within_seconds() -> None:
     where = f"tcp/127.0.0.1:{free_port()}"
     robot, laptop = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))

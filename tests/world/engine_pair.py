@@ -282,7 +282,7 @@ class PairEngine:
     def link_came(self, other: "PairEngine") -> None:
         """Tell the other end all there is here."""
         assert other.far is not None
-        other.far.bus_came(FarBus(self.bus, f"pair/{self.bus}"))
+        other.far.bus_came(FarBus(self.bus))
         for node in self.nodes.values():
             other.far.node_came(self._far_node(node))
         for endpoint, _ in self.endpoints.values():

@@ -63,7 +63,6 @@ class Bridge:
         self._log = node.get_logger()
         self._began_s = monotonic()
         self._said: OrderedDict[str, None] = OrderedDict()
-        self._refused: set[str] = set()
         rules, naming, bounds = options.rules, options.naming, options.bounds
         self._far = FarGraph(options.bus, bounds, rules, naming)
         self._local = LocalGraph(rules, naming)
@@ -148,7 +147,6 @@ class Bridge:
     # --- what the engine tells
 
     def bus_came(self, bus: FarBus) -> None:
-        self._refused.discard(bus.id)
         if wrong := self._far.bus_came(bus, self._loop.time()):
             self._refuse(bus.id, wrong)
             return
@@ -205,7 +203,6 @@ class Bridge:
 
     def _refuse(self, bus_id: str, wrong: str) -> None:
         self.warn(f"bus '{bus_id}' is refused: {wrong}")
-        self._refused.add(bus_id)
         self._far.bus_went(bus_id)
         self._mirrors.look()
         self._engine.refuse(bus_id, wrong)

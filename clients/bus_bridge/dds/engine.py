@@ -71,7 +71,7 @@ class DdsEngine:
         self._options.check()
         domain = self._options.domain
         self._far = far
-        self._bus = FarBus(f"dds{domain}", self._address())
+        self._bus = FarBus(f"dds{domain}")
         # Its threads and sockets take some milliseconds, and nothing else runs yet.
         self._participant = Participant(self._options, user_data({"enclave": "/", **self._mark}))
         self.types = KnownTypes()

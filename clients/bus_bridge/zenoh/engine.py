@@ -5,9 +5,7 @@ import secrets
 import time
 from collections.abc import Callable, Sequence
 
-from bus.errors import ConfigurationError
 from bus.schema import MessageSchema
-from bus.types.schema import build
 from bus_bridge.engine import (
     FarEndpoint,
     FarSide,
@@ -31,7 +29,6 @@ _CLOSE_S = 0.4
 _LOOK_S = 1.0
 _ASK_SCHEMA_S = 2.0
 _ASK_SCHEMA_TIMES = 3
-_MAX_SCHEMA_BYTES = 1 << 20
 _MAX_QUERIES = 10_000
 _DOUBLE_S = 15.0  # longer than what is left of a bridge that was killed
 
@@ -168,20 +165,8 @@ class ZenohEngine:
         for _ in range(_ASK_SCHEMA_TIMES):
             encoded = await self._ask(key, _ASK_SCHEMA_S)
             if encoded is not None:
-                break
-        else:
-            raise BridgeError(f"bus '{bus}' does not say how {name} on {endpoint.topic} is described")
-        if len(encoded) > _MAX_SCHEMA_BYTES:
-            raise BridgeError(
-                f"bus '{bus}' describes {name} in {len(encoded)} bytes, the limit is {_MAX_SCHEMA_BYTES}"
-            )
-        schema = MessageSchema(name, endpoint.type_hash, encoded)
-        try:
-            description = schema.description
-            build(description)
-        except ConfigurationError as error:
-            raise BridgeError(f"bus '{bus}' describes {name} in a way that can't be: {error}") from None
-        return schema
+                return MessageSchema(name, endpoint.type_hash, encoded)
+        raise BridgeError(f"bus '{bus}' does not say how {name} on {endpoint.topic} is described")
 
     async def _ask(self, key: str, timeout_s: float) -> bytes | None:
         answered: asyncio.Future[bytes | None] = asyncio.get_running_loop().create_future()

@@ -193,8 +193,7 @@ class Presence:
             self._drop(heard, "its bridge has started anew")
         self._heard[run.bus] = run
         run.is_told = True
-        assert run.token is not None
-        self._far.bus_came(FarBus(run.bus, run.token.zenoh_id))
+        self._far.bus_came(FarBus(run.bus))
         for node in run.nodes.values():
             self._far.node_came(node)
         self._tell_endpoints(one for one in run.endpoints.values() if one.node in run.nodes)
