@@ -142,6 +142,33 @@ async def test_what_a_publisher_says_at_once_crosses_whoever_it_is(world: Made) 
             await watcher.close()
 
 
+async def test_what_is_said_while_a_publisher_is_being_made_known_crosses(world: Made) -> None:
+    """The bridge has seen it in the graph, and is still asking for something that it needs to show it."""
+    async with world() as made:
+        left, right, one, _ = await made.pair()
+        talker, listener = await left.node("talker"), await right.node("listener")
+        subscription = await listener.create_subscription(String, "chatter", 10)
+        await talker.wait_for_graph(lambda graph: graph.subscriptions_of("/chatter"))
+        announcing, gate, asked = one.bridge._announcing, asyncio.Event(), asyncio.Event()
+        learn = announcing._learn
+
+        async def learn_late(types: set[tuple[str, str]]) -> None:
+            asked.set()
+            await gate.wait()
+            await learn(types)
+
+        announcing._learn = learn_late
+        async with bus.Node("once", arguments=[], socket=left.socket) as node:
+            publisher = await node.create_publisher(String, "chatter", 10)
+            await publisher.wait_for_subscriptions()
+            await asked.wait()
+            publisher.publish(String(data="first"))
+            (route,) = one.bridge._exports._routes.values()
+            await until(lambda: sum(tap.statistics().delivered for tap in route.taps) == 1)
+        gate.set()
+        assert await received(subscription, 1) == ["first"]
+
+
 async def test_nothing_crosses_without_a_subscription_and_once_with_three(world: Made) -> None:
     async with world() as made:
         left, right, one, _ = await made.pair()

@@ -3,7 +3,7 @@
 import asyncio
 from collections import Counter
 from collections.abc import Callable
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 
 from bus.endpoint import Match
 from bus.errors import BusError, ConfigurationError
@@ -19,6 +19,7 @@ __all__ = ["Announcing"]
 _GRACE_S = 3.0
 """How long what was on the bus before busd was started anew has to come back."""
 _MOST_SCHEMAS = 4096
+_ASK_TIMES = 3
 
 _Type = tuple[str, str]
 
@@ -98,6 +99,11 @@ class Announcing:
         for node in changes.nodes:
             self._nodes.add(node.id)
             self._engine.announce_node(node)
+        for (
+            shown
+        ) in changes.publishers:  # not asked for: the publisher may have left before there is an answer
+            if (known := self._exports.schema((shown.topic, *_type_of(shown)))) is not None:
+                self._schemas[_type_of(shown)] = known
         await self._learn({_type_of(one) for one in (*changes.subscriptions, *changes.publishers)})
         for shown in (*changes.subscriptions, *changes.publishers):
             self._show(shown)
@@ -108,10 +114,13 @@ class Announcing:
             self._schemas.clear()
 
         async def find(one: _Type) -> None:
-            try:
-                self._schemas[one] = await self._node.get_schema(*one)
-            except (ConfigurationError, TimeoutError):
-                pass
+            for _ in range(_ASK_TIMES):
+                with suppress(TimeoutError):
+                    try:
+                        self._schemas[one] = await self._node.get_schema(*one)
+                    except ConfigurationError:
+                        pass
+                    return
 
         missing = types - self._schemas.keys()
         if missing:
@@ -121,6 +130,7 @@ class Announcing:
         local = shown.local
         schema = self._schemas.get(_type_of(shown))
         if schema is None:
+            self._local.give_up(local.gid)
             return
         try:
             if local.kind == "subscription":
@@ -128,8 +138,10 @@ class Announcing:
             else:
                 self._show_publisher(shown, schema)
         except BusError as error:
+            self._local.give_up(local.gid)
             self._warn(f"'{shown.topic}' does not cross: {error}")
         except Exception as error:  # one endpoint must not end the bridge
+            self._local.give_up(local.gid)
             self._warn(f"'{shown.topic}' does not cross: {type(error).__name__}: {error}")
         else:
             self._in_use[local.node.id] += 1

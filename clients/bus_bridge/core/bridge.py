@@ -67,7 +67,7 @@ class Bridge:
         self._far = FarGraph(options.bus, bounds, rules, naming)
         self._local = LocalGraph(rules, naming)
         self._schemas = Schemas(node, engine, bounds.schema_bytes, self._blame)
-        self._exports = Exports(node, rules, self._local.knows, self.warn)
+        self._exports = Exports(node, rules, self._local.knows, self._local.hides, self.warn)
         self._announcing = Announcing(node, engine, self._local, self._exports, self.warn)
         self._mirrors = Mirrors(
             engine, self._far, self._exports, self._schemas, self._make_node, self._local.knows, self.warn

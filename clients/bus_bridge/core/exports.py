@@ -47,6 +47,7 @@ class TopicRoute:
         schema: MessageSchema,
         depth: int,
         knows: Callable[[bytes], bool],
+        hides: Callable[[bytes], bool],
         on_trouble: Callable[[str], object],
         *,
         is_local: bool,
@@ -69,6 +70,7 @@ class TopicRoute:
         self.met: dict[bytes, Match] = {}
         """Publishers that no graph has shown yet, as they were when they met a tap."""
         self._knows = knows
+        self._hides = hides
         self._on_trouble = on_trouble
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
@@ -159,7 +161,7 @@ class TopicRoute:
                     self._on_trouble(f"'{self.kind[0]}': {type(error).__name__}: {error}")
 
     def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
-        if self._knows(gid):  # and it is not to be seen there
+        if self._hides(gid):  # one that is to be seen may not be shown yet
             return None
         self.early[gid] = self._loop.time()
         return self.export(gid, is_lossless=is_lossless)
@@ -181,18 +183,21 @@ class TopicRoute:
 
 
 class Exports:
-    """`node` is the bridge's own; `knows` whether the last graph had a publisher."""
+    """`node` is the bridge's own; `knows` says whether the last graph had a publisher, `hides` whether it had
+    one that the far side is not to see."""
 
     def __init__(
         self,
         node: Node,
         rules: Rules,
         knows: Callable[[bytes], bool],
+        hides: Callable[[bytes], bool],
         on_trouble: Callable[[str], object],
     ) -> None:
         self._node = node
         self._rules = rules
         self._knows = knows
+        self._hides = hides
         self._on_trouble = on_trouble
         self._routes: dict[Kind, TopicRoute] = {}
         self._of_gid: dict[bytes, tuple[TopicRoute, Export]] = {}
@@ -214,9 +219,14 @@ class Exports:
             rule = self._rules.crossing(kind[0]).rule
             depth = rule.depth or depth_for(schema)
             found = self._routes[kind] = TopicRoute(
-                kind, schema, depth, self._knows, self._on_trouble, is_local=not rule.transit
+                kind, schema, depth, self._knows, self._hides, self._on_trouble, is_local=not rule.transit
             )
         return found
+
+    def schema(self, kind: Kind) -> MessageSchema | None:
+        """None where no far subscription has that topic and type."""
+        found = self._routes.get(kind)
+        return None if found is None else found.schema
 
     # --- publishers of this bus
 

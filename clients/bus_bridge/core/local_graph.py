@@ -62,6 +62,14 @@ class LocalGraph:
         """Whether an endpoint was on this bus at the last look, to be seen there or not."""
         return gid in self._seen
 
+    def hides(self, gid: bytes) -> bool:
+        """Whether one was on this bus at the last look that is not to be seen there."""
+        return gid in self._seen and gid not in self.endpoints
+
+    def give_up(self, gid: bytes) -> None:
+        """It is not to be seen there after all: it can't."""
+        self.endpoints.pop(gid, None)
+
     def is_other_busd(self, graph: Graph) -> bool:
         """Whether `graph` is of another busd than the last one: much of what it lacks will come back."""
         pid, revision = self._seen_at

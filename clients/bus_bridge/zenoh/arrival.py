@@ -4,16 +4,20 @@ A route begins by asking where it begins, and for what the far side keeps; what 
 asks again whenever a part is missing before one that has come.
 """
 
-from bus_bridge.zenoh.records import Content, Probe
+from bus_bridge.zenoh.records import Content, Probe, Room
 
 __all__ = ["HELD_BYTES", "Arrival"]
 
 HELD_BYTES = 16 << 20
 """That may wait for what is missing: more than is ever under way."""
+_PART, _MESSAGE = 256, 128  # bytes that one costs besides its payload
 
 
 class Arrival:
-    def __init__(self) -> None:
+    """What waits also takes of `room`, which all ways in share."""
+
+    def __init__(self, room: Room) -> None:
+        self._room = room
         self.last = 0
         """Number of the last part that has gone on."""
         self.is_begun = False
@@ -31,7 +35,7 @@ class Arrival:
         """What comes behind the part `base` is for us. What may go on."""
         self.is_begun, self.last = True, base
         for number in [one for one in self._held if one <= base]:
-            self._held_bytes -= self._held.pop(number)[1]
+            self._release(number)
         return self._flush()
 
     def arrive(self, number: int, content: Content, size: int) -> list[Content]:
@@ -47,7 +51,10 @@ class Arrival:
                 self._newest = max(self._newest, number)
                 return [content, *self._flush()] if self._held else [content]
         self._newest = max(self._newest, number)
-        if number not in self._held and self._held_bytes + size <= HELD_BYTES:  # else it is asked for
+        size += _PART + (_MESSAGE * len(content) if isinstance(content, list) else 0)
+        if number in self._held or self._held_bytes + size > HELD_BYTES:
+            return []  # it is asked for
+        if self._room.take(size):
             self._held[number] = content, size
             self._held_bytes += size
         return []
@@ -61,7 +68,16 @@ class Arrival:
         gone = list[Content]()
         while self.last + 1 in self._held:
             self.last += 1
-            content, size = self._held.pop(self.last)
-            self._held_bytes -= size
-            gone.append(content)
+            gone.append(self._release(self.last))
         return gone
+
+    def clear(self) -> None:
+        """Drop what waits."""
+        for number in tuple(self._held):
+            self._release(number)
+
+    def _release(self, number: int) -> Content:
+        content, size = self._held.pop(number)
+        self._held_bytes -= size
+        self._room.give(size)
+        return content

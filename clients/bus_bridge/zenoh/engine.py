@@ -19,7 +19,7 @@ from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions, check
-from bus_bridge.zenoh.presence import MAX_TOKENS, Presence
+from bus_bridge.zenoh.presence import MAX_TOKENS, Interest, Presence
 from bus_bridge.zenoh.routes import ZenohReader, ZenohWriter
 from bus_bridge.zenoh.session import Declared, Query, Session
 
@@ -30,6 +30,8 @@ _LOOK_S = 1.0
 _ASK_SCHEMA_S = 2.0
 _ASK_SCHEMA_TIMES = 3
 _MAX_QUERIES = 10_000
+_UNFINISHED_BYTES = 512 << 20
+"""Of all far publishers together, that may wait for what belongs before or behind it."""
 _DOUBLE_S = 15.0  # longer than what is left of a bridge that was killed
 
 
@@ -56,6 +58,7 @@ class ZenohEngine:
         self._writers: dict[bytes, ZenohWriter] = {}
         self._readers: dict[tuple[bytes, str], ZenohReader] = {}
         """By gid and bus."""
+        self._room = records.Room(_UNFINISHED_BYTES)
         self._crowd: set[str] = set()
         self._doubles: dict[str, float] = {}
         self._looking: asyncio.Task[None] | None = None
@@ -63,7 +66,7 @@ class ZenohEngine:
     async def open(self, far: FarSide) -> None:
         """As `Engine.open`."""
         self._far = far
-        session = Session(self._options)
+        session = Session(self._options, self._see_fault)
         await session.open()
         self._session = session
         for text in self._warnings:
@@ -198,10 +201,10 @@ class ZenohEngine:
             raise BridgeError(f"the publisher {endpoint.gid.hex()} on {endpoint.topic} is read already")
         reader = ZenohReader(
             self._opened(),
-            self._bus,
-            self._run,
+            Interest(self._bus, self._run),
             bus,
             endpoint,
+            self._room,
             on_samples,
             lambda reason: self.refuse(bus, reason),
             lambda: self._forget(place),
@@ -227,6 +230,10 @@ class ZenohEngine:
         return self._links.status(self._presence.buses())
 
     # --- what zenoh brings
+
+    def _see_fault(self, error: Exception) -> None:
+        assert self._far is not None
+        self._far.warn(f"something that came by zenoh could not be used: {type(error).__name__}: {error}")
 
     def _see_token(self, news: tuple[str, bool]) -> None:
         assert self._presence is not None

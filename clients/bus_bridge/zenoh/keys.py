@@ -155,6 +155,7 @@ def parse_token(key: str) -> Token:
     if parts[1] != str(VERSION):
         return OtherVersion(_shown(bus), _shown(parts[1]))
     try:
+        _text(parts[2])
         if len(key) > _MAX_KEY or any(len(part) > _MAX_PART for part in parts):
             raise ValueError(f"is longer than {_MAX_KEY} characters, or a part of it than {_MAX_PART}")
         return _parse(bus, parts[3], parts[4], parts[5:])
@@ -259,13 +260,18 @@ def _text(part: str) -> str:
     text = unquote(part, errors="strict")
     if not text.isprintable():
         raise ValueError("has a character that can't be printed")
+    if quote(text, safe="") != part:  # else several tokens would say the same
+        raise ValueError("has a part that is encoded in another way than it should be")
     return text
 
 
 def _gid(part: str) -> bytes:
     if len(part) != _GID_DIGITS:
         raise ValueError(f"has a gid of {len(part)} digits instead of {_GID_DIGITS}")
-    return bytes.fromhex(part)
+    gid = bytes.fromhex(part)
+    if gid.hex() != part:
+        raise ValueError("has a gid that is not written as one")
+    return gid
 
 
 def _via(part: str) -> tuple[str, ...]:

@@ -19,10 +19,12 @@ from bus_bridge.zenoh.keys import (
     parse_token,
 )
 
-__all__ = ["MAX_TOKENS", "Interest", "Presence"]
+__all__ = ["MAX_RUNS", "MAX_TOKENS", "Interest", "Presence"]
 
 MAX_TOKENS = 100_000
 """Of one bus. Far above what the bridge takes from it; here it bounds memory."""
+MAX_RUNS = 1024
+"""Of bridges, those that have started anew counted again. Here, too, it bounds memory."""
 
 
 class Interest(NamedTuple):
@@ -86,6 +88,11 @@ class Presence:
             return
         run = self._runs.get((token.bus, token.run))
         if run is None:
+            if len(self._runs) >= MAX_RUNS and not self._make_room():
+                self._far.warn(
+                    f"more than {MAX_RUNS} bridges show themselves; those that come now are not heard"
+                )
+                return
             run = self._runs[token.bus, token.run] = _Run(token.bus, token.run)
         if run.refusal:
             return
@@ -149,13 +156,25 @@ class Presence:
         for run in [one for one in self._runs.values() if one.bus == bus and not one.refusal]:
             run.refusal = reason
             self._unhear(run, reason)
-            for gid in run.interests.values():
-                self._lose_interest(run, gid)
-            for key in run.nodes:
-                self._node_bus.pop(key, None)
-            run.nodes.clear()
-            run.endpoints.clear()
-            run.interests.clear()
+            self._clear(run)
+
+    def _clear(self, run: _Run) -> None:
+        for gid in run.interests.values():
+            self._lose_interest(run, gid)
+        for key in run.nodes:
+            self._node_bus.pop(key, None)
+        run.nodes.clear()
+        run.endpoints.clear()
+        run.interests.clear()
+
+    def _make_room(self) -> bool:
+        """Forget a bridge that shows tokens, and not itself."""
+        for key, run in self._runs.items():
+            if run.token is None:
+                self._clear(run)
+                del self._runs[key]
+                return True
+        return False
 
     def _lose_interest(self, run: _Run, gid: bytes) -> None:
         known = self._interests[gid]

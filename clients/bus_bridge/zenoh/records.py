@@ -21,11 +21,13 @@ from bus_bridge.engine import Sample
 
 __all__ = [
     "MAX_MESSAGE_BYTES",
+    "MAX_NUMBER",
     "PART_BYTES",
     "Assembler",
     "Part",
     "Piece",
     "Probe",
+    "Room",
     "pack",
     "piece",
     "probe",
@@ -38,6 +40,8 @@ PART_BYTES = 60 << 10
 """With its key and zenoh's own heads a part fits into one of zenoh's batches of 64 KiB."""
 _ALONE_BYTES = 16 << 10  # from here on, the copy into a batch costs more than a put
 MAX_MESSAGE_BYTES = 1 << 30
+MAX_NUMBER = (1 << 48) - 1
+"""Of a message: a million a second for nine years. Higher ones are lies, and would break counters."""
 
 _RECORD = Struct("<QqI")
 _HEAD = Struct("<cQ")
@@ -109,20 +113,22 @@ def probe(last: int) -> Part:
 
 
 def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
-    """A part's number and what it carries; None where it is broken."""
+    """A part's number and what it carries; None where it is broken, or not as `pack` makes it."""
     kind, size = (head[:1], len(head)) if head else (b"", 0)
-    if head is None or size < _HEAD.size:
+    if head is None or size < _HEAD.size or len(payload) > PART_BYTES:
         return None
     number: int = _HEAD.unpack_from(head)[1]
     if kind == _BATCH_KIND and size == _HEAD.size:
         found = _records(payload)
-        return None if found is None else (number, found)
+        return (number, found) if found else None
     if kind == _WHOLE_KIND and size == _WHOLE.size:
         _, _, message, source_time_ns = _WHOLE.unpack(head)
-        return number, [Sample(payload, message, source_time_ns)]
+        return None if message > MAX_NUMBER else (number, [Sample(payload, message, source_time_ns)])
     if kind == _PIECE_KIND and size == _PIECE.size:
         _, _, message, source_time_ns, total, offset = _PIECE.unpack(head)
-        if not payload or offset + len(payload) > total or total > MAX_MESSAGE_BYTES:
+        if offset % PART_BYTES or len(payload) != min(PART_BYTES, total - offset) or not payload:
+            return None
+        if total > MAX_MESSAGE_BYTES or message > MAX_NUMBER:
             return None
         return number, Piece(message, source_time_ns, total, offset, payload)
     if kind == _PROBE_KIND and size == _HEAD.size and not payload:
@@ -135,6 +141,8 @@ def _records(payload: bytes) -> list[Sample] | None:
     last_head = end - _RECORD.size
     while start <= last_head:
         number, source_time_ns, size = head(payload, start)
+        if number > MAX_NUMBER:
+            return None
         start += _RECORD.size
         stop = start + size
         found.append(Sample(payload[start:stop], number, source_time_ns))
@@ -142,10 +150,29 @@ def _records(payload: bytes) -> list[Sample] | None:
     return found if start == end else None
 
 
-class Assembler:
-    """Puts pieces together, which come in order. One message at a time."""
+class Room:
+    """Bytes that may still wait for others, of all ways in together: a far side may begin any number of
+    large messages, and end none."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: int) -> None:
+        self.left = size
+
+    def take(self, size: int) -> bool:
+        """Whether there is so much; then it is taken."""
+        if size > self.left:
+            return False
+        self.left -= size
+        return True
+
+    def give(self, size: int) -> None:
+        self.left += size
+
+
+class Assembler:
+    """Puts pieces together, which come in order. One message at a time; what finds no `room` is dropped."""
+
+    def __init__(self, room: Room) -> None:
+        self._room = room
         self.size = 0
         """Bytes that are there of a message that is not complete."""
         self._number = 0
@@ -154,16 +181,25 @@ class Assembler:
     def add(self, part: Piece) -> Sample | None:
         """The message, with its last piece. A piece that goes on nowhere is dropped, with what is there."""
         if part.offset == 0 or part.number != self._number or part.offset != self.size:
-            self._pieces, self._number, self.size = [], part.number, 0
+            self.clear()
+            self._number = part.number
             if part.offset:
                 return None
+        if not self._room.take(len(part.payload)):
+            self.clear()
+            return None
         self._pieces.append(part.payload)
         self.size += len(part.payload)
         if self.size < part.total:
             return None
         whole = b"".join(self._pieces)
-        self._pieces, self.size = [], 0
+        self.clear()
         return Sample(whole, part.number, part.source_time_ns)
+
+    def clear(self) -> None:
+        """Drop what is there of a message."""
+        self._room.give(self.size)
+        self._pieces, self.size = [], 0
 
 
 def write_pair(first: int, second: int) -> bytes:

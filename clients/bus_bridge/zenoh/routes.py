@@ -10,7 +10,7 @@ from bus_bridge.engine import FarEndpoint, LocalEndpoint, RouteRule, Sample
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.arrival import Arrival
 from bus_bridge.zenoh.presence import Interest
-from bus_bridge.zenoh.records import Assembler, Content, Part, Piece
+from bus_bridge.zenoh.records import Assembler, Content, Part, Piece, Room
 from bus_bridge.zenoh.session import Outlet, Query, Session
 from bus_bridge.zenoh.window import History, Window
 
@@ -20,6 +20,8 @@ LINK_FULL = "link_full"
 """Of a best effort publisher: the link is slower than its messages come."""
 _DEPTH = 1000
 _READER_BYTES = 16 << 20
+_PUT_BYTES = 256
+"""What a put costs besides what is in it."""
 _ASK_S = 1.0
 _SAY_BYTES = 256 << 10
 _SAY_S = 0.01
@@ -254,10 +256,10 @@ class ZenohReader:
     def __init__(
         self,
         session: Session,
-        own: str,
-        run: str,
+        own: Interest,
         bus: str,
         endpoint: FarEndpoint,
+        room: Room,
         on_samples: Callable[[Sequence[Sample]], None],
         on_broken: Callable[[str], None],
         on_close: Callable[[], None],
@@ -269,8 +271,8 @@ class ZenohReader:
         self._on_broken = on_broken
         self._on_close = on_close
         self._is_lossless = qos.is_lossless
-        self._arrival = Arrival()
-        self._assembler = Assembler()
+        self._arrival = Arrival(room)
+        self._assembler = Assembler(room)
         self._kept_last = 0
         """Number of the last message that was kept over there before this way began."""
         self._arrived: list[Sample] = []
@@ -283,8 +285,8 @@ class ZenohReader:
         self._taken = 0
         self._unsaid = 0
         self._saying: asyncio.TimerHandle | None = None
-        self._kept_key = keys.kept_key(bus, gid, run)
-        self._word_key = keys.word_key(bus, gid, run)
+        self._kept_key = keys.kept_key(bus, gid, own.run)
+        self._word_key = keys.word_key(bus, gid, own.run)
         # What does not fit is asked for again.
         self._source = session.source(
             self._take, _READER_BYTES, lambda _: None, keeps_oldest=True, after=self._give
@@ -294,9 +296,11 @@ class ZenohReader:
         # The token last: who sees it may begin to send.
         self._subscriber = session.subscribe(
             key,
-            lambda _, payload, attachment: push((payload, attachment), len(payload)),
+            lambda _, payload, attachment: push(
+                (payload, attachment), len(payload) + len(attachment or b"") + _PUT_BYTES
+            ),
         )
-        self._token = session.token(keys.interest_token(own, run, bus, gid))
+        self._token = session.token(keys.interest_token(own.bus, own.run, bus, gid))
         self._ask()
 
     @property
@@ -323,6 +327,8 @@ class ZenohReader:
         self._token.undeclare()
         self._subscriber.undeclare()
         self._source.close()
+        self._arrival.clear()
+        self._assembler.clear()
         self._on_close()
 
     # --- parts

@@ -29,7 +29,8 @@ _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 2000, "period_increase_factor": 2}
 _QUEUE_BATCHES = 16  # of 64 KiB, for each priority of each link: the most that zenoh has
 _WAIT_BEFORE_DROP_US = 1000
-_MAX_MESSAGE_BYTES = 256 << 20
+_MAX_MESSAGE_BYTES = 4 << 20  # larger ones of busd's come in parts, and descriptions of types are smaller
+_MAX_QUESTION_BYTES = 64
 _AT_ONCE = 64  # that one source gives in a turn of the loop
 _PRIORITIES: dict[Priority, Any] = {
     "real_time": zenoh.Priority.REAL_TIME,
@@ -107,7 +108,12 @@ class Source(Generic[_T]):
             left -= 1
         if self._after is not None and not self.is_closed:
             self._after()
-        if not left and things and not self.is_due:
+        if not left:
+            self.wake_again()
+
+    def wake_again(self) -> None:
+        """Go on with what is left, in another turn."""
+        if self._things and not self.is_due:
             self.is_due = True
             self._inbox.wake(self)
 
@@ -119,8 +125,9 @@ class Source(Generic[_T]):
 class _Inbox:
     """Wakes the loop once, however much comes until it looks."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, on_fault: Callable[[Exception], None]) -> None:
         self._loop = loop
+        self._on_fault = on_fault
         self._due: deque[Source[Any]] = deque()
         self._is_awake = False
 
@@ -134,7 +141,12 @@ class _Inbox:
     def _drain(self) -> None:
         self._is_awake = False
         for _ in range(len(self._due)):
-            self._due.popleft().drain()
+            source = self._due.popleft()
+            try:
+                source.drain()
+            except Exception as error:  # what one far side sends must not end what others do
+                self._on_fault(error)
+                source.wake_again()
 
 
 class Declared:
@@ -193,7 +205,8 @@ class Query:
     def __init__(self, query: Any) -> None:
         self._query = query
         self.key = str(query.key_expr)
-        self.payload: bytes = b"" if query.payload is None else query.payload.to_bytes()
+        asked = query.payload
+        self.payload: bytes = b"" if asked is None or len(asked) > _MAX_QUESTION_BYTES else asked.to_bytes()
 
     def reply(self, payload: bytes, attachment: bytes | None = None) -> None:
         with suppress(zenoh.ZError):  # who asked has gone
@@ -208,11 +221,13 @@ class Query:
 class Session:
     """A session in mode peer, without scouting, with the links that `options` name and no other."""
 
-    def __init__(self, options: ZenohOptions) -> None:
+    def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
+        """`on_fault` hears, on the loop, what was raised by something that zenoh brought: a fault of ours."""
         self._config = _config(options)
+        self._on_fault = on_fault
         self._options = options
         self._loop = asyncio.get_running_loop()
-        self._inbox = _Inbox(self._loop)
+        self._inbox = _Inbox(self._loop, on_fault)
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._zenoh: Any = None
         self._links: dict[tuple[str, str, str], Link] = {}
@@ -380,7 +395,7 @@ class Session:
             except zenoh.ZError:
                 pass  # the session has been closed
             except Exception as error:
-                self.call(self._loop.call_exception_handler, {"message": "bridge", "exception": error})
+                self.call(self._on_fault, error)
 
     def _open(self, opened: "asyncio.Future[None]") -> None:
         try:

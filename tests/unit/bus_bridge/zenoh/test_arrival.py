@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
 from bus_bridge.zenoh.arrival import HELD_BYTES, Arrival
-from bus_bridge.zenoh.records import Content, Probe
+from bus_bridge.zenoh.records import Content, Probe, Room
 
 
 def content(number: int) -> Content:
@@ -24,7 +24,7 @@ def arrive(arrival: Arrival, number: int, size: int = 1) -> list[int]:
 
 
 def test_what_comes_before_the_route_begins_is_held() -> None:
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     assert arrive(arrival, 6) == [] and arrive(arrival, 5) == [] and arrive(arrival, 4) == []
     assert not arrival.misses
     assert numbers(arrival.begin(4)) == [5, 6]
@@ -32,7 +32,7 @@ def test_what_comes_before_the_route_begins_is_held() -> None:
 
 
 def test_a_gap_is_asked_for() -> None:
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     arrival.begin(10)
     assert arrive(arrival, 11) == [11] and not arrival.misses
     assert arrive(arrival, 14) == [] and arrival.misses
@@ -41,7 +41,7 @@ def test_a_gap_is_asked_for() -> None:
 
 
 def test_a_second_copy_is_dropped() -> None:
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     arrival.begin(0)
     assert arrive(arrival, 1) == [1]
     assert arrive(arrival, 1) == []
@@ -50,7 +50,7 @@ def test_a_second_copy_is_dropped() -> None:
 
 
 def test_a_probe_tells_what_is_missing_at_the_end() -> None:
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     arrival.begin(0)
     assert arrival.arrive(2, Probe(), 0) == [] and arrival.misses
     assert arrive(arrival, 1) == [1] and arrival.misses
@@ -58,7 +58,7 @@ def test_a_probe_tells_what_is_missing_at_the_end() -> None:
 
 
 def test_what_is_not_kept_any_more_is_not_waited_for() -> None:
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     arrival.begin(0)
     assert arrive(arrival, 5) == [] and arrive(arrival, 6) == []
     assert numbers(arrival.skip()) == [5, 6] and not arrival.misses
@@ -68,10 +68,10 @@ def test_what_is_not_kept_any_more_is_not_waited_for() -> None:
 
 
 def test_what_is_held_is_bounded() -> None:
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     arrival.begin(0)
     for number in range(2, 12):
-        arrive(arrival, number, HELD_BYTES // 4)
+        arrive(arrival, number, HELD_BYTES // 4 - 1000)
     assert arrive(arrival, 1) == [1, 2, 3, 4, 5]
     assert arrival.misses
     for number in range(6, 12):
@@ -79,10 +79,28 @@ def test_what_is_held_is_bounded() -> None:
     assert not arrival.misses
 
 
+def test_what_is_held_is_bounded_however_small_it_is_and_of_all_ways_together() -> None:
+    room = Room(HELD_BYTES + 10_000)
+    arrivals = [Arrival(room) for _ in range(10)]
+    for arrival in arrivals:
+        arrival.begin(0)
+    for number in range(2, 100_000):
+        arrivals[0].arrive(number, [], 0)
+    assert 0 < room.left < 11_000
+    for number in range(2, 1000):
+        for arrival in arrivals[1:]:
+            arrive(arrival, number)
+    assert 0 <= room.left < 1000
+    assert arrive(arrivals[1], 1)[:2] == [1, 2]  # it goes on, by asking
+    for arrival in arrivals:
+        arrival.clear()
+    assert room.left == HELD_BYTES + 10_000
+
+
 @given(st.integers(0, 10**9), st.integers(1, 60), st.integers(0, 5))
 def test_whatever_zenoh_drops_everything_arrives_once_in_order(seed: int, total: int, base: int) -> None:
     chance = Random(seed)
-    arrival = Arrival()
+    arrival = Arrival(Room(1 << 30))
     got: list[int] = []
     late: deque[int] = deque()
 

@@ -152,6 +152,24 @@ def test_a_bus_has_so_many_tokens_and_no_more(heard: Heard, monkeypatch: pytest.
     assert heard.take()[-1] == ("no bus", "robot", "it has shown more than 3 tokens")
 
 
+def test_there_are_so_many_bridges_and_no_more(heard: Heard, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "MAX_RUNS", 3)
+    for number in range(10):  # none of them shows itself
+        heard.presence.came(tokens(f"robot{number}")["node"])
+    assert heard.take() == []
+    for number in range(3):
+        heard.presence.came(tokens(f"robot{number}")["bus"])
+    assert len(heard.take()) == 3
+    heard.presence.came(tokens("robot3")["bus"])
+    assert heard.take() == [
+        ("warning", "more than 3 bridges show themselves; those that come now are not heard")
+    ]
+    heard.presence.went(tokens("robot1")["bus"])
+    heard.take()
+    heard.presence.came(tokens("robot3")["bus"])
+    assert heard.take() == [("bus", "robot3")]
+
+
 def test_who_takes_what_we_send(heard: Heard) -> None:
     ours, theirs = (keys.interest_token("robot", "1", of, GID) for of in ("laptop", "other"))
     heard.presence.came(theirs)

@@ -1,17 +1,19 @@
 """Messages in parts."""
 
+from struct import Struct
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
 from bus_bridge.zenoh import records
-from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, Probe
+from bus_bridge.zenoh.records import MAX_NUMBER, PART_BYTES, Assembler, Part, Piece, Probe, Room
 
 _samples = st.lists(
     st.builds(
         Sample,
         st.integers(0, 3 * PART_BYTES).map(bytes) | st.binary(max_size=100),
-        st.integers(0, 2**64 - 1),
+        st.integers(0, MAX_NUMBER),
         st.integers(-(2**63), 2**63 - 1),
     ),
     max_size=20,
@@ -20,7 +22,7 @@ _samples = st.lists(
 
 def unpack(parts: list[Part]) -> list[Sample]:
     found: list[Sample] = []
-    assembler = Assembler()
+    assembler = Assembler(Room(1 << 30))
     for part in parts:
         read = records.read_part(part.payload, part.head)
         assert read is not None and read[0] == part.number
@@ -53,7 +55,7 @@ def test_pieces_that_go_on_nowhere_are_dropped() -> None:
     first, second, third = (
         records.read_part(part.payload, part.head) for part in records.pack([Sample(bytes(150_000), 7, 0)], 1)
     )
-    assembler = Assembler()
+    assembler = Assembler(Room(1 << 30))
     for read in (second, first, third, first, second):
         assert read is not None and isinstance(read[1], Piece)
         assert assembler.add(read[1]) is None
@@ -88,6 +90,47 @@ def test_a_size_beyond_the_end_is_refused() -> None:
     assert records.read_part(bytes(PART_BYTES), piece.head) is None
     huge = piece.head[:25] + (2**40).to_bytes(8, "little") + piece.head[33:]
     assert records.read_part(b"x", huge) is None
+
+
+def test_parts_that_nobody_packs_are_refused() -> None:
+    """They would cost more than their bytes, or break counters."""
+    batch = Struct("<cQ").pack(b"b", 1)
+
+    def record(number: int) -> bytes:
+        return Struct("<QqI").pack(number, 0, 0)
+
+    assert records.read_part(record(MAX_NUMBER), batch) is not None
+    assert records.read_part(record(MAX_NUMBER + 1), batch) is None
+    assert records.read_part(b"", batch) is None
+    assert records.read_part(record(1) * (PART_BYTES // 20 + 1), batch) is None
+    assert records.read_part(b"x", Struct("<cQQq").pack(b"w", 1, MAX_NUMBER + 1, 0)) is None
+    assert records.read_part(bytes(PART_BYTES + 1), Struct("<cQQq").pack(b"w", 1, 1, 0)) is None
+    for payload, message, total, offset in (
+        (b"x", 1, 1000, 0),
+        (bytes(PART_BYTES), 1, 2 * PART_BYTES, 1),
+        (b"", 1, PART_BYTES, PART_BYTES),
+        (bytes(PART_BYTES), MAX_NUMBER + 1, 2 * PART_BYTES, 0),
+    ):
+        head = Struct("<cQQqQQ").pack(b"p", 1, message, 0, total, offset)
+        assert records.read_part(payload, head) is None
+
+
+def test_messages_that_find_no_room_are_dropped_and_give_back_what_they_had() -> None:
+    room = Room(3 * PART_BYTES)
+    one, other = Assembler(room), Assembler(room)
+    message = Sample(bytes(2 * PART_BYTES), 7, 0)
+    first, second = (
+        read[1]
+        for part in records.pack([message], 1)
+        if (read := records.read_part(part.payload, part.head)) and isinstance(read[1], Piece)
+    )
+    assert one.add(first) is None and room.left == 2 * PART_BYTES
+    endless = first._replace(total=100 * PART_BYTES)
+    for offset in range(100):
+        assert other.add(endless._replace(offset=offset * PART_BYTES)) is None
+    assert other.size == 0 and room.left == 2 * PART_BYTES
+    assert one.add(second) == message
+    assert room.left == 3 * PART_BYTES
 
 
 @given(st.binary(max_size=200), st.none() | st.binary(max_size=40))

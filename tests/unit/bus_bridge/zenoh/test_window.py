@@ -1,7 +1,7 @@
 """What a publisher's way out keeps, and for how long."""
 
 from bus_bridge.engine import Sample
-from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, read_part
+from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, Room, read_part
 from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, History, Window
 
 SIZE = 1000
@@ -120,7 +120,7 @@ def test_importers_are_asked_a_few_times_in_a_span() -> None:
 def read(history: History) -> list[int]:
     """As an importer reads it: the numbers of the messages."""
     after, found = 0, list[int]()
-    assembler = Assembler()
+    assembler = Assembler(Room(1 << 30))
     while (part := history.find(after, assembler.size)) is not None:
         assert len(part.payload) <= PART_BYTES
         content = read_part(part.payload, part.head)
