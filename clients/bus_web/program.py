@@ -7,10 +7,14 @@ from collections.abc import Callable, Sequence
 from contextlib import aclosing
 
 import msgspec
+from websockets.asyncio.server import ServerConnection
 
 from bus.node import Node
 from bus_web import page_protocol
 from bus_web.files import load
+from bus_web.foxglove.formats import Formats
+from bus_web.foxglove.protocol import SUBPROTOCOLS
+from bus_web.foxglove.session import Permissions, Session
 from bus_web.gate import Gate
 from bus_web.hub import Hub
 from bus_web.place import Place
@@ -18,6 +22,11 @@ from bus_web.server import Server
 from bus_web.viewer import Viewer
 
 __all__ = ["Addresses", "Options", "run"]
+
+_MOST_FRAME_BYTES = 1 << 20
+"""A client may subscribe to thousands of topics in one frame."""
+_MOST_DATA_BYTES = 16 << 20
+"""Of one who may publish or call."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,10 +63,20 @@ async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses
     gate = Gate(token, place.cookie, options.origins)
     if options.opens:
         gate.issue(ticket)
+    formats, session_id = Formats(node), secrets.token_hex(8)
+    may = Permissions(publish=options.may_publish, call=options.may_call, set=options.may_set)
+
+    async def speak_foxglove(socket: ServerConnection) -> None:
+        await Session(hub, formats, socket, bus, session_id, may).run()
+
     server = Server(
         gate,
         load(),
-        {page_protocol.SUBPROTOCOL: lambda socket: Viewer(hub, socket, bus).run()},
+        {
+            page_protocol.SUBPROTOCOL: lambda socket: Viewer(hub, socket, bus).run(),
+            **dict.fromkeys(SUBPROTOCOLS, speak_foxglove),
+        },
+        most_frame_bytes=_MOST_DATA_BYTES if may.publish or may.call else _MOST_FRAME_BYTES,
     )
     async with aclosing(hub):
         try:

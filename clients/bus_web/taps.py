@@ -5,7 +5,8 @@ those it shows.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
@@ -21,22 +22,29 @@ __all__ = ["Heard", "Listener", "Taps"]
 _DEPTHS = {"/rosout": 200}
 """Of a log, its last lines are of interest."""
 _DEPTH = 5
+_MOST_AT_ONCE = 200
 
 
 class Heard:
     """A message of a topic; decoded when the first asks, for all that ask."""
 
-    __slots__ = ("_decode", "_message", "frames", "info", "number", "payload", "type_name")
+    __slots__ = ("_decode", "_message", "frames", "info", "number", "payload", "schema", "type_name")
 
     def __init__(
-        self, type_name: str, decode: Callable[[Any], Any], payload: bytes, info: MessageInfo, number: int
+        self,
+        schema: MessageSchema,
+        decode: Callable[[Any], Any],
+        payload: bytes,
+        info: MessageInfo,
+        number: int,
     ) -> None:
-        self.type_name = type_name
+        self.schema = schema
+        self.type_name = schema.type_name
         self.payload = payload
         self.info = info
         self.number = number
         """How many have come since the first looked."""
-        self.frames: dict[object, bytes] = {}
+        self.frames: dict[object, Any] = {}
         """What was made of it for some who look, to be had by others."""
         self._decode = decode
         self._message: Any = self
@@ -66,6 +74,8 @@ class _Tap:
         self.news = asyncio.Event()
         self.task: asyncio.Task[None] | None = None
         self.last: Heard | None = None
+        self.kept: dict[bytes, deque[Heard]] = {}
+        """Of publishers that keep messages for late joiners, by gid: for those who look later than others."""
         self.number = 0
 
 
@@ -76,31 +86,47 @@ class Taps:
         self._node = node
         self._taps: dict[str, _Tap] = {}
         self._kinds: dict[str, tuple[str, str]] = {}
+        self._keepers: dict[str, dict[bytes, int]] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
     def __len__(self) -> int:
         return len(self._taps)
 
+    @property
+    def kinds(self) -> Mapping[str, tuple[str, str]]:
+        """Of each topic, the name and the hash of the type that is looked at."""
+        return self._kinds
+
     def follow(self, graph: Graph) -> None:
-        """Types of topics have come or gone."""
+        """Types of topics have come or gone, or publishers that keep messages for late joiners."""
         kinds: dict[str, tuple[str, str]] = {}
+        self._keepers = {}
         for one in (*graph.publishers, *graph.subscriptions):
             if one.node.name != self._node.name:
                 kinds.setdefault(one.topic, (one.type_name, one.type_hash))
+            if one.kind == "publisher" and one.qos.durability is Durability.TRANSIENT_LOCAL:
+                depth = min(one.qos.depth, _DEPTHS.get(one.topic, _DEPTH))
+                self._keepers.setdefault(one.topic, {})[one.gid] = depth
         before, self._kinds = self._kinds, kinds
         for topic, tap in self._taps.items():
+            keepers = self._keepers.get(topic, {})
+            tap.kept = {gid: kept for gid, kept in tap.kept.items() if gid in keepers}
             if before.get(topic) != kinds.get(topic):
                 tap.news.set()
 
-    def add(self, topic: str, listener: Listener) -> None:
-        """From now on it hears; first the last message, where others have had one."""
+    def add(self, topic: str, listener: Listener, *, is_last_wanted: bool = True) -> None:
+        """From now on it hears; first, what publishers keep for late joiners, or the last message, where
+        others have had one and it `is_last_wanted`."""
         tap = self._taps.get(topic)
         if tap is None:
             tap = self._taps[topic] = _Tap(topic)
             tap.task = asyncio.get_running_loop().create_task(self._keep(tap))
         tap.listeners[listener] = None
-        if tap.last is not None:
-            listener.hear(topic, tap.last)
+        kept = sorted((one for those in tap.kept.values() for one in those), key=lambda one: one.number)
+        if not kept and is_last_wanted and tap.last is not None:
+            kept = [tap.last]
+        for heard in kept:
+            listener.hear(topic, heard)
 
     def remove(self, topic: str, listener: Listener) -> None:
         """It hears no more; where it was the last, the subscription ends."""
@@ -139,6 +165,8 @@ class Taps:
                     if subscription is not None:
                         await subscription.close()
                         subscription = None
+                        tap.last = None
+                        tap.kept.clear()
                     kind = wanted
                     try:
                         subscription = await self._subscribe(tap, kind)
@@ -157,12 +185,16 @@ class Taps:
 
         def hear(payload: bytes, info: MessageInfo) -> None:
             tap.number += 1
-            heard = tap.last = Heard(schema.type_name, decode, payload, info, tap.number)
+            heard = tap.last = Heard(schema, decode, payload, info, tap.number)
+            depth = self._keepers.get(tap.topic, {}).get(info.publisher_gid)
+            if depth:
+                tap.kept.setdefault(info.publisher_gid, deque(maxlen=depth)).append(heard)
             for listener in [*tap.listeners]:
                 listener.hear(tap.topic, heard)
 
+        at_once = sum(self._keepers.get(tap.topic, {}).values())  # of all at the beginning
         profile = QoSProfile(
-            _DEPTHS.get(tap.topic, _DEPTH),
+            max(_DEPTHS.get(tap.topic, _DEPTH), min(at_once, _MOST_AT_ONCE)),
             reliability=Reliability.BEST_EFFORT,
             durability=Durability.BEST_AVAILABLE,
         )

@@ -1,0 +1,272 @@
+"""Foxglove's WebSocket protocol: what clients say, checked, and the frames of the server. Pure.
+
+Two subprotocols, the same in all that is used here. Texts are JSON objects with `op`; in binary frames the
+first byte says what it is, numbers are little-endian.
+"""
+
+import struct
+from collections.abc import Iterable, Mapping
+from enum import IntEnum
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+
+__all__ = [
+    "SUBPROTOCOLS",
+    "Advertise",
+    "Call",
+    "FetchAsset",
+    "GetParameters",
+    "Level",
+    "Misunderstood",
+    "Parameter",
+    "Publish",
+    "Said",
+    "SetParameters",
+    "Subscribe",
+    "SubscribeConnectionGraph",
+    "SubscribeParameterUpdates",
+    "Unadvertise",
+    "Unsubscribe",
+    "UnsubscribeConnectionGraph",
+    "UnsubscribeParameterUpdates",
+    "asset_missing",
+    "call_failure",
+    "is_text",
+    "message",
+    "parameter_values",
+    "read",
+    "response",
+    "status",
+    "text",
+    "time",
+]
+
+SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+"""The one of today's SDK and app, and the one of @foxglove/ws-protocol and older clients."""
+
+Id = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+_MOST_TEXT = 500
+"""Characters of a status: it may quote what a client said."""
+_PUBLISH, _CALL = 1, 2
+_MESSAGE, _TIME, _RESPONSE = 1, 2, 3
+
+
+class Misunderstood(Exception):
+    """A frame that makes no sense; the text says why."""
+
+
+class Level(IntEnum):
+    """Of a status."""
+
+    INFO = 0
+    WARNING = 1
+    ERROR = 2
+
+
+class Subscription(msgspec.Struct):
+    """`id` is the client's choice; messages come under it."""
+
+    id: Id
+    channel_id: Id = msgspec.field(name="channelId")
+
+
+class Subscribe(msgspec.Struct, tag="subscribe", tag_field="op"):
+    """Messages of these channels are to come."""
+
+    subscriptions: list[Subscription]
+
+
+class Unsubscribe(msgspec.Struct, tag="unsubscribe", tag_field="op"):
+    """They are to come no more."""
+
+    subscription_ids: list[Id] = msgspec.field(name="subscriptionIds")
+
+
+class ClientChannel(msgspec.Struct):
+    """On which a client publishes; `id` is its choice."""
+
+    id: Id
+    topic: str
+    encoding: str
+    schema_name: str = msgspec.field(name="schemaName")
+    schema: str | None = None
+    schema_encoding: str | None = msgspec.field(name="schemaEncoding", default=None)
+
+
+class Advertise(msgspec.Struct, tag="advertise", tag_field="op"):
+    """The client is about to publish on these."""
+
+    channels: list[ClientChannel]
+
+
+class Unadvertise(msgspec.Struct, tag="unadvertise", tag_field="op"):
+    """No longer."""
+
+    channel_ids: list[Id] = msgspec.field(name="channelIds")
+
+
+class Parameter(msgspec.Struct, omit_defaults=True):
+    """`type` says what JSON can't: `byte_array` (base64), `float64`, `float64_array`. No value: not set."""
+
+    name: str
+    value: Any = None
+    type: str | None = None
+
+
+class GetParameters(msgspec.Struct, tag="getParameters", tag_field="op"):
+    """Without names: all of them. The answer has the same `id`."""
+
+    names: list[str] = msgspec.field(name="parameterNames", default_factory=list)
+    id: str | None = None
+
+
+class SetParameters(msgspec.Struct, tag="setParameters", tag_field="op"):
+    """With an `id`, the values are to be told after that."""
+
+    parameters: list[Parameter]
+    id: str | None = None
+
+
+class SubscribeParameterUpdates(msgspec.Struct, tag="subscribeParameterUpdates", tag_field="op"):
+    """Values of these are to be told when they change."""
+
+    names: list[str] = msgspec.field(name="parameterNames")
+
+
+class UnsubscribeParameterUpdates(msgspec.Struct, tag="unsubscribeParameterUpdates", tag_field="op"):
+    """No longer."""
+
+    names: list[str] = msgspec.field(name="parameterNames")
+
+
+class SubscribeConnectionGraph(msgspec.Struct, tag="subscribeConnectionGraph", tag_field="op"):
+    """Who publishes, subscribes and serves is to be told, now and when it changes."""
+
+
+class UnsubscribeConnectionGraph(msgspec.Struct, tag="unsubscribeConnectionGraph", tag_field="op"):
+    """No longer."""
+
+
+class FetchAsset(msgspec.Struct, tag="fetchAsset", tag_field="op"):
+    """A file is wanted; none are served here."""
+
+    uri: str = ""
+    request_id: Id = msgspec.field(name="requestId", default=0)
+
+
+class Publish(NamedTuple):
+    """A message on a channel of the client's."""
+
+    channel_id: int
+    data: memoryview
+
+
+class Call(NamedTuple):
+    """A request to a service."""
+
+    service_id: int
+    call_id: int
+    encoding: str
+    data: memoryview
+
+
+_Text = (
+    Subscribe
+    | Unsubscribe
+    | Advertise
+    | Unadvertise
+    | GetParameters
+    | SetParameters
+    | SubscribeParameterUpdates
+    | UnsubscribeParameterUpdates
+    | SubscribeConnectionGraph
+    | UnsubscribeConnectionGraph
+    | FetchAsset
+)
+Said = _Text | Publish | Call
+
+_decode = msgspec.json.Decoder(_Text).decode
+_encode = msgspec.json.encode
+
+
+def read(frame: str | bytes) -> Said:
+    """What a client says. Raises Misunderstood."""
+    if isinstance(frame, str):
+        try:
+            said: Said = _decode(frame)
+        except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+            raise Misunderstood(f"not understood: {error}") from None
+        return said
+    return _read_binary(frame)
+
+
+def _read_binary(frame: bytes) -> Publish | Call:
+    op = frame[0] if frame else None
+    view = memoryview(frame)
+    if op == _PUBLISH:
+        if len(frame) < 5:
+            raise Misunderstood(f"a message has a channel's id in front; this frame has {len(frame)} bytes")
+        return Publish(int.from_bytes(frame[1:5], "little"), view[5:])
+    if op == _CALL:
+        if len(frame) < 13:
+            raise Misunderstood(f"a service request has 13 bytes at least; this frame has {len(frame)}")
+        service_id, call_id, length = struct.unpack_from("<III", frame, 1)
+        if length > len(frame) - 13:
+            raise Misunderstood(
+                f"the encoding's name is said to have {length} bytes; {len(frame) - 13} are there"
+            )
+        encoding = frame[13 : 13 + length].decode(errors="replace")
+        return Call(service_id, call_id, encoding, view[13 + length :])
+    raise Misunderstood("an empty frame" if op is None else f"no binary frame begins with {op}")
+
+
+def text(op: str, **fields: Any) -> bytes:
+    """A frame of the server, to be sent as a text."""
+    return _encode({"op": op, **fields})
+
+
+def is_text(frame: bytes) -> bool:
+    """Whether a frame of the server goes as a text: JSON does, and no binary frame begins with a brace."""
+    return frame.startswith(b"{")
+
+
+def status(level: Level, message: str, id: str | None = None) -> bytes:
+    """Says something to whoever sits there. Of one `id` the last holds."""
+    words = message if len(message) <= _MOST_TEXT else f"{message[: _MOST_TEXT - 3]}..."
+    more = {} if id is None else {"id": id}
+    return text("status", level=int(level), message=words, **more)
+
+
+def message(subscription: int, time_ns: int, parts: Iterable[Any]) -> bytes:
+    """A message, of which the encoded `parts` follow each other."""
+    return b"".join((struct.pack("<BIQ", _MESSAGE, subscription, time_ns), *parts))
+
+
+def time(time_ns: int) -> bytes:
+    """What time it is, where that is not the wall clock's."""
+    return struct.pack("<BQ", _TIME, time_ns)
+
+
+def response(call: Call, encoding: str, parts: Iterable[Any]) -> bytes:
+    """What the service has answered."""
+    name = encoding.encode()
+    return b"".join((struct.pack("<BIII", _RESPONSE, call.service_id, call.call_id, len(name)), name, *parts))
+
+
+def call_failure(call: Call, message: str) -> bytes:
+    """Why there is no answer."""
+    words = message[:_MOST_TEXT]
+    return text("serviceCallFailure", serviceId=call.service_id, callId=call.call_id, message=words)
+
+
+def parameter_values(parameters: Iterable[Parameter], id: str | None = None) -> bytes:
+    """Values of parameters; with the `id` of the question."""
+    more: Mapping[str, str] = {} if id is None else {"id": id}
+    return text("parameterValues", parameters=list(parameters), **more)
+
+
+def asset_missing(request_id: int, error: str) -> bytes:
+    """There is no such file."""
+    name = error.encode()
+    return struct.pack("<BIBI", 4, request_id, 1, len(name)) + name

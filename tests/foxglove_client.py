@@ -1,0 +1,95 @@
+"""A client of Foxglove's protocol, as a viewer is one, for tests."""
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from conftest import WAIT_S
+from web_clients import Serving
+
+SDK, OLDER = "foxglove.sdk.v1", "foxglove.websocket.v1"
+
+Frame = dict[str, Any] | bytes
+
+
+class Foxglove:
+    """What was heard is kept until somebody asks for it."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection = connection
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.services: dict[str, dict[str, Any]] = {}
+        self.heard: list[Frame] = []
+
+    def say(self, op: str, **fields: Any) -> None:
+        self.connection.send(json.dumps({"op": op, **fields}))
+
+    def listen(self) -> Frame:
+        """The next frame; channels and services are noted."""
+        frame = self.connection.recv(WAIT_S)
+        if isinstance(frame, bytes):
+            return frame
+        told: dict[str, Any] = json.loads(frame)
+        for one in told.get("channels", ()):
+            self.channels[one["topic"]] = one
+        for one in told.get("services", ()):
+            self.services[one["name"]] = one
+        if told["op"] == "unadvertise":
+            self.channels = {
+                topic: one for topic, one in self.channels.items() if one["id"] not in told["channelIds"]
+            }
+        return told
+
+    def hear(self, op: str, fits: Callable[[Any], object] = lambda told: True) -> Any:
+        """The next text of that kind that fits; what comes before it is passed over."""
+        while True:
+            told = self.listen()
+            if isinstance(told, dict) and told["op"] == op and fits(told):
+                return told
+
+    def channel(self, topic: str) -> dict[str, Any]:
+        """As soon as there is one."""
+        while topic not in self.channels:
+            self.listen()
+        return self.channels[topic]
+
+    def service(self, name: str) -> dict[str, Any]:
+        """As soon as there is one."""
+        while name not in self.services:
+            self.listen()
+        return self.services[name]
+
+    def subscribe(self, numbers: Mapping[int, str]) -> None:
+        """To topics, by the numbers of the subscriptions."""
+        wanted = [{"id": number, "channelId": self.channel(topic)["id"]} for number, topic in numbers.items()]
+        self.say("subscribe", subscriptions=wanted)
+
+    def binary(self, kind: int) -> bytes:
+        """The next binary frame of that kind, without the first byte."""
+        while True:
+            told = self.listen()
+            if isinstance(told, bytes) and told[0] == kind:
+                return told[1:]
+
+    def message(self, number: int | None = None) -> tuple[int, int, bytes]:
+        """The next message, of that subscription: its number, time, data."""
+        while True:
+            data = self.binary(1)
+            found, time_ns = struct.unpack_from("<IQ", data)
+            if number in (None, found):
+                return found, time_ns, data[12:]
+
+
+@contextmanager
+def looking(server: Serving, subprotocol: str = SDK, **more: Any) -> Iterator[Foxglove]:
+    """At the address that is printed."""
+    with connect(
+        server.foxglove, subprotocols=[Subprotocol(subprotocol)], max_size=None, proxy=None, **more
+    ) as connection:
+        assert connection.subprotocol == subprotocol
+        yield Foxglove(connection)

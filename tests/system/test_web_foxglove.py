@@ -1,0 +1,332 @@
+"""Foxglove's protocol as its clients speak it: channels, messages, time; mistakes, slowness, restarts."""
+
+import asyncio
+import json
+import struct
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+import bus
+from bus.schema import support_of
+from bus_ros.cdr import codec_of, schema_of_definition
+from cli import LISTENER, TALKER, Running, script, wait_for_graph
+from conftest import WAIT_S, Daemon
+from programs import EXAMPLES
+from rows import for_each
+
+pytest.importorskip("websockets", reason="the server is made of websockets")
+
+from websockets.asyncio.client import connect as connect_async
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from foxglove_client import OLDER, SDK, looking
+from web_clients import Serving, serving
+
+ROBOT = ("perception", "cognition", "actuation", "monitoring")
+TOPICS = {"/camera/image_raw", "/imu/data", "/joint_states", "/cmd_vel", "/cmd_vel_applied", "/health"}
+STRING = "std_msgs/msg/String"
+
+CLOCK = """
+import asyncio, bus
+from bus.msg.builtin_interfaces import Time
+from bus.types.classes import message_class
+Clock = message_class("rosgraph_msgs/msg/Clock")
+async def main():
+    async with bus.Node("clock") as node:
+        publisher = await node.create_publisher(Clock, "/clock", 1)
+        print("ready", flush=True)
+        for number in range(1_000_000):
+            publisher.publish(Clock(clock=Time(sec=100, nanosec=number)))
+            await asyncio.sleep(0.01)
+bus.run(main())
+"""
+LATCHED = """
+import asyncio, bus
+from contextlib import AsyncExitStack
+from bus.msg.std_msgs import String
+async def main():
+    async with AsyncExitStack() as nodes:
+        for number in range(12):
+            node = await nodes.enter_async_context(bus.Node(f"frame_{number}", rosout=False))
+            latched = bus.QoSProfile(1, durability=bus.Durability.TRANSIENT_LOCAL)
+            publisher = await node.create_publisher(String, "tf_static", latched)
+            publisher.publish(String(data=str(number)))
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+
+
+def text_of(data: bytes) -> str:
+    """Of a std_msgs/msg/String in CDR."""
+    return data[8 : 8 + struct.unpack_from("<I", data, 4)[0] - 1].decode()
+
+
+@pytest.fixture
+def robot(daemon: Daemon) -> Iterator[None]:
+    """Its four layers, on the test's busd."""
+    with ExitStack() as layers:
+        for layer in ROBOT:
+            layers.enter_context(Running((str(EXAMPLES / "robot" / f"{layer}.py"),)))
+        wait_for_graph(lambda graph: graph.topics().keys() >= TOPICS and len(graph.matches) > 8)
+        yield
+
+
+async def compare(server: Serving, subprotocol: str) -> dict[str, int]:
+    """Of each channel some messages, each the same as a subscription has them; returns how many."""
+    stores = pytest.importorskip("rosbags.typesys", reason="rosbags decodes what is compared")
+    published: dict[str, set[bytes]] = defaultdict(set)
+    same: dict[str, int] = {}
+    examples: dict[str, bytes] = {}
+    async with (
+        asyncio.timeout(WAIT_S),
+        bus.Node("judge", rosout=False) as node,
+        connect_async(
+            server.foxglove, subprotocols=[Subprotocol(subprotocol)], max_size=None, proxy=None
+        ) as socket,
+    ):
+        channels: dict[str, Any] = {}
+        while channels.keys() < TOPICS:
+            told = json.loads(await socket.recv())
+            channels.update({one["topic"]: one for one in told.get("channels", ())})
+        codecs: dict[str, Any] = {}
+        decoders: dict[str, Any] = {}
+        graph = await node.graph()
+        for topic in TOPICS:
+            one = graph.publishers_of(topic)[0]
+            schema = await node.get_schema(one.type_name, one.type_hash)
+            codecs[topic] = codec_of(schema)
+            decoders[topic] = support_of(schema, raw=False).decode
+            profile = bus.QoSProfile(100, reliability=bus.Reliability.BEST_EFFORT)
+            await node.create_subscription(schema, topic, profile, published[topic].add, raw=True)
+        wanted = [{"id": channels[topic]["id"] + 100, "channelId": channels[topic]["id"]} for topic in TOPICS]
+        await socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        numbers = {channels[topic]["id"] + 100: topic for topic in TOPICS}
+        while min(same.get(topic, 0) for topic in TOPICS) < 3:
+            frame = await socket.recv()
+            if isinstance(frame, str):
+                continue
+            topic, data = numbers[struct.unpack_from("<I", frame, 1)[0]], frame[13:]
+            payload = codecs[topic].decode(data)
+            values = decoders[topic](payload)
+            if payload in published[topic] or any(decoders[topic](one) == values for one in published[topic]):
+                same[topic] = same.get(topic, 0) + 1
+            examples[topic] = data
+    for topic, data in examples.items():
+        name, definition = channels[topic]["schemaName"], channels[topic]["schema"]
+        codec_of(schema_of_definition(name, definition)).decode(data)
+        store = stores.get_typestore(stores.Stores.EMPTY)
+        store.register(stores.get_types_from_msg(definition, name))
+        assert bytes(store.serialize_cdr(store.deserialize_cdr(data, name), name)) == data
+    return same
+
+
+@pytest.mark.parametrize("subprotocol", [SDK, OLDER])
+def test_every_channel_of_the_robot(robot: None, subprotocol: str) -> None:
+    with serving() as server:
+        assert asyncio.run(compare(server, subprotocol)).keys() == TOPICS
+
+
+class TestChannels:
+    def test_what_a_client_is_told_first(self, daemon: Daemon) -> None:
+        with script(TALKER, "0.01"), serving() as server, looking(server) as client, looking(server) as other:
+            told = client.listen()
+            assert isinstance(told, dict)
+            assert (told["op"], told["supportedEncodings"]) == ("serverInfo", ["cdr"])
+            assert set(told["capabilities"]) == {"connectionGraph"}
+            assert str(daemon.path) in told["name"]
+            channel = client.channel("/topic")
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+            assert (channel["schemaName"], channel["schema"]) == (STRING, "string data\n")
+            assert other.hear("serverInfo")["sessionId"] == told["sessionId"]
+
+    def test_they_come_and_go_with_the_graph(self, daemon: Daemon) -> None:
+        with serving() as server, looking(server) as client:
+            with script(LISTENER):
+                channel = client.channel("/topic")
+                client.subscribe({7: "/topic"})
+                with script(TALKER, "0.01"):
+                    number, time_ns, data = client.message()
+                    assert (number, text_of(data).startswith("Hello World: ")) == (7, True)
+                    assert abs(time_ns - asyncio.run(_now_ns())) < 60e9
+            client.hear("unadvertise", lambda told: channel["id"] in told["channelIds"])
+            with script(LISTENER):
+                assert client.channel("/topic")["id"] != channel["id"]
+
+    def test_nothing_is_subscribed_unless_somebody_looks(self, daemon: Daemon) -> None:
+        def subscribers(graph: Any) -> list[str]:
+            return [one.node.name for one in graph.subscriptions_of("/topic")]
+
+        with script(TALKER, "0.01"), serving() as server:
+            with looking(server) as client, looking(server, OLDER) as other, server.viewer() as viewer:
+                client.channel("/topic")
+                assert subscribers(wait_for_graph(lambda graph: True)) == []
+                client.subscribe({1: "/topic"})
+                other.subscribe({1: "/topic"})
+                viewer.say("look", topics={"/topic": []})
+                client.message()
+                other.message()
+                viewer.hear("value")
+                (name,) = subscribers(wait_for_graph(subscribers))
+                assert name.startswith("_bus_web")
+                client.say("unsubscribe", subscriptionIds=[1, 2])
+                viewer.say("look", topics={})
+                other.message()
+                assert len(subscribers(wait_for_graph(lambda graph: True))) == 1
+            wait_for_graph(lambda graph: not subscribers(graph))
+
+    def test_whoever_looks_later_gets_what_publishers_keep(self, daemon: Daemon) -> None:
+        with script(LATCHED), serving() as server, looking(server) as client, looking(server) as other:
+            for one in (client, other):
+                one.subscribe({1: "/tf_static"})
+                texts = {text_of(one.message()[2]) for _ in range(12)}
+                assert texts == {str(number) for number in range(12)}
+
+    def test_who_is_connected(self, daemon: Daemon) -> None:
+        with script(TALKER, "0.1"), serving() as server, looking(server) as client:
+            client.channel("/topic")
+            client.say("subscribeConnectionGraph")
+            told = client.hear("connectionGraphUpdate")
+            assert {"name": "/topic", "publisherIds": ["/minimal_publisher"]} in told["publishedTopics"]
+            assert told["subscribedTopics"] == []
+            with script(LISTENER):
+                told = client.hear("connectionGraphUpdate", lambda told: told["subscribedTopics"])
+                assert told["subscribedTopics"] == [
+                    {"name": "/topic", "subscriberIds": ["/minimal_subscriber"]}
+                ]
+
+    def test_time_where_there_is_a_clock(self, daemon: Daemon) -> None:
+        with script(TALKER, "0.01"), serving() as server, looking(server) as client:
+            assert "time" not in client.hear("serverInfo")["capabilities"]
+            with script(CLOCK):
+                client.hear("serverInfo", lambda told: "time" in told["capabilities"])
+                client.subscribe({1: "/topic"})
+                (first_ns,) = struct.unpack("<Q", client.binary(2))
+                assert 100_000_000_000 <= first_ns < 101_000_000_000
+                while not first_ns <= client.message()[1] < 101_000_000_000:
+                    pass
+            client.hear("serverInfo", lambda told: "time" not in told["capabilities"])
+
+
+async def _now_ns() -> int:
+    import time
+
+    return time.time_ns()
+
+
+class TestGettingIn:
+    @for_each(
+        ("target", "host", "origin"),
+        [
+            ("/?token=wrong", None, None),
+            ("/", None, None),
+            (None, "evil.example.org", None),
+            (None, None, "https://evil.example.org"),
+            (None, None, "null"),
+        ],
+    )
+    def test_who_is_refused(
+        self, daemon: Daemon, target: str | None, host: str | None, origin: str | None
+    ) -> None:
+        with serving() as server:
+            address = server.foxglove if target is None else f"ws://{server.host}:{server.port}{target}"
+            for subprotocol in (SDK, OLDER):
+                with pytest.raises(InvalidStatus) as caught:
+                    _connect(address, subprotocol, host, origin)
+                assert caught.value.response.status_code == 403
+
+    def test_the_page_of_foxglove_may_come_with_the_token(self, daemon: Daemon) -> None:
+        with (
+            serving() as server,
+            looking(server, origin=Origin("https://app.foxglove.dev")) as client,
+        ):
+            client.hear("serverInfo")
+
+
+def _connect(address: str, subprotocol: str, host: str | None, origin: str | None) -> None:
+    import socket
+    from urllib.parse import urlsplit
+
+    parts = urlsplit(address)
+    assert parts.port is not None
+    raw = socket.create_connection((parts.hostname or "", parts.port), timeout=WAIT_S)
+    with raw:
+        connect(
+            address.replace(parts.hostname or "", host or parts.hostname or ""),
+            sock=raw,
+            subprotocols=[Subprotocol(subprotocol)],
+            origin=Origin(origin) if origin is not None else None,
+            proxy=None,
+        ).close()
+
+
+class TestMistakes:
+    @for_each(
+        ("said", "level", "text"),
+        [
+            (b"", 2, "an empty frame"),
+            (b"\x01\x00", 2, "this frame has 2 bytes"),
+            (b"\x02" + b"\xff" * 12, 2, "4294967295 bytes"),
+            ("{", 2, "not understood"),
+            ('{"op":"dance"}', 2, "dance"),
+            ('{"op":"subscribe","subscriptions":[{"id":4294967296,"channelId":1}]}', 2, "4294967295"),
+            (
+                '{"op":"subscribe","subscriptions":[{"id":1,"channelId":4294967295}]}',
+                1,
+                "no channel 4294967295",
+            ),
+            (b"\x01\x01\x00\x00\x00data", 2, "--allow-publish"),
+            (
+                '{"op":"advertise","channels":[{"id":1,"topic":"/a","encoding":"cdr","schemaName":"a/B"}]}',
+                2,
+                "--allow-publish",
+            ),
+            ('{"op":"setParameters","parameters":[{"name":"/n.p","value":1}]}', 2, "--allow-set"),
+        ],
+    )
+    def test_are_told_and_the_client_stays(
+        self, daemon: Daemon, said: str | bytes, level: int, text: str
+    ) -> None:
+        with serving() as server, looking(server) as client:
+            client.connection.send(said)
+            told = client.hear("status")
+            assert (told["level"], text in told["message"]) == (level, True), told
+
+    def test_more_subscriptions_than_there_can_be(self, daemon: Daemon) -> None:
+        many = [{"id": number, "channelId": number} for number in range(25_000)]
+        with script(TALKER, "0.01"), serving() as server, looking(server) as client:
+            client.subscribe({1: "/topic"})
+            for _ in range(4):
+                client.say("subscribe", subscriptions=many)
+            told = client.hear("status")
+            assert "(and 24999 more)" in told["message"] or "(and 24998 more)" in told["message"]
+            assert client.message()[0] == 1
+
+    def test_files_and_services(self, daemon: Daemon) -> None:
+        with serving() as server, looking(server) as client:
+            client.say("fetchAsset", uri="package://robot/mesh.dae", requestId=5)
+            assert client.binary(4).endswith(b"files are not served here")
+            client.connection.send(b"\x02" + struct.pack("<III", 1, 9, 3) + b"cdr")
+            told = client.hear("serviceCallFailure")
+            assert (told["serviceId"], told["callId"]) == (1, 9)
+            assert "--allow-call" in told["message"]
+
+
+def test_busd_is_restarted(daemon: Daemon) -> None:
+    """The channels stay, messages go on."""
+    with script(TALKER, "0.01"), serving() as server, looking(server) as client:
+        client.subscribe({1: "/topic"})
+        client.message()
+        channel = client.channel("/topic")
+        daemon.kill()
+        assert "the bus is away" in client.hear("status")["message"]
+        daemon.restart()
+        client.hear("removeStatus")
+        client.message(1)
+        assert client.channel("/topic") == channel
