@@ -1,39 +1,8 @@
 """What became of each message of one route: taken is sent, waiting, and dropped by reason. Pure."""
 
-__all__ = [
-    "DISCONNECTED",
-    "EXPIRED",
-    "LOST",
-    "MEMORY",
-    "NOT_WANTED",
-    "RATE",
-    "REFUSED",
-    "REPEATED",
-    "REPLACED",
-    "TOO_LARGE",
-    "Account",
-]
+from bus_bridge.reasons import LOST
 
-REPLACED = "replaced"
-"""The bridge's own queue was full: the oldest goes."""
-MEMORY = "memory_limit"
-"""The bridge's own queue had too many bytes."""
-RATE = "rate_limit"
-"""A rule allows fewer messages in a second."""
-NOT_WANTED = "not_wanted"
-"""No subscription on the other side is matched with the publisher."""
-DISCONNECTED = "disconnected"
-"""Its publisher, or the way to the far side, went before it could go on."""
-REPEATED = "repeated"
-"""It had come before."""
-EXPIRED = "expired"
-"""It was older than its lifespan when it came."""
-TOO_LARGE = "too_large"
-"""Larger than this bus allows."""
-REFUSED = "refused"
-"""This bus did not take it; the bridge's log says why."""
-LOST = "lost_on_the_way"
-"""Its number is missing in what came: it never was in this bridge, and counts as none of `taken`."""
+__all__ = ["Account"]
 
 
 class Account:

@@ -6,9 +6,10 @@ Owns what waits, and what became of each message. Must not know nodes, taps or t
 from collections.abc import Callable, Sequence
 
 from bus.qos import History, QoSProfile
-from bus_bridge.core.accounts import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED, Account
+from bus_bridge.core.accounts import Account
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import RouteRule, Sample, Writer
+from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED
 
 __all__ = ["Export"]
 

@@ -12,10 +12,11 @@ from typing import Any
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.publisher import Publisher
 from bus.schema import MessageSchema
-from bus_bridge.core.accounts import DISCONNECTED, EXPIRED, MEMORY, REFUSED, REPEATED, TOO_LARGE, Account
+from bus_bridge.core.accounts import Account
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.waiting import Waiting
 from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
+from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, REFUSED, REPEATED, TOO_LARGE
 
 __all__ = ["Import"]
 

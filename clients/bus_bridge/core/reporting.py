@@ -6,6 +6,7 @@ from bus_bridge.core.exports import Exports
 from bus_bridge.core.mirrors import EndpointMirror, Mirrors
 from bus_bridge.core.status import GetStatus, LinkState, MirrorCounts, RouteState
 from bus_bridge.engine import LinkStatus
+from bus_bridge.reasons import REPEATED
 
 __all__ = ["Reporting"]
 
@@ -86,7 +87,7 @@ class Reporting:
             buses=buses,
             shown_here=_counts(self._mirrors.counts),
             shown_there=_counts(shown_there),
-            repeated=sum(one.dropped.get("repeated", 0) for one in routes),
+            repeated=sum(one.dropped.get(REPEATED, 0) for one in routes),
             routes=routes,
         )
 

@@ -15,6 +15,7 @@ from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies, strength
 from bus_bridge.engine import Sample
+from bus_bridge.reasons import BRIDGE_FULL, UNDECODABLE
 from bus_ros.cdr import CdrError
 
 __all__ = ["FarWay", "Intake", "Ways"]
@@ -236,7 +237,7 @@ class FarWay:
             return
         for sample in samples:
             if self._held_bytes + len(sample.payload) > _MOST_HELD:
-                self._lose("bridge_full")
+                self._lose(BRIDGE_FULL)
             else:
                 self._held.append(sample)
                 self._held_bytes += len(sample.payload)
@@ -248,7 +249,7 @@ class FarWay:
             try:
                 samples.append(Sample(self._decode(data), 0, time_ns))
             except CdrError:
-                self._lose("undecodable")
+                self._lose(UNDECODABLE)
         return samples
 
     def taken(self, size: int) -> None:

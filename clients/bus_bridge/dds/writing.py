@@ -13,6 +13,7 @@ from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies
 from bus_bridge.engine import Sample
+from bus_bridge.reasons import REFUSED, UNDECODABLE
 from bus_ros.cdr import CdrError
 
 __all__ = ["DdsWriter", "NoWriter"]
@@ -71,7 +72,7 @@ class DdsWriter:
             try:
                 parts = self._encode(payload)
             except CdrError:
-                self.lost["undecodable"] = self.lost.get("undecodable", 0) + 1
+                self.lost[UNDECODABLE] = self.lost.get(UNDECODABLE, 0) + 1
                 continue
             size = sum(map(len, parts))
             if padding := -size % 4:
@@ -81,7 +82,7 @@ class DdsWriter:
                 self._wait_for_room()
                 return gone
             if code < 0:
-                self.lost["refused"] = self.lost.get("refused", 0) + 1
+                self.lost[REFUSED] = self.lost.get(REFUSED, 0) + 1
             self._last = number
         self._pause_s = _FIRST_PAUSE_S
         return len(samples)

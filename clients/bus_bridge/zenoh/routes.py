@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from bus.qos import Durability, Reliability
 from bus.qos import History as Kept
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, RouteRule, Sample
+from bus_bridge.reasons import LINK_FULL
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.arrival import Arrival
 from bus_bridge.zenoh.presence import Interest
@@ -16,8 +17,6 @@ from bus_bridge.zenoh.window import History, Window
 
 __all__ = ["ZenohReader", "ZenohWriter"]
 
-LINK_FULL = "link_full"
-"""Of a best effort publisher: the link is slower than its messages come."""
 _DEPTH = 1000
 _READER_BYTES = 16 << 20
 _PUT_BYTES = 256

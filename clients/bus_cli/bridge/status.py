@@ -9,6 +9,7 @@ from msgspec import to_builtins
 
 from bus.process.address import socket_path
 from bus_bridge.core.status import RouteState
+from bus_bridge.reasons import LOST
 from bus_cli.bridge.remote import Answer, ask_all, services_of_bridges
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, complain, print_json, say
@@ -16,9 +17,6 @@ from bus_cli.query import get_graph
 from bus_cli.stream import run_stream
 
 __all__ = ["lines"]
-
-LOST = "lost_on_the_way"
-"""The reason for what was sent to this bridge and never came."""
 
 _COLUMNS = {"way": 3, "taken": 10, "sent": 10, "waiting": 7, "dropped": 8, "lost": 8}
 """With their widths. What follows is the topic, which may be long."""

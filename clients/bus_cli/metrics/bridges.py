@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from bus_bridge.core.status import RouteState
+from bus_bridge.reasons import LOST
 from bus_cli.metrics.sums import Labels, Sums
 
 if TYPE_CHECKING:  # asking takes a node
@@ -11,7 +12,6 @@ if TYPE_CHECKING:  # asking takes a node
 
 __all__ = ["BridgeTotals", "links", "waiting"]
 
-_LOST = "lost_on_the_way"
 _MOST_GONE = 16_384
 """Routes that are gone and remembered: they come back with their totals."""
 
@@ -40,9 +40,9 @@ class BridgeTotals:
                 labels = (bridge, route.direction, route.topic)
                 for name in ("taken", "sent", "bytes"):
                     _add(amounts[name], labels, getattr(route, name) - getattr(before, name))
-                _add(amounts["lost"], labels, _grown(route, before, _LOST))
+                _add(amounts["lost"], labels, _grown(route, before, LOST))
                 for reason in route.dropped:
-                    if reason != _LOST:
+                    if reason != LOST:
                         _add(dropped, (*labels, reason), _grown(route, before, reason))
         gone = [(key, route) for key, route in self._heard.items() if key not in heard]
         self._heard = {**dict(gone[-_MOST_GONE:]), **heard}
