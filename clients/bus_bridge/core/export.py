@@ -5,6 +5,7 @@ Owns what waits, and what became of each message. Must not know nodes, taps or t
 
 from collections.abc import Callable, Sequence
 
+from bus.endpoint import summed
 from bus.qos import History, QoSProfile
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.waiting import RateLimit, Waiting
@@ -67,10 +68,7 @@ class Export:
     @property
     def losses(self) -> dict[str, int]:
         """All that did not go on, by reason."""
-        found = self.account.losses
-        for reason, count in self._lost_by_engine.items():
-            found[reason] = found.get(reason, 0) + count
-        return found
+        return summed(self.account.losses, self._lost_by_engine)
 
     @property
     def _lost_by_engine(self) -> dict[str, int]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from time import time_ns
 from typing import Any
 
+from bus.endpoint import summed
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.publisher import Publisher
 from bus.schema import MessageSchema
@@ -50,7 +51,8 @@ class Import:
         self._on_trouble = on_trouble
         self._loop = asyncio.get_running_loop()
         self._reader: Reader | None = None
-        self._reader_losses: dict[str, int] = {}
+        self._lost_before: dict[str, int] = {}
+        """By reason, what earlier readers had and lost."""
         self._last = 0
         self._is_fresh = True
         self._lifespan_ns = endpoint.qos.lifespan_ns
@@ -71,14 +73,18 @@ class Import:
         return self._reader is not None
 
     @property
+    def taken(self) -> int:
+        """Messages that have come, with those that the engine had and lost."""
+        return self.account.taken + sum(self._lost_by_engine.values())
+
+    @property
     def losses(self) -> dict[str, int]:
         """All that did not go on, by reason."""
-        found = self.account.losses
-        now = {} if self._reader is None else self._reader.lost
-        for part in (self._reader_losses, now):
-            for reason, count in part.items():
-                found[reason] = found.get(reason, 0) + count
-        return found
+        return summed(self.account.losses, self._lost_by_engine)
+
+    @property
+    def _lost_by_engine(self) -> dict[str, int]:
+        return summed(self._lost_before, {} if self._reader is None else self._reader.lost)
 
     def look(self) -> None:
         """The mirror's matches have changed: read, or read no longer."""
@@ -156,10 +162,7 @@ class Import:
         publish, size = self._publish, 0
         for payload, _, source_time_ns in samples:
             try:
-                if 0 < source_time_ns < _MAX_TIME_NS:
-                    publish(payload, source_time_ns=source_time_ns)
-                else:
-                    publish(payload)
+                publish(payload, source_time_ns=source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None)
             except BusError as error:
                 self._fail(error)
                 continue
@@ -228,8 +231,8 @@ class Import:
             batch, done = waiting.first(64), 0
             for payload, _, source_time_ns in batch:
                 try:
-                    time_ns = source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None
-                    if not self._publish(payload, source_time_ns=time_ns):
+                    right_ns = source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None
+                    if not self._publish(payload, source_time_ns=right_ns):
                         is_full = True
                         break
                     account.sent += 1
@@ -259,7 +262,6 @@ class Import:
     def _stop(self) -> None:
         reader, self._reader = self._reader, None
         if reader is not None:
-            for reason, count in reader.lost.items():
-                self._reader_losses[reason] = self._reader_losses.get(reason, 0) + count
+            self._lost_before = summed(self._lost_before, reader.lost)
             reader.close()
         self._is_fresh = True

@@ -130,7 +130,7 @@ class Reporting:
                     gid=far.far.gid.hex(),
                     is_flowing=way.is_flowing,
                     is_stuck=self._is_stuck(way),
-                    taken=way.account.taken,
+                    taken=way.taken,
                     sent=way.account.sent,
                     bytes=way.account.bytes,
                     waiting=way.waiting,

@@ -114,8 +114,17 @@ async def test_numbers_tell_what_comes_twice_and_what_is_lost() -> None:
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
     assert len(way.publisher.published) == 6
     assert way.closes
-    way.engine.lost = {"link_congested": 4}
-    assert way.way.losses["link_congested"] == 4
+
+
+async def test_what_the_engine_had_and_lost_was_taken_and_dropped() -> None:
+    way = Way()
+    way.receive(1, 2, 2)
+    way.engine.lost = {"undecodable": 4}
+    assert way.way.losses == {"repeated": 1, "undecodable": 4}
+    way.way.begin_again(way.endpoint)  # another reader, which counts anew
+    way.engine.lost = {"undecodable": 1}
+    assert way.way.losses == {"repeated": 1, "undecodable": 5}
+    assert way.way.taken == way.way.account.sent + sum(way.way.losses.values())
 
 
 async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> None:
