@@ -27,6 +27,7 @@ _LINGER_S = 2.0
 _RETRY_S = 2.0
 _STUCK_S = 2.0
 _MAX_TIME_NS = 1 << 63
+_AT_ONCE = 256
 
 
 class Import:
@@ -152,23 +153,17 @@ class Import:
             samples = self._without_expired(samples)
         elif samples:
             self._lateness.note(time_ns(), samples[-1].source_time_ns)
-        if self._is_lossless:
-            _, over = self._waiting.put(samples, None)
-            account.drop(MEMORY, over)
-            if self._reader is not None and (gone := size - self._waiting.bytes):
-                self._reader.taken(gone)  # the writer does not wait for what is dropped here
-            self._pump()
+        if not self._is_lossless:
+            self._publish_all(samples)
             return
-        publish, size = self._publish, 0
-        for payload, _, source_time_ns in samples:
-            try:
-                publish(payload, source_time_ns=source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None)
-            except BusError as error:
-                self._fail(error)
-                continue
-            account.sent += 1
-            size += len(payload)
-        account.bytes += size
+        if not self._waiting:  # nothing waits, so what has room needs not wait either
+            samples = samples[self._publish_all(samples) :]
+        _, over = self._waiting.put(samples, None)
+        account.drop(MEMORY, over)
+        if self._reader is not None and (gone := size - self._waiting.bytes):
+            self._reader.taken(gone)  # also of what is dropped here: the writer does not wait for that
+        if self._waiting and self._pumping is None:
+            self._pumping = self._loop.create_task(self._pump_on())
 
     # --- inside
 
@@ -206,11 +201,6 @@ class Import:
         self.account.drop(EXPIRED, len(samples) - len(kept))
         return kept
 
-    def _pump(self) -> None:
-        """Publish what waits, as far as there is room."""
-        if self._pumping is None and self._publish_waiting():
-            self._pumping = self._loop.create_task(self._pump_on())
-
     async def _pump_on(self) -> None:
         try:
             while True:
@@ -225,26 +215,32 @@ class Import:
 
     def _publish_waiting(self) -> bool:
         """Returns whether there is no room for the next one."""
-        account, waiting, size = self.account, self._waiting, 0
-        is_full = False
+        waiting, before, is_full = self._waiting, self._waiting.bytes, False
         while waiting and not is_full:
-            batch, done = waiting.first(64), 0
-            for payload, _, source_time_ns in batch:
-                try:
-                    right_ns = source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None
-                    if not self._publish(payload, source_time_ns=right_ns):
-                        is_full = True
-                        break
-                    account.sent += 1
-                    account.bytes += len(payload)
-                except BusError as error:
-                    self._fail(error)
-                size += len(payload)
-                done += 1
+            batch = waiting.first(_AT_ONCE)
+            done = self._publish_all(batch)
             waiting.remove(done)
-        if size and self._reader is not None:
-            self._reader.taken(size)
+            is_full = done < len(batch)
+        if self._reader is not None and (gone := before - waiting.bytes):
+            self._reader.taken(gone)
         return is_full
+
+    def _publish_all(self, samples: Sequence[Sample]) -> int:
+        """Publish them. Returns how many of them have gone: a lossless publisher may have no room for all."""
+        publish, done, failed, size = self._publish, 0, 0, 0
+        for payload, _, source_time_ns in samples:
+            try:
+                right_ns = source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None
+                if not publish(payload, source_time_ns=right_ns) and self._is_lossless:
+                    break
+                size += len(payload)
+            except BusError as error:
+                self._fail(error)
+                failed += 1
+            done += 1
+        self.account.sent += done - failed
+        self.account.bytes += size
+        return done
 
     def _fail(self, error: BusError, count: int = 1) -> None:
         reason = TOO_LARGE if isinstance(error, PayloadTooLarge) else REFUSED

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from itertools import islice
 
 from bus_bridge.engine import Sample
 
@@ -48,8 +49,7 @@ class Waiting:
 
     def first(self, limit: int) -> list[Sample]:
         """Up to `limit` of the oldest; they stay."""
-        waiting = self._samples
-        return [waiting[index] for index in range(min(limit, len(waiting)))]
+        return list(islice(self._samples, limit))
 
     def remove(self, count: int) -> None:
         """The oldest `count` have gone on."""
