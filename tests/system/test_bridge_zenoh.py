@@ -19,6 +19,8 @@ pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: pip install
 
 KEEP_ALL = bus.QoSProfile(history="keep_all")
 LATCHED = bus.QoSProfile(1, durability="transient_local")
+LATE = bus.QoSProfile(10, durability="transient_local")
+"""Room for what several latched publishers say at once."""
 LEASE_S = 10.0
 """After so long zenoh takes a link for dead."""
 
@@ -123,7 +125,7 @@ async def test_each_of_two_latched_publishers_reaches_a_late_joiner(world: World
         for _ in range(2):  # the second joiner gets as much
             heard: list[str] = []
             await late.create_subscription(
-                String, "/tf_static", LATCHED, lambda message, into=heard: into.append(message.data)
+                String, "/tf_static", LATE, lambda message, into=heard: into.append(message.data)
             )
             await until(
                 lambda into=heard: len(into) >= 2,
@@ -207,6 +209,34 @@ async def test_after_a_fault_all_flows_again_and_losses_are_counted(world: World
             assert lost <= counted + passed_over, f"{lost} are missing: {sent}, {came}, {here}"
             assert sent["taken"] == sent["sent"] + sent["waiting"] + sum(sent["dropped"].values())
             assert not sent["is_stuck"] and not came["is_stuck"]
+
+
+@pytest.mark.nightly
+@on_one_loop
+async def test_what_is_latched_comes_once_though_the_link_was_given_up(world: World) -> None:
+    one, _ = world.join_by_zenoh()
+    async with (
+        world["robot"].node("robot_node") as robot,
+        world["laptop"].node("laptop_node") as laptop,
+        Stream.open(
+            "/latched", robot, laptop, bus.QoSProfile(3, durability="transient_local"), hz=0
+        ) as stream,
+    ):
+        for _ in range(3):
+            stream.say()
+        await until(lambda: stream.heard == [1, 2, 3])
+        with world["laptop"].bridges[0].stopped():
+            await until(lambda: not one.status()["buses"], "the link is given up")
+            stream.say()
+        await until(lambda: stream.heard == [1, 2, 3, 4], lambda: f"heard {stream.heard}")
+        late: list[str] = []
+        await laptop.create_subscription(
+            String, "/latched", stream.publisher.qos, lambda message: late.append(message.data)
+        )
+        await until(lambda: late == ["2", "3", "4"], lambda: f"a late joiner heard {late}")
+        stream.say()
+        await until(lambda: late[-1] == "5")
+        assert stream.heard == [1, 2, 3, 4, 5]
 
 
 @pytest.mark.nightly

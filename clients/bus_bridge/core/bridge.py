@@ -150,6 +150,8 @@ class Bridge:
         if wrong := self._far.bus_came(bus, self._loop.time()):
             self._refuse(bus.id, wrong)
             return
+        self._mirrors.bus_came(bus.id)
+        self._mirrors.look()
         self._log.info(printable(f"bus '{bus.id}' is there", keep=""))
 
     def bus_went(self, bus_id: str, reason: str) -> None:

@@ -12,9 +12,11 @@ from typing import Any
 from bus.endpoint import summed
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.publisher import Publisher
+from bus.qos import Durability
 from bus.schema import MessageSchema
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.lateness import Lateness
+from bus_bridge.core.pasts import Past
 from bus_bridge.core.waiting import Waiting
 from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
 from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, REFUSED, REPEATED, TOO_LARGE
@@ -25,13 +27,16 @@ _MOST_BYTES = 64 << 20
 _LINGER_S = 2.0
 """How long messages are still read after the last subscription has gone: with busd it comes back soon."""
 _RETRY_S = 2.0
+_MATCHED_S = 1.0
+"""So soon after a mirror is made, those that waited for it are matched."""
 _STUCK_S = 2.0
 _MAX_TIME_NS = 1 << 63
 _AT_ONCE = 256
 
 
 class Import:
-    """`on_trouble` hears, in words, what keeps messages out."""
+    """`on_trouble` hears, in words, what keeps messages out. `past`: where an earlier way of the publisher
+    ended; this one goes on from there."""
 
     def __init__(
         self,
@@ -41,8 +46,9 @@ class Import:
         publisher: Publisher[Any],
         lateness: Lateness,
         on_trouble: Callable[[str], object],
+        past: Past | None = None,
     ) -> None:
-        self.account = Account()
+        self.account = Account() if past is None else past.account
         self.publisher = publisher
         self._engine = engine
         self._endpoint = endpoint
@@ -52,10 +58,14 @@ class Import:
         self._on_trouble = on_trouble
         self._loop = asyncio.get_running_loop()
         self._reader: Reader | None = None
-        self._lost_before: dict[str, int] = {}
+        self._lost_before: dict[str, int] = {} if past is None else past.lost_before
         """By reason, what earlier readers had and lost."""
-        self._last = 0
-        self._is_fresh = True
+        self._last = 0 if past is None else past.last
+        self._is_fresh = past is None or not (past.was_wanted and past.last)
+        """What comes next may begin anywhere."""
+        # A new mirror has none of what late joiners get, so that is to come once more.
+        self._may_repeat = past is not None and endpoint.qos.durability is Durability.TRANSIENT_LOCAL
+        self._made_s = self._loop.time()
         self._lifespan_ns = endpoint.qos.lifespan_ns
         self._is_lossless = endpoint.qos.is_lossless
         self._waiting = Waiting(_MOST_BYTES)
@@ -100,11 +110,22 @@ class Import:
         elif not is_wanted and self._reader is not None:
             self._timer = self._loop.call_later(_LINGER_S, self._stop)
 
-    def begin_again(self, endpoint: FarEndpoint) -> None:
-        """The far side was away and is back: what it had before does not come twice."""
+    def begin_again(self, endpoint: FarEndpoint, *, is_renumbered: bool = False) -> None:
+        """The far side was away and is back: what it had before does not come twice, and what was missed is
+        lost. `is_renumbered`: it may count from 1 again."""
+        was_wanted = self._is_wanted
         self._stop()
         self._endpoint = endpoint
+        if is_renumbered:
+            self._last = 0
+        elif was_wanted and self._last:
+            self._is_fresh, self._made_s = False, self._loop.time()
         self.look()
+
+    def past(self) -> Past:
+        """For the way that follows, should the publisher come back; to be asked before this one ends."""
+        lost = {} if self._reader is None else self._reader.lost
+        return Past(self._last, self._is_wanted, self.account, summed(self._lost_before, lost))
 
     def end(self) -> None:
         """The bridge ends: read no more; what waits is lost."""
@@ -167,6 +188,10 @@ class Import:
 
     # --- inside
 
+    @property
+    def _is_wanted(self) -> bool:
+        return self._reader is not None and self._timer is None
+
     def _is_next(self, samples: Sequence[Sample]) -> bool:
         """Whether they go on where the last ones ended, each once: they nearly always do."""
         number = first = samples[0][1]
@@ -184,6 +209,8 @@ class Import:
         account, found = self.account, []
         for sample in samples:
             if number := sample.number:
+                if self._may_repeat:
+                    self._may_repeat, self._last = False, min(self._last, number - 1)
                 if number <= self._last:
                     account.drop(REPEATED)
                     continue
@@ -249,6 +276,8 @@ class Import:
         self._on_trouble(str(error))
 
     def _read(self) -> None:
+        if self._loop.time() - self._made_s > _MATCHED_S:
+            self._is_fresh = True  # those that listen now have missed nothing
         try:
             self._reader = self._engine.read(self._endpoint, self._schema, self.receive)
         except BusError as error:

@@ -22,6 +22,7 @@ from bus_bridge.core.exports import Exports, TopicRoute
 from bus_bridge.core.far_graph import FarGraph, Mirrored, MirroredNode
 from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
+from bus_bridge.core.pasts import Pasts
 from bus_bridge.core.schemas import Schemas
 from bus_bridge.engine import Engine
 
@@ -32,9 +33,11 @@ T = TypeVar("T")
 _AT_ONCE = 64
 _CLOSE_S = 1.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 4.0
-_LINGER_S = 5.0
+_LINGER_S = 60.0
 """How long a transient local publisher stays when the link to its bus ends: when it is back by then, those
 that have its messages don't get them again."""
+_RETURN_S = 5.0
+"""Once the bus is back, it has so long to show it."""
 _NEVER_S = float("inf")
 
 
@@ -102,6 +105,7 @@ class Mirrors:
         self._leaving: dict[bytes, asyncio.Task[None]] = {}
         """Publishers that have gone and have messages left."""
         self._lateness: dict[str, Lateness] = {}
+        self._pasts = Pasts()
         self._stays_s: dict[str, float] = {}
         """By bus: until when its transient local publishers stay though the link has ended."""
         self._is_due = asyncio.Event()
@@ -121,6 +125,11 @@ class Mirrors:
     def look(self) -> None:
         """The far graph has changed, perhaps."""
         self._is_due.set()
+
+    def bus_came(self, bus: str) -> None:
+        """It is there, perhaps again. To be followed by `look`."""
+        if bus in self._stays_s:
+            self._stays_s[bus] = min(self._stays_s[bus], self._loop.time() + _RETURN_S)
 
     def bus_went(self, bus: str) -> None:
         """The link to it has ended. To be called before `look`."""
@@ -216,8 +225,10 @@ class Mirrors:
                 and self._nodes.get(far.node.key) is mirror.node
             )
             if is_same:
+                # In transit it has the numbers of a mirror, and another bridge has made that anew.
+                is_other = bool(far.node.via) and far.far.node != mirror.far.far.node
                 mirror.far = far
-                mirror.way.begin_again(far.far)
+                mirror.way.begin_again(far.far, is_renumbered=is_other)
 
     def _missing(self, kind: str) -> list[tuple[EndpointMirror, MessageSchema]]:
         """Endpoints of `kind` that are to be made and can be, now."""
@@ -327,6 +338,7 @@ class Mirrors:
                 self.look()
 
         lateness = self._lateness.setdefault(mirror.node.far.bus, Lateness())
+        past = None if far.node.via else self._pasts.take(far.far.gid, self._loop.time())
         mirror.publisher = publisher
         mirror.way = Import(
             self._engine,
@@ -335,6 +347,7 @@ class Mirrors:
             publisher,
             lateness,
             hear,
+            past,
         )
         mirror.way.look()
 
@@ -371,6 +384,7 @@ class Mirrors:
             await self._within_bounds(mirror.subscription.close())
             await self._within_bounds(self._exports.release(mirror.route))
         elif mirror.publisher is not None and mirror.way is not None:
+            self._pasts.keep(gid, mirror.way.past(), self._loop.time())
             if mirror.way.waiting:  # others need not wait for that
                 self._leaving[gid] = self._loop.create_task(self._leave(gid, mirror), name="leave a topic")
                 return

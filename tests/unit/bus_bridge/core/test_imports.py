@@ -4,12 +4,17 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
+from bus_bridge.core import imports
+from bus_bridge.core.accounts import Account
 from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
+from bus_bridge.core.pasts import Past
 from bus_bridge.engine import FarEndpoint, Sample
 
 LOSSLESS = QoSProfile(history="keep_all")
@@ -67,7 +72,7 @@ class Engine:
 
 
 class Way:
-    def __init__(self, qos: QoSProfile | int = 10) -> None:
+    def __init__(self, qos: QoSProfile | int = 10, past: Past | None = None) -> None:
         self.publisher = Publisher()
         self.engine = Engine()
         self.troubles: list[str] = []
@@ -78,7 +83,7 @@ class Way:
         )
         mirror: Any = self.publisher
         engine: Any = self.engine
-        self.way = Import(engine, endpoint, schema, mirror, Lateness(), self.troubles.append)
+        self.way = Import(engine, endpoint, schema, mirror, Lateness(), self.troubles.append, past)
         self.endpoint = endpoint
         self.way.look()
 
@@ -132,9 +137,57 @@ async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> N
     way.receive(1, 2, 3)
     way.way.begin_again(way.endpoint)
     assert way.engine.reads == 2
-    way.receive(2, 3, 7)  # what it keeps, and no loss: nobody could have sent the rest
+    way.receive(2, 3, 7)  # what it keeps; the subscription was there for the rest
     assert len(way.publisher.published) == 4
-    assert way.way.losses == {"repeated": 2}
+    assert way.way.losses == {"repeated": 2, "lost_on_the_way": 3}
+
+
+async def test_what_nobody_listened_to_is_not_lost() -> None:
+    way = Way()
+    way.receive(1, 2, 3)
+    way.publisher.subscriptions = 0
+    way.way.look()
+    way.way.begin_again(way.endpoint)
+    way.publisher.subscriptions = 1
+    way.way.look()
+    way.receive(3, 7)
+    assert way.way.losses == {"repeated": 1}
+
+
+async def test_in_transit_another_bridge_counts_from_one_again() -> None:
+    way = Way()
+    way.receive(1, 2, 3)
+    way.way.begin_again(way.endpoint, is_renumbered=True)
+    way.receive(1, 2)
+    assert len(way.publisher.published) == 5
+    assert way.way.losses == {}
+
+
+async def test_a_new_mirror_goes_on_where_the_one_before_ended() -> None:
+    before = Way()
+    before.receive(1, 2, 3, 5)
+    way = Way(past=before.way.past())
+    way.receive(4, 5, 9)
+    assert [len(one.publisher.published) for one in (before, way)] == [4, 1]
+    assert way.way.losses == {"repeated": 2, "lost_on_the_way": 4}
+    assert (way.way.account.taken, way.way.account.sent) == (7, 5)
+
+
+@pytest.mark.parametrize("was_wanted", [True, False])
+async def test_who_listens_only_after_the_return_has_missed_nothing(
+    *, was_wanted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(imports, "_MATCHED_S", -1.0 if was_wanted else 1.0)
+    way = Way(past=Past(3, was_wanted, Account(), {}))
+    way.receive(3, 9)
+    assert way.way.losses == {"repeated": 1}
+
+
+async def test_a_new_latched_mirror_has_for_late_joiners_what_the_one_before_had() -> None:
+    way = Way(QoSProfile(5, durability="transient_local"), past=Past(5, True, Account(), {}))
+    way.receive(4, 5, 6, 6)
+    assert len(way.publisher.published) == 3
+    assert way.way.losses == {"repeated": 1}
 
 
 async def test_a_lossless_way_waits_for_room_and_gives_credit_for_what_has_gone() -> None:
