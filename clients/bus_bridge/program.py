@@ -94,4 +94,4 @@ def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
     )
     options.check()
     where = "this machine alone" if options.is_local else f"interface {options.interface}"
-    return lambda bus: DdsEngine(options, bus), [f"in domain {options.domain} of DDS, {where}"]
+    return lambda bus: DdsEngine(bus, options), [f"in domain {options.domain} of DDS, {where}"]

@@ -97,7 +97,7 @@ class Bridge:
 
     def __init__(self, options: DdsOptions = OPTIONS) -> None:
         self.far = Far()
-        self.engine = DdsEngine(options, "robot-1a2b3c4d")
+        self.engine = DdsEngine("robot-1a2b3c4d", options)
         self.heard: list[str] = []
         self.numbers = 0
 

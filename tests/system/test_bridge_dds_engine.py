@@ -385,4 +385,4 @@ async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
 
 async def test_a_domain_that_can_not_be_opened() -> None:
     with pytest.raises(BridgeError, match="domain 3 on interface 'nowhere0'"):
-        await DdsEngine(DdsOptions(3, interface="nowhere0"), "id").open(Far())
+        await DdsEngine("id", DdsOptions(3, interface="nowhere0")).open(Far())

@@ -159,7 +159,7 @@ class Announcing:
 
     def _show_short(self, route: TopicRoute, match: Match) -> None:
         """A publisher has said something, and was there too shortly to be seen in a graph."""
-        changes = self._local.look_at_lone(match, route.kind)
+        changes = self._local.look_at_short(match, route.kind)
         for shown in changes.publishers:
             node = shown.local.node
             self._nodes.add(node.id)

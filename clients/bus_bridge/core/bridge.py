@@ -80,7 +80,7 @@ class Bridge:
         Raises BridgeError where the engine can't begin, and what busd refuses.
 
         Cancellation is the way to end it: then the far side sees nothing of this bus any more, nor this bus
-        of the far side, within half a second.
+        of the far side, within a second.
         """
         tasks: list[asyncio.Task[Any]] = []
         try:

@@ -104,7 +104,7 @@ class LocalGraph:
             self._look_at(present[gid], changes)
         return changes
 
-    def look_at_lone(self, match: Match, kind: tuple[str, str, str]) -> Changes:
+    def look_at_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
         """A publisher of this bus, with a node of its own, that has come and gone between two looks."""
         changes = Changes()
         topic, type_name, type_hash = kind

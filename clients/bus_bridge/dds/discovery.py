@@ -12,7 +12,7 @@ from bus.errors import ConfigurationError
 from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
 from bus.qos import Durability, Reliability
 from bus_bridge.dds import qos
-from bus_bridge.dds.graph import Came, FarGraph, Found, News, NodeEntities, Went
+from bus_bridge.dds.graph import Came, DomainGraph, Found, News, NodeEntities, Went
 from bus_bridge.dds.known_types import KnownTypes
 from bus_bridge.dds.names import (
     is_service_of_each_node,
@@ -47,7 +47,7 @@ class Discovery:
     def __init__(
         self,
         participant: Participant,
-        graph: FarGraph,
+        graph: DomainGraph,
         types: KnownTypes,
         far: FarSide,
         on_change: Callable[[], None],

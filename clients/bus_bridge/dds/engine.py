@@ -11,7 +11,7 @@ from bus.names import request_topic, service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
 from bus_bridge.dds.discovery import MARK, NO_SERVICES, Discovery
-from bus_bridge.dds.graph import FarGraph, NodeEntities
+from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.known_types import KnownType, KnownTypes
 from bus_bridge.dds.names import is_service_of_each_node, topic_to_dds, user_data
 from bus_bridge.dds.node_info import NodeInfo
@@ -49,16 +49,16 @@ class _Node:
 
 
 class DdsEngine:
-    """As `bus_bridge.engine.Engine` says. `bus_id` marks what is ours for other busds' bridges.
+    """An Engine. `bus`: the id of this bus, which marks what is ours for other busds' bridges.
 
     All of a domain is one far bus, `dds0` for domain 0: participants of ROS 2 are processes, not buses.
     """
 
     name = "ros2"
 
-    def __init__(self, options: DdsOptions, bus_id: str) -> None:
+    def __init__(self, bus: str, options: DdsOptions) -> None:
         self._options = options
-        self._mark = {MARK: bus_id}
+        self._mark = {MARK: bus}
         self._nodes: dict[int, _Node] = {}
         self._writers: set[DdsWriter] = set()
         self._subscriptions: set[_Subscription] = set()
@@ -68,14 +68,13 @@ class DdsEngine:
         self._refusal = ""
 
     async def open(self, far: FarSide) -> None:
-        self._options.check()
         domain = self._options.domain
         self._far = far
         self._bus = FarBus(f"dds{domain}")
         # Its threads and sockets take some milliseconds, and nothing else runs yet.
         self._participant = Participant(self._options, user_data({"enclave": "/", **self._mark}))
         self.types = KnownTypes()
-        self._graph = FarGraph(self._bus.id)
+        self._graph = DomainGraph(self._bus.id)
         self._discovery = Discovery(self._participant, self._graph, self.types, far, self._discovered)
         self._ways = Ways(self._discovery.marked)
         self._node_info = NodeInfo(

@@ -17,7 +17,7 @@ __all__ = [
     "GID_SIZE",
     "HUMBLE_GID_SIZE",
     "Came",
-    "FarGraph",
+    "DomainGraph",
     "Found",
     "NodeEntities",
     "Went",
@@ -124,7 +124,7 @@ class Went(NamedTuple):
 News: TypeAlias = Iterator[Came | Went]
 
 
-class FarGraph:
+class DomainGraph:
     """What is known of a domain. Each method returns the news, in the order in which they are to be told.
 
     An endpoint is told once its node is known. Endpoints that belong to none, of programs that speak DDS and

@@ -11,13 +11,10 @@ from bus_bridge.dds import raw
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.qos import INFINITE, Policies
 from bus_bridge.errors import BridgeError
+from bus_bridge.extras import why_missing
 
 __all__ = ["Participant", "configuration", "policies_of", "user_data_in"]
 
-_MISSING: Final = (
-    "cyclonedds is missing, which the bridge to ROS 2 needs: pip install 'busd[ros2]' "
-    "(there are packages of it for Linux on x86_64 and Python up to 3.13)"
-)
 _OTHER_VENDORS: Final = "1.1,1.3,1.15"
 """RTI, OpenDDS, Fast DDS: Cyclone refuses descriptions of types that Fast DDS sends with Kilted."""
 _COMPATIBILITY: Final = (
@@ -69,7 +66,7 @@ class Participant:
             from cyclonedds.sub import DataReader, Subscriber
             from cyclonedds.topic import Topic
         except (ImportError, OSError) as error:
-            raise BridgeError(f"{_MISSING}: {error}" if isinstance(error, OSError) else _MISSING) from None
+            raise BridgeError(why_missing("ros2") or f"cyclonedds can't be loaded: {error}") from None
         options.check()
         self._error = DDSException
         self._listener, self._policy, self._qos = Listener, Policy, Qos

@@ -134,11 +134,11 @@ def test_namesakes_are_kept_apart() -> None:
 def test_a_publisher_that_no_graph_has_shown() -> None:
     seen = local("/bot1", deny=["/secret"])
     match = Match("/ns/once", bytes(16), _QOS, "shm")
-    changes = seen.look_at_lone(match, ("/a", "std_msgs/msg/String", "h"))
+    changes = seen.look_at_short(match, ("/a", "std_msgs/msg/String", "h"))
     (shown,) = changes.publishers
     assert (shown.local.topic, shown.local.node.namespace, shown.local.node.name) == (
         "/bot1/a",
         "/bot1/ns",
         "once",
     )
-    assert told(seen.look_at_lone(match, ("/secret", "t", "h"))) == {}
+    assert told(seen.look_at_short(match, ("/secret", "t", "h"))) == {}

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.qos import QoSProfile
-from bus_bridge.dds.graph import Came, FarGraph, Found, NodeEntities, Went, decode, encode
+from bus_bridge.dds.graph import Came, DomainGraph, Found, NodeEntities, Went, decode, encode
 from bus_bridge.engine import FarEndpoint, FarNode
 from rows import for_each
 
@@ -88,7 +88,7 @@ _BARE = f"/_dds_{_P[:12].hex()}"
 
 
 def test_an_endpoint_is_told_once_its_node_is_known() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     assert _short(graph.endpoint_came(_found(), 0.0)) == []
     assert _short(graph.nodes_said(_P, [_NODE])) == ["+/robot/talker", "+/chatter of /robot/talker"]
     assert graph.next_time is None
@@ -99,14 +99,14 @@ def test_an_endpoint_is_told_once_its_node_is_known() -> None:
 
 
 def test_a_node_may_be_known_before_its_endpoints() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     assert _short(graph.nodes_said(_P, [_NODE])) == ["+/robot/talker"]
     assert _short(graph.endpoint_came(_found(), 0.0)) == ["+/chatter of /robot/talker"]
     assert graph.participants == 1
 
 
 def test_an_endpoint_that_nobody_names_belongs_to_its_participant() -> None:
-    graph = FarGraph("dds0", patience_s=1.0)
+    graph = DomainGraph("dds0", patience_s=1.0)
     assert _short(graph.endpoint_came(_found(), 10.0)) == []
     assert graph.next_time == 11.0
     assert _short(graph.pass_time(10.9)) == []
@@ -120,7 +120,7 @@ def test_an_endpoint_that_nobody_names_belongs_to_its_participant() -> None:
 
 
 def test_a_participant_takes_all_with_it() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     other = _Q[:12] + b"\0\0\1\3"
     _short(graph.nodes_said(_P, [_NODE]))
     _short(graph.endpoint_came(_found(), 0.0))
@@ -137,21 +137,21 @@ def test_a_participant_takes_all_with_it() -> None:
 
 
 def test_nodes_of_one_name_are_two() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     twins = [_NODE, NodeEntities("/robot", "talker")]
     assert _short(graph.nodes_said(_P, twins)) == ["+/robot/talker"] * 2
     assert _short(graph.nodes_said(_P, twins[:1])) == ["-/robot/talker#2"]
 
 
 def test_nobody_speaks_of_the_endpoints_of_another() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     _short(graph.endpoint_came(_found(), 0.0))
     assert _short(graph.nodes_said(_Q, [NodeEntities("/", "thief", (), (_GID,))])) == ["+/thief"]
     assert _short(graph.nodes_said(_P, [_NODE])) == ["+/robot/talker", "+/chatter of /robot/talker"]
 
 
 def test_an_endpoint_may_change_its_node() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     _short(graph.endpoint_came(_found(), 0.0))
     _short(graph.nodes_said(_P, [_NODE]))
     other = NodeEntities("/", "other", (), (_GID,))
@@ -164,7 +164,7 @@ def test_an_endpoint_may_change_its_node() -> None:
 
 
 def test_an_endpoint_that_is_found_again_is_told_anew() -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     _short(graph.nodes_said(_P, [_NODE]))
     _short(graph.endpoint_came(_found(), 0.0))
     assert _short(graph.endpoint_came(_found(topic="/other"), 0.0)) == [
@@ -179,7 +179,7 @@ def test_an_endpoint_that_is_found_again_is_told_anew() -> None:
     )
 )
 def test_what_is_told_fits_together(story: list[tuple[str, int]]) -> None:
-    graph = FarGraph("dds0")
+    graph = DomainGraph("dds0")
     nodes: set[str] = set()
     endpoints: dict[bytes, str] = {}
     for now, (what, number) in enumerate(story):
