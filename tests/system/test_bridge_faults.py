@@ -12,6 +12,7 @@ from bridging import world
 from bus.msg.std_msgs import Int32, String
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
+from engine_pair import WINDOW_BYTES
 from semantics import until
 
 __all__ = ["world"]
@@ -176,6 +177,29 @@ async def test_a_lossless_route_that_hangs_holds_up_no_other(world: Made) -> Non
         link.go_on()
         assert await received(subscription, 2000) == [text] * 2000
         await flooding
+
+
+async def test_a_lossless_publisher_that_is_stuck_does_not_hold_up_another_of_its_topic(world: Made) -> None:
+    async with world() as made:
+        left, right, one, _ = await made.pair()
+        talker, listener = await left.node("talker"), await right.node("listener")
+        lossless = bus.QoSProfile(history="keep_all")
+        stuck, other = [await talker.create_publisher(Int32, "numbers", lossless) for _ in range(2)]
+        subscription = await listener.create_subscription(Int32, "numbers", lossless)
+        await stuck.wait_for_subscriptions()
+        await until(lambda: sum(route.is_flowing for route in one.bridge.status().routes) == 2)
+        readers = one.engine.writers[stuck.gid].readers
+        (reader,) = readers
+        readers[reader] = WINDOW_BYTES
+        for number in range(5):
+            stuck.publish(Int32(data=number))
+        await until(lambda: any(route.waiting == 5 for route in one.bridge.status().routes))
+        for number in range(10, 15):
+            other.publish(Int32(data=number))
+        assert await received(subscription, 5) == [*range(10, 15)]
+        readers[reader] = 0
+        one.engine.writers[stuck.gid].on_change()
+        assert await received(subscription, 5) == [*range(5)]
 
 
 async def test_what_is_lost_on_the_way_or_comes_twice_is_counted(world: Made) -> None:

@@ -15,6 +15,8 @@ from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED,
 __all__ = ["Export"]
 
 _MOST_BYTES = 64 << 20
+_LOSSLESS_BYTES = 1 << 20
+"""So much of a lossless publisher waits here before that waits itself: it holds up others then."""
 _AT_ONCE = 256
 
 
@@ -22,7 +24,7 @@ class Export:
     """`depth` is how many messages may wait. `is_matched` says whether a far subscription is matched with the
     publisher on this bus: then its messages wait until the way is made.
 
-    `on_free` is called when nothing waits any more.
+    `on_free` is called when it `is_full` no longer.
     """
 
     def __init__(
@@ -75,9 +77,10 @@ class Export:
         return {} if self.writer is None else self.writer.lost
 
     @property
-    def is_holding(self) -> bool:
-        """Whether its publisher is to wait: what waits here must not be lost."""
-        return self._is_lossless and bool(self._waiting)
+    def is_full(self) -> bool:
+        """Whether its publisher is to wait: no more has room here, and nothing must be lost."""
+        waiting = self._waiting
+        return self._is_lossless and (len(waiting) >= self._depth or waiting.bytes >= _LOSSLESS_BYTES)
 
     @property
     def is_flowing(self) -> bool:
@@ -116,17 +119,15 @@ class Export:
     def flush(self) -> None:
         """The writer can take more, perhaps, or is wanted no longer; or a match has come or gone."""
         waiting, writer = self._waiting, self.writer
-        if not waiting:
-            return
-        while waiting and writer is not None and writer.is_wanted:
+        was_full, has_room = self.is_full, True
+        while waiting and has_room and writer is not None and writer.is_wanted:
             samples = waiting.first(_AT_ONCE)
             sent = self._write(writer, samples)
             waiting.remove(sent)
-            if sent < len(samples):
-                return
+            has_room = sent == len(samples)
         if waiting and writer is not None and not writer.is_wanted and not self._is_matched(self.gid):
             self.account.drop(NOT_WANTED, waiting.clear())
-        if not waiting:
+        if was_full and not self.is_full:
             self._on_free()
 
     def close(self) -> None:

@@ -137,7 +137,7 @@ class TopicRoute:
 
     def take(self, tap: Subscription[Any]) -> None:
         """Something has come, or may be taken now."""
-        if tap.qos.is_lossless and any(one.is_holding for one in self.exports.values()):
+        if tap.qos.is_lossless and any(one.is_full for one in self.exports.values()):
             return  # so its publishers wait, until there is room
         batch = tap.take_many(_BATCH)
         if not batch:

@@ -101,18 +101,34 @@ def test_order_is_kept_where_the_engine_takes_little() -> None:
     way.writer.room = 100
     way.export.flush()
     assert way.writer.numbers == [1, 2, 3, 4, 5]
-    assert way.frees == 1
 
 
-def test_a_lossless_publisher_is_held_and_loses_nothing() -> None:
-    way = Way(QoSProfile(history="keep_all"), depth=2).attach()
+def test_a_lossless_publisher_waits_once_there_is_no_room_and_loses_nothing() -> None:
+    way = Way(QoSProfile(history="keep_all"), depth=10).attach()
     way.writer.room = 0
-    way.put(*range(1, 50))
-    assert way.export.is_holding
+    way.put(*range(1, 10))
+    assert not way.export.is_full, "others of its topic go on"
+    way.put(*range(10, 50))
+    assert way.export.is_full
+    way.writer.room = 30
+    way.export.flush()
+    assert (way.export.is_full, way.frees) == (True, 0)
+    way.writer.room = 10
+    way.export.flush()
+    assert (way.export.is_full, way.frees, way.export.waiting) == (False, 1, 9)
     way.writer.room = 100
     way.export.flush()
     assert way.writer.numbers == list(range(1, 50))
-    assert not way.export.is_holding
+    assert (way.frees, way.closes) == (1, True)
+
+
+def test_a_lossless_publisher_waits_for_bytes_too() -> None:
+    way = Way(QoSProfile(history="keep_all")).attach()
+    way.writer.room = 0
+    way.export.put([Sample(bytes(1 << 19), 1, 1)])
+    assert not way.export.is_full
+    way.export.put([Sample(bytes(1 << 19), 2, 2)])
+    assert way.export.is_full
 
 
 def test_numbers_that_are_missing_were_lost_in_the_tap() -> None:
