@@ -9,6 +9,7 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http.client import HTTPConnection, HTTPResponse
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -122,7 +123,7 @@ def serving(*words: str, is_fresh: bool = False) -> Iterator[Serving]:
 class Silent:
     """A client that asks for a WebSocket and from then on reads nothing."""
 
-    def __init__(self, serving: Serving) -> None:
+    def __init__(self, serving: Serving, subprotocol: str = PAGE) -> None:
         self._socket = socket.socket()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         self._socket.settimeout(WAIT_S)
@@ -135,7 +136,7 @@ class Silent:
             "Connection: Upgrade",
             f"Sec-WebSocket-Key: {key}",
             "Sec-WebSocket-Version: 13",
-            f"Sec-WebSocket-Protocol: {PAGE}",
+            f"Sec-WebSocket-Protocol: {subprotocol}",
         )
         self._socket.sendall("\r\n".join((*lines, "", "")).encode())
         assert self._socket.recv(12) == b"HTTP/1.1 101"
@@ -157,5 +158,20 @@ class Silent:
                 data = data[found.end() :]
             data = data[-4096:]
 
+    def wait_for(self, pattern: bytes) -> None:
+        """Now it reads, until it is told something like that."""
+        data = b""
+        while not re.search(pattern, data):
+            part = self._socket.recv(1 << 20)
+            assert part, "it was cut off"
+            data = data[-4096:] + part
+
     def close(self) -> None:
         self._socket.close()
+
+
+def own_bytes(pid: int) -> int:
+    """Memory of a process, without the rings of others that it has mapped."""
+    found = re.search(r"RssAnon:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    assert found is not None
+    return int(found[1]) * 1024

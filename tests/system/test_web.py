@@ -24,7 +24,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from web_clients import CAMERA, LOSER, PAGE, Silent, serving
+from web_clients import CAMERA, LOSER, PAGE, Silent, own_bytes, serving
 
 MIB = 1 << 20
 LATCHED = """
@@ -45,13 +45,6 @@ bus.run(main())
 
 def text_of(answer: HTTPResponse) -> str:
     return str(answer.text)  # type: ignore[attr-defined]
-
-
-def own_bytes(pid: int) -> int:
-    """Memory of a process, without the rings of others that it has mapped."""
-    found = re.search(r"RssAnon:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
-    assert found is not None
-    return int(found[1]) * 1024
 
 
 class TestGettingIn:

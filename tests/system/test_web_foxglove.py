@@ -5,7 +5,7 @@ import json
 import struct
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from typing import Any
 
 import pytest
@@ -14,6 +14,7 @@ import bus
 from bus.schema import support_of
 from bus_ros.cdr import codec_of, schema_of_definition
 from cli import LISTENER, TALKER, Running, script, wait_for_graph
+from cli import bus as bus_verb
 from conftest import WAIT_S, Daemon
 from programs import EXAMPLES
 from rows import for_each
@@ -26,11 +27,12 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from foxglove_client import OLDER, SDK, looking
-from web_clients import Serving, serving
+from web_clients import CAMERA, Serving, Silent, own_bytes, serving
 
 ROBOT = ("perception", "cognition", "actuation", "monitoring")
 TOPICS = {"/camera/image_raw", "/imu/data", "/joint_states", "/cmd_vel", "/cmd_vel_applied", "/health"}
 STRING = "std_msgs/msg/String"
+MIB = 1 << 20
 
 CLOCK = """
 import asyncio, bus
@@ -44,6 +46,22 @@ async def main():
         for number in range(1_000_000):
             publisher.publish(Clock(clock=Time(sec=100, nanosec=number)))
             await asyncio.sleep(0.01)
+bus.run(main())
+"""
+SERVER = """
+import asyncio, bus
+from bus.srv.example_interfaces import AddTwoInts
+def add(request):
+    if request.a < 0:
+        raise ValueError("no negative numbers")
+    return AddTwoInts.Response(sum=request.a + request.b)
+async def main():
+    async with bus.Node("arm", namespace="/robot") as node:
+        await node.declare_parameter("gain", 1.0)
+        await node.declare_parameter("joints.names", ["a", "b"])
+        await node.create_service(AddTwoInts, "/add", add)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
 bus.run(main())
 """
 LATCHED = """
@@ -139,7 +157,11 @@ class TestChannels:
             told = client.listen()
             assert isinstance(told, dict)
             assert (told["op"], told["supportedEncodings"]) == ("serverInfo", ["cdr"])
-            assert set(told["capabilities"]) == {"connectionGraph"}
+            assert set(told["capabilities"]) == {
+                "connectionGraph",
+                "parameters",
+                "parametersSubscribe",
+            }
             assert str(daemon.path) in told["name"]
             channel = client.channel("/topic")
             assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
@@ -330,3 +352,138 @@ def test_busd_is_restarted(daemon: Daemon) -> None:
         client.hear("removeStatus")
         client.message(1)
         assert client.channel("/topic") == channel
+
+
+def test_parameters_are_read_and_followed(daemon: Daemon) -> None:
+    with script(SERVER), serving() as server, looking(server) as client:
+        wait_for_graph(lambda graph: graph.servers_of("/robot/arm/set_parameters"))
+        client.channel("/parameter_events")
+        client.say("getParameters", parameterNames=[], id="all")
+        told = client.hear("parameterValues")
+        values = {one["name"]: one for one in told["parameters"]}
+        assert told["id"] == "all"
+        assert values["/robot/arm.gain"] == {"name": "/robot/arm.gain", "value": 1.0, "type": "float64"}
+        assert values["/robot/arm.joints.names"]["value"] == ["a", "b"]
+        client.say("subscribeParameterUpdates", parameterNames=["/robot/arm.gain"])
+        wait_for_graph(
+            lambda graph: any(
+                one.node.name.startswith("_bus_web") for one in graph.subscriptions_of("/parameter_events")
+            )
+        )
+        assert bus_verb("param", "set", "/robot/arm", "gain", "2.5").code == 0
+        assert client.hear("parameterValues")["parameters"] == [
+            {"name": "/robot/arm.gain", "value": 2.5, "type": "float64"}
+        ]
+        client.say("setParameters", parameters=[{"name": "/robot/arm.gain", "value": 7}], id="set")
+        assert "--allow-set" in client.hear("status")["message"]
+        assert client.hear("parameterValues")["parameters"][0]["value"] == 2.5
+        client.say("getParameters", parameterNames=["/nobody.x", "nonsense"], id="none")
+        assert "'/nobody.x' (and 1 more)" in client.hear("status")["message"]
+        assert client.hear("parameterValues")["parameters"] == []
+
+
+def test_parameters_are_set_where_that_is_allowed(daemon: Daemon) -> None:
+    with script(SERVER), serving("--allow-set") as server, looking(server, OLDER) as client:
+        client.channel("/parameter_events")
+        wait_for_graph(lambda graph: graph.servers_of("/robot/arm/set_parameters"))
+        given = [{"name": "/robot/arm.gain", "value": 3}]  # as a browser writes 3.0
+        client.say("setParameters", parameters=given, id="x")
+        told = client.hear("parameterValues", lambda told: told.get("id") == "x")
+        assert told["parameters"] == [{"name": "/robot/arm.gain", "value": 3.0, "type": "float64"}]
+        client.say("setParameters", parameters=[{"name": "/robot/arm.gain", "value": "text"}])
+        told = client.hear("status")
+        assert (told["level"], "/robot/arm.gain was not set: " in told["message"]) == (2, True)
+
+
+def test_services_are_called_where_that_is_allowed(daemon: Daemon) -> None:
+    with script(SERVER), serving("--allow-call") as server, looking(server) as client:
+        assert "services" in client.hear("serverInfo")["capabilities"]
+        add = client.service("/add")
+        assert add["type"] == "example_interfaces/srv/AddTwoInts"
+        assert add["request"] == {
+            "encoding": "cdr",
+            "schemaName": "example_interfaces/srv/AddTwoInts_Request",
+            "schemaEncoding": "ros2msg",
+            "schema": "int64 a\nint64 b\n",
+        }
+        assert "/robot/arm/get_parameters" in client.services
+        assert "/robot/arm/set_parameters" not in client.services, "that is --allow-set"
+
+        def call(number: int, encoding: bytes, data: bytes) -> None:
+            head = struct.pack("<BIII", 2, add["id"], number, len(encoding))
+            client.connection.send(head + encoding + data)
+
+        call(8, b"cdr", b"\0\1\0\0" + struct.pack("<qq", 2, 3))
+        assert client.binary(3) == (
+            struct.pack("<III", add["id"], 8, 3) + b"cdr" + b"\0\1\0\0" + struct.pack("<q", 5)
+        )
+        for number, encoding, data, text in (
+            (9, b"cdr", b"\0\1", "no CDR message"),
+            (10, b"json", b"{}", "not in 'json'"),
+            (11, b"cdr", b"\0\1\0\0" + struct.pack("<qq", -1, 3), "no negative numbers"),
+        ):
+            call(number, encoding, data)
+            told = client.hear("serviceCallFailure")
+            assert (told["callId"], text in told["message"]) == (number, True), told
+
+
+def test_messages_are_published_where_that_is_allowed(daemon: Daemon) -> None:
+    with (
+        script(
+            LISTENER.replace("lambda message: None", "lambda message: print(message.data, flush=True)")
+        ) as listener,
+        serving("--allow-publish") as server,
+        looking(server) as client,
+    ):
+        assert "clientPublish" in client.hear("serverInfo")["capabilities"]
+        client.channel("/topic")
+
+        def advertise(number: int, topic: str, name: str, **more: Any) -> None:
+            one = {"id": number, "topic": topic, "encoding": "cdr", "schemaName": name, **more}
+            client.say("advertise", channels=[one])
+
+        def publish(number: int, data: bytes) -> None:
+            client.connection.send(b"\x01" + struct.pack("<I", number) + data)
+
+        advertise(3, "/topic", "std_msgs/String")
+        wait_for_graph(lambda graph: graph.publishers_of("/topic") and graph.matches)
+        publish(3, b"\0\1\0\0" + struct.pack("<I", 6) + b"hello\0")
+        assert listener.line() == "hello"
+        for number, topic, name, more, text in (
+            (3, "/topic", STRING, {}, "a channel of this number"),
+            (4, "/topic", "std_msgs/msg/Int32", {}, f"has the type {STRING}"),
+            (5, "/add/_request", STRING, {}, "services are called"),
+            (6, "no topic", STRING, {}, "no topic"),
+            (7, "/x", "nobody/msg/Knows", {}, "nobody/msg/Knows"),
+            (8, "/x", STRING, {"encoding": "json"}, "not in 'json'"),
+        ):
+            advertise(number, topic, name, **more)
+            told = client.hear("status")
+            assert (told["level"], text in told["message"]) == (2, True), told
+        publish(3, b"\0\1")
+        assert "no CDR message" in client.hear("status")["message"]
+        publish(99, b"")
+        assert "no channel 99" in client.hear("status")["message"]
+        advertise(9, "/own", "demo/msg/Own", schema="int32 number\n", schemaEncoding="ros2msg")
+        wait_for_graph(lambda graph: graph.publishers_of("/own"))
+        client.say("unadvertise", channelIds=[3, 9])
+        wait_for_graph(lambda graph: not graph.publishers_of("/own") and not graph.publishers_of("/topic"))
+
+
+def test_a_client_that_stops_reading(daemon: Daemon) -> None:
+    """It costs what may wait, others get all, and later it is told how much it has missed."""
+    with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, looking(server) as client:
+        client.subscribe({1: "/image", 2: "/topic"})
+        ids = {topic: client.channels[topic]["id"] for topic in ("/image", "/topic")}
+        for _ in range(100):
+            client.message(1)
+        before = own_bytes(server.running.process.pid)
+        with closing(Silent(server, SDK)) as silent, looking(server) as third:
+            third.channel("/topic")
+            for number, id in enumerate(ids.values()):
+                silent.say("subscribe", subscriptions=[{"id": number, "channelId": id}])
+            for _ in range(120):  # of 500 kB each: all of them would be 60 MB
+                client.message(1)
+            assert own_bytes(server.running.process.pid) - before < 16 * MIB
+            silent.wait_for(rb"\d+ messages left out, because this client reads too slowly: /image \d+")
+        client.message(1)

@@ -1,16 +1,53 @@
 """How types of the bus are told to clients: as ROS 2 describes them, with messages in CDR."""
 
 import asyncio
+from typing import Any, NamedTuple
 
 from bus.errors import BusError, ConfigurationError
 from bus.node import Node
-from bus_ros.cdr import Codec, codec_of
+from bus.schema import MessageSchema
+from bus.srv import Service, make_service
+from bus.types.service import message_of
+from bus.types.support import type_support
+from bus_ros.cdr import CdrError, Codec, codec_of
 from bus_web.foxglove.channels import Kind
 
-__all__ = ["Formats"]
+__all__ = ["Formats", "ServiceFormat"]
 
 _ANSWER_S = 2.0
 _MOST = 4096
+
+
+class ServiceFormat(NamedTuple):
+    """A type of services."""
+
+    definition: type[Service]
+    request: Codec
+    response: Codec
+
+    def tell(self, id: int, name: str) -> dict[str, Any]:
+        """A service of this type; `requestSchema` and the like are for older clients."""
+        return {
+            "id": id,
+            "name": name,
+            "type": self.definition.__type_name__,
+            "request": _schema(self.request),
+            "response": _schema(self.response),
+            "requestSchema": self.request.definition,
+            "responseSchema": self.response.definition,
+        }
+
+    def read_request(self, data: Any) -> Any:
+        """A request of the type, in CDR. Raises CdrError."""
+        payload = self.request.decode(data)
+        try:
+            return type_support(self.definition.Request).decode(payload)
+        except ValueError as error:
+            raise CdrError(f"no request of {self.definition.__type_name__}: {error}") from None
+
+    def write_response(self, response: Any) -> list[Any]:
+        """The parts of an answer in CDR. Raises CdrError."""
+        return self.response.encode(type_support(self.definition.Response).encode(response))
 
 
 class Formats:
@@ -19,6 +56,7 @@ class Formats:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._known: dict[Kind, Codec | str] = {}
+        self._services: dict[tuple[Kind, Kind], ServiceFormat] = {}
 
     async def find(self, kind: Kind) -> Codec | str | None:
         """A text says why the type has none; None where the bus doesn't tell now: ask again later."""
@@ -38,3 +76,33 @@ class Formats:
             del self._known[next(iter(self._known))]
         self._known[kind] = known
         return known
+
+    async def find_service(self, request: Kind, response: Kind) -> ServiceFormat | None:
+        """None where the bus doesn't tell, or ROS 2 can't describe it."""
+        known = self._services.get((request, response))
+        if known is not None:
+            return known
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                asked, answered = [
+                    message_of(await self._node.get_type(*kind)) for kind in (request, response)
+                ]
+            definition = make_service(request[0].removesuffix("_Request"), asked, answered)
+            known = ServiceFormat(
+                definition, codec_of(MessageSchema.of(asked)), codec_of(MessageSchema.of(answered))
+            )
+        except (BusError, TimeoutError):
+            return None
+        if len(self._services) >= _MOST:
+            del self._services[next(iter(self._services))]
+        self._services[request, response] = known
+        return known
+
+
+def _schema(codec: Codec) -> dict[str, str]:
+    return {
+        "encoding": "cdr",
+        "schemaName": codec.type_name,
+        "schemaEncoding": "ros2msg",
+        "schema": codec.definition,
+    }

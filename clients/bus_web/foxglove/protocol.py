@@ -15,6 +15,7 @@ __all__ = [
     "SUBPROTOCOLS",
     "Advertise",
     "Call",
+    "ClientChannel",
     "FetchAsset",
     "GetParameters",
     "Level",

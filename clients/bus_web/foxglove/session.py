@@ -2,19 +2,23 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
 import msgspec
 
 from bus.base.version import RELEASE
+from bus.errors import BusError
 from bus.names import is_hidden_topic
 from bus_ros.cdr import CdrError, Codec
 from bus_web.foxglove import protocol
+from bus_web.foxglove.calls import Calls
 from bus_web.foxglove.channels import Channels, ConnectionGraph, Described, Kind
 from bus_web.foxglove.formats import Formats
+from bus_web.foxglove.parameters import EVENTS, Parameters
 from bus_web.foxglove.protocol import Level, Said
+from bus_web.foxglove.publishing import Publishing
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
 from bus_web.taps import Heard
@@ -23,6 +27,8 @@ __all__ = ["Permissions", "Session", "Socket"]
 
 CLOCK, CLOCK_TYPE = "/clock", "rosgraph_msgs/msg/Clock"
 _MOST_SUBSCRIPTIONS = 4096
+_MOST_TASKS = 64
+"""Calls and questions for parameters of one client that may be under way."""
 _MOST_NOTICES = 64
 """Answers that wait for a client; while there are more, nothing is read of it."""
 _PORTION = 256 << 10
@@ -80,6 +86,10 @@ class Session(Watcher):
         self._is_lost = False
         self._keep_until_s = 0.0
         self._missed: Counter[str] = Counter()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._parameters = Parameters(hub, self)
+        self._publishing = Publishing(hub, self) if permissions.publish else None
+        self._calls = Calls(hub, formats, self, may_set=permissions.set) if permissions.call else None
 
     async def run(self) -> None:
         """Raises what the socket raises when it ends."""
@@ -96,22 +106,31 @@ class Session(Watcher):
                 for task in done:
                     task.result()
         finally:
-            for task in tasks:
+            for task in (*tasks, *self._tasks):
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.gather(*tasks, *self._tasks, return_exceptions=True)
             for topic in [*self._looks]:
                 self._looks.pop(topic)
                 self._hub.taps.remove(topic, self)
+            for part in (self._publishing, self._calls):
+                if part is not None:
+                    with suppress(BusError):
+                        await part.close()
 
     def _introduce(self) -> None:
         """Say who serves and what can be had; once more, where a clock has come or gone."""
-        capabilities = ["connectionGraph"]
-        if self._has_clock:
-            capabilities.append("time")
+        may_be = {
+            "connectionGraph": True,
+            "parameters": True,
+            "parametersSubscribe": True,
+            "time": self._has_clock,
+            "clientPublish": self._may.publish,
+            "services": self._may.call,
+        }
         self._notify(
             "serverInfo",
             name=f"busd {RELEASE}, {self._bus}",
-            capabilities=capabilities,
+            capabilities=[name for name, is_there in may_be.items() if is_there],
             supportedEncodings=["cdr"],
             metadata={"ROS_DISTRO": "jazzy"},
             sessionId=self._id,
@@ -123,18 +142,20 @@ class Session(Watcher):
         if self._is_lost:
             self._is_lost = False
             self._keep_until_s = self._loop.time() + _RETURN_S
-            self._put(protocol.text("removeStatus", statusIds=["bus"]))
+            self.put(protocol.text("removeStatus", statusIds=["bus"]))
         self._news.set()
 
     def lost(self, text: str) -> None:
         self._is_lost = True
-        self._say(Level.WARNING, f"the bus is away: {text}", "bus")
+        self.say(Level.WARNING, f"the bus is away: {text}", "bus")
 
     # --- of the taps
 
     def hear(self, topic: str, heard: Heard) -> None:
         if topic == CLOCK and self._has_clock:
             self._hear_clock(heard)
+        if topic == EVENTS and self._parameters.is_following and self._outbox.notices < _MOST_NOTICES:
+            self._parameters.hear(heard)
         number = self._numbers.get(topic)
         kind, codec = self._codecs.get(topic, (None, None))
         if number is None or codec is None or kind != (heard.schema.type_name, heard.schema.type_hash):
@@ -153,7 +174,7 @@ class Session(Watcher):
 
     def hear_fault(self, topic: str, text: str) -> None:
         if self._outbox.notices < _MOST_NOTICES:
-            self._say(Level.WARNING, f"{topic}: {text}", f"fault {topic}")
+            self.say(Level.WARNING, f"{topic}: {text}", f"fault {topic}")
 
     def _hear_clock(self, heard: Heard) -> None:
         try:
@@ -177,6 +198,8 @@ class Session(Watcher):
                 continue
             self._follow_clock()
             await self._tell_channels()
+            if self._calls is not None and self._loop.time() >= self._keep_until_s:
+                await self._calls.tell(self._hub.model.graph)
             self._tell_connections()
             self._tell_missed()
 
@@ -224,7 +247,7 @@ class Session(Watcher):
     def _leave_out(self, topic: str, reason: str | None) -> None:
         if reason is not None and topic not in self._left_out:
             self._left_out.add(topic)
-            self._say(Level.WARNING, f"{topic} is left out: {reason}", f"left out {topic}")
+            self.say(Level.WARNING, f"{topic} is left out: {reason}", f"left out {topic}")
 
     def _tell_connections(self) -> None:
         if self._connections is None:
@@ -241,7 +264,7 @@ class Session(Watcher):
         self._outbox.dropped.clear()
         worst = ", ".join(f"{topic} {number}" for topic, number in self._missed.most_common(5))
         total = self._missed.total()
-        self._say(
+        self.say(
             Level.WARNING, f"{total} messages left out, because this client reads too slowly: {worst}", "slow"
         )
 
@@ -255,7 +278,7 @@ class Session(Watcher):
             try:
                 said = protocol.read(frame)
             except protocol.Misunderstood as error:
-                self._say(Level.ERROR, str(error))
+                self.say(Level.ERROR, str(error))
                 continue
             await self._answer(said)
 
@@ -273,16 +296,64 @@ class Session(Watcher):
             case protocol.UnsubscribeConnectionGraph():
                 self._connections = None
             case protocol.FetchAsset():
-                self._put(protocol.asset_missing(said.request_id, "files are not served here"))
-            case protocol.Advertise() | protocol.Publish():
-                self._refuse("publish", "--allow-publish")
-            case protocol.Call():
-                self._put(protocol.call_failure(said, "services are not called without --allow-call"))
+                self.put(protocol.asset_missing(said.request_id, "files are not served here"))
+            case protocol.GetParameters():
+                self._begin(self._parameters.get(said), "there are too many questions under way")
             case protocol.SetParameters():
-                self._refuse("set parameters", "--allow-set")
+                self._set_parameters(said)
+            case protocol.SubscribeParameterUpdates():
+                self._parameters.follow(said.names)
+                self._look_at(EVENTS, "parameters")
+            case protocol.UnsubscribeParameterUpdates():
+                self._parameters.unfollow(said.names)
+                if not self._parameters.is_following:
+                    self._look_away(EVENTS, "parameters")
+            case protocol.Call():
+                self._call(said)
+            case _:
+                await self._publish(said)
+
+    async def _publish(self, said: protocol.Advertise | protocol.Unadvertise | protocol.Publish) -> None:
+        if self._publishing is None:
+            self._refuse("publish", "--allow-publish")
+        elif isinstance(said, protocol.Advertise):
+            await self._publishing.advertise(said.channels)
+        elif isinstance(said, protocol.Unadvertise):
+            await self._publishing.unadvertise(said.channel_ids)
+        else:
+            self._publishing.publish(said)
+
+    def _set_parameters(self, said: protocol.SetParameters) -> None:
+        if self._may.set:
+            self._begin(self._parameters.set(said), "there are too many questions under way")
+            return
+        self._refuse("set parameters", "--allow-set")
+        if said.id is not None and (names := [one.name for one in said.parameters]):
+            question = protocol.GetParameters(names, said.id)  # they are as they were
+            self._begin(self._parameters.get(question), "there are too many questions under way")
+
+    def _call(self, said: protocol.Call) -> None:
+        if self._calls is None:
+            text = "nobody may call services here: bus web was started without --allow-call"
+            self.put(protocol.call_failure(said, text))
+            self.say(Level.ERROR, text)
+        elif not self._begin(self._calls.call(said)):
+            self.put(protocol.call_failure(said, f"{_MOST_TASKS} calls are under way already"))
+
+    def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "") -> bool:
+        """Do it beside all else; returns whether there is room for that."""
+        if len(self._tasks) >= _MOST_TASKS:
+            work.close()
+            if refusal:
+                self.say(Level.ERROR, refusal)
+            return False
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return True
 
     def _refuse(self, what: str, option: str) -> None:
-        self._say(Level.ERROR, f"nobody may {what} here: bus web was started without {option}")
+        self.say(Level.ERROR, f"nobody may {what} here: bus web was started without {option}")
 
     def _subscribe(self, said: protocol.Subscribe) -> None:
         faults: list[str] = []
@@ -302,7 +373,7 @@ class Session(Watcher):
                 self._look_at(topic, "messages")
         if faults:
             more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-            self._say(Level.WARNING, f"{faults[0]}{more}")
+            self.say(Level.WARNING, f"{faults[0]}{more}")
 
     def _unsubscribe(self, topic: str) -> None:
         number = self._numbers.pop(topic, None)
@@ -325,13 +396,15 @@ class Session(Watcher):
 
     # --- to the client
 
-    def _say(self, level: Level, text: str, id: str | None = None) -> None:
-        self._put(protocol.status(level, text, id))
+    def say(self, level: Level, text: str, id: str | None = None) -> None:
+        """A status. Of one `id` the last holds."""
+        self.put(protocol.status(level, text, id))
 
     def _notify(self, op: str, **fields: Any) -> None:
-        self._put(protocol.text(op, **fields))
+        self.put(protocol.text(op, **fields))
 
-    def _put(self, frame: bytes) -> None:
+    def put(self, frame: bytes) -> None:
+        """A frame that is of no topic."""
         self._outbox.notify(frame)
         self._is_read.clear()
         self._ready.set()

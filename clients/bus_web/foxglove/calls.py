@@ -1,0 +1,100 @@
+"""Services of nodes: what a client is told of them, and its calls."""
+
+import asyncio
+from typing import Any
+
+from bus.errors import BusError
+from bus.graph import Graph
+from bus.names import is_hidden_topic, reply_topic
+from bus.service.client import ServiceClient
+from bus_web.foxglove import protocol
+from bus_web.foxglove.channels import Kind, Table
+from bus_web.foxglove.client import Client
+from bus_web.foxglove.formats import Formats, ServiceFormat
+from bus_web.foxglove.protocol import Call
+from bus_web.hub import Hub
+
+__all__ = ["Calls"]
+
+_SETTERS = ("rcl_interfaces/srv/SetParameters", "rcl_interfaces/srv/SetParametersAtomically")
+"""They set parameters, and --allow-call is not --allow-set."""
+_APPEAR_S = 5.0
+
+
+class Calls:
+    """The services that one client knows; `close` it in the end."""
+
+    def __init__(self, hub: Hub, formats: Formats, client: Client, *, may_set: bool) -> None:
+        self._hub = hub
+        self._formats = formats
+        self._client = client
+        self._may_set = may_set
+        self._table = Table()
+        self._known: dict[str, ServiceFormat] = {}
+        self._clients: dict[str, ServiceClient] = {}
+        self._making = asyncio.Lock()
+
+    async def tell(self, graph: Graph) -> None:
+        """What is new of services."""
+        kinds = self._kinds(graph)
+        for name in [name for name in self._known if kinds.get(name) != self._table.kind_of(name)]:
+            del self._known[name]
+            if (client := self._clients.pop(name, None)) is not None:
+                await client.close()
+        if gone := self._table.gone(kinds):
+            self._client.put(protocol.text("unadvertiseServices", serviceIds=gone))
+        told: list[dict[str, Any]] = []
+        for name in self._table.missing(kinds):
+            format_ = await self._formats.find_service(*kinds[name])
+            if format_ is not None:
+                self._known[name] = format_
+                told.append(format_.tell(self._table.add(name, kinds[name]), name))
+        if told:
+            self._client.put(protocol.text("advertiseServices", services=told))
+
+    async def call(self, said: Call) -> None:
+        """Tell the client the answer, or why there is none."""
+        try:
+            frame = await self._ask(said)
+        except TimeoutError:
+            frame = protocol.call_failure(said, "nobody serves it now")
+        except BusError as error:
+            frame = protocol.call_failure(said, str(error))
+        self._client.put(frame)
+
+    async def close(self) -> None:
+        """End all clients of services."""
+        clients, self._clients = self._clients, {}
+        for client in clients.values():
+            await client.close()
+
+    async def _ask(self, said: Call) -> bytes:
+        name = self._table.name_of(said.service_id)
+        format_ = self._known.get(name or "")
+        if name is None or format_ is None:
+            return protocol.call_failure(said, f"there is no service {said.service_id}")
+        if said.encoding != "cdr":
+            return protocol.call_failure(said, f"requests are in cdr, not in {said.encoding!r:.40}")
+        request = format_.read_request(said.data)
+        async with self._making:
+            client = self._clients.get(name)
+            if client is None:
+                client = self._clients[name] = await self._hub.node.create_client(format_.definition, name)
+        async with asyncio.timeout(_APPEAR_S):
+            await client.wait_for_service()
+        return protocol.response(said, "cdr", format_.write_response(await client.call(request)))
+
+    def _kinds(self, graph: Graph) -> dict[str, tuple[Kind, Kind]]:
+        """Of each service that is served, the types of its requests and its replies."""
+        found: dict[str, tuple[Kind, Kind]] = {}
+        for name in graph.services():
+            servers, replies = graph.servers_of(name), graph.publishers_of(reply_topic(name))
+            if not servers or not replies or is_hidden_topic(name):
+                continue
+            if not self._may_set and servers[0].type_name.removesuffix("_Request") in _SETTERS:
+                continue
+            found[name] = (
+                (servers[0].type_name, servers[0].type_hash),
+                (replies[0].type_name, replies[0].type_hash),
+            )
+        return found
