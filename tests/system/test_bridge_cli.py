@@ -5,6 +5,8 @@ import os
 import re
 import shlex
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
@@ -205,6 +207,22 @@ class TestMistakes:
             result = bus("bridge", "zenoh", "--listen", place, "--socket", str(far.path))
         assert result.err.endswith(f"\ncan't listen on {place}: address already in use\n")
         assert result.code == 1 and "Traceback" not in result.err
+
+    @needs_zenoh
+    def test_too_few_descriptors(self, daemon: Daemon) -> None:
+        """zenoh would abort the process, with a backtrace."""
+        script = "import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (40, 40)); "
+        script += "from bus_cli.main import main; sys.argv[0] = 'bus'; main()"
+        place = f"tcp/127.0.0.1:{free_port()}"
+        done = subprocess.run(
+            [sys.executable, "-c", script, "bridge", "zenoh", "--listen", place],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        assert done.stderr.endswith("this program may open 40 files (ulimit -n); zenoh needs 64\n"), done
+        assert done.returncode == 1
 
     def test_no_bridge_runs(self, daemon: Daemon) -> None:
         result = bus("bridge", "status")

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 from bus.base.printable import printable
 from bus.logger import Logger, get_logger
 
-__all__ = ["is_worth_asking", "warn"]
+__all__ = ["inform", "is_worth_asking", "warn"]
 
 _MOST = 20
 _PERIOD_S = 1.0
@@ -21,6 +21,7 @@ _Counts = WeakKeyDictionary[asyncio.AbstractEventLoop, int]
 """How many there were in the period that has begun, by event loop."""
 
 _lines: _Counts = WeakKeyDictionary()
+_notes: _Counts = WeakKeyDictionary()
 _questions: _Counts = WeakKeyDictionary()
 
 
@@ -31,6 +32,12 @@ def warn(logger: Logger, text: str) -> None:
     """
     if _is_within_bounds(_lines, _tell_left_out):
         logger.warning(printable(text, keep=""))
+
+
+def inform(logger: Logger, text: str) -> None:
+    """As `warn`, for what is no fault."""
+    if _is_within_bounds(_notes, lambda number: _tell_notes_left_out(logger, number)):
+        logger.info(printable(text, keep=""))
 
 
 def is_worth_asking() -> bool:
@@ -52,6 +59,11 @@ def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
 
 def _ignore(number: int) -> None:
     """Questions that were left out are not reported."""
+
+
+def _tell_notes_left_out(logger: Logger, number: int) -> None:
+    if number > _MOST:
+        logger.info(f"{number - _MOST} more lines like these were left out")
 
 
 def _tell_left_out(number: int) -> None:

@@ -54,7 +54,8 @@ class News:
 
     def is_too_much(self, now_s: float) -> bool:
         """Count one more."""
-        self._left = min(self._most, self._left + (now_s - self._at_s) * self._rate) - 1
+        left = min(self._most, self._left + (now_s - self._at_s) * self._rate) - 1
+        self._left = max(left, -self._rate)  # so a second of rest is enough
         self._at_s = now_s
         return self._left < 0
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import msgspec
 
-from bus.base.printable import printable
-from bus.diagnostics.provoked import warn
+from bus.diagnostics.provoked import inform, warn
 from bus.graph import Origin
 from bus.node import Node
 from bus_bridge.core.announcing import Announcing
@@ -104,10 +103,10 @@ class Bridge:
         self._exports.close()
         self._schemas.close()
         await asyncio.gather(*tasks, return_exceptions=True)
-        for closing in (self._engine.close(), self._mirrors.close()):
+        for close in (self._engine.close, self._mirrors.close):
             try:
                 async with asyncio.timeout(_CLOSE_S):
-                    await closing
+                    await close()
             except TimeoutError:
                 pass  # it goes with the process
             except Exception as error:
@@ -152,12 +151,12 @@ class Bridge:
             return
         self._mirrors.bus_came(bus.id)
         self._mirrors.look()
-        self._log.info(printable(f"bus '{bus.id}' is there", keep=""))
+        inform(self._log, f"bus '{bus.id}' is there")
 
     def bus_went(self, bus_id: str, reason: str) -> None:
         if all(one.id != bus_id for one in self._far.buses):
             return
-        self._log.info(printable(f"bus '{bus_id}' has gone: {reason}", keep=""))
+        inform(self._log, f"bus '{bus_id}' has gone: {reason}")
         self._mirrors.bus_went(bus_id)
         self._far.bus_went(bus_id)
         self._mirrors.look()

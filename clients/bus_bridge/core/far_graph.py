@@ -41,9 +41,9 @@ class Mirrored(msgspec.Struct, frozen=True):
 
 
 class _Bus:
-    def __init__(self, bus: FarBus, bounds: Bounds, now_s: float) -> None:
+    def __init__(self, bus: FarBus, news: News) -> None:
         self.bus = bus
-        self.news = News(bounds, now_s)
+        self.news = news
         self.nodes: dict[str, FarNode] = {}
         self.endpoints = 0
         self.types: set[tuple[str, str]] = set()
@@ -62,6 +62,8 @@ class FarGraph:
         self._rules = rules
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
+        self._news: dict[str, News] = {}
+        """Of those that have gone, too: who comes and goes all the time has the rate of one that stays."""
         self._nodes: dict[str, _Bus] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
@@ -98,7 +100,13 @@ class FarGraph:
         if bus.id not in self._buses:
             if len(self._buses) >= self._bounds.buses:
                 return f"there are {self._bounds.buses} far buses already, the most that this bridge takes"
-            self._buses[bus.id] = _Bus(bus, self._bounds, now_s)
+            news = self._news.pop(bus.id, None) or News(self._bounds, now_s)
+            self._news[bus.id] = news
+            if len(self._news) > 2 * self._bounds.buses:
+                del self._news[next(one for one in self._news if one not in self._buses and one != bus.id)]
+            if news.is_too_much(now_s):
+                return self._too_much()
+            self._buses[bus.id] = _Bus(bus, news)
         self._buses[bus.id].bus = bus
         return ""
 

@@ -8,6 +8,7 @@ Only `put` and `reply` are called on the loop: with congestion control DROP they
 import asyncio
 import json
 import queue
+import resource
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -31,6 +32,7 @@ _QUEUE_BATCHES = 16  # of 64 KiB, for each priority of each link: the most that 
 _WAIT_BEFORE_DROP_US = 1000
 _MAX_MESSAGE_BYTES = 4 << 20  # larger ones of busd's come in parts, and descriptions of types are smaller
 _MAX_QUESTION_BYTES = 64
+_LEAST_DESCRIPTORS = 64
 _AT_ONCE = 64  # that one source gives in a turn of the loop
 _PRIORITIES: dict[Priority, Any] = {
     "real_time": zenoh.Priority.REAL_TIME,
@@ -235,6 +237,13 @@ class Session:
 
     async def open(self) -> None:
         """Raises BridgeError. Cancellation: closed."""
+        descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        if (
+            0 <= descriptors < _LEAST_DESCRIPTORS
+        ):  # zenoh aborts the process where it can't have what it needs
+            raise BridgeError(
+                f"this program may open {descriptors} files (ulimit -n); zenoh needs {_LEAST_DESCRIPTORS}"
+            )
         opened: asyncio.Future[None] = self._loop.create_future()
         threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
         self._jobs.put(lambda: self._open(opened))

@@ -19,7 +19,8 @@ def said() -> Iterator[list[str]]:
     entries: list[str] = []
 
     def hear(entry: LogEntry) -> None:
-        assert entry.severity == logging.WARNING
+        is_note = entry.text.startswith("bus ") or "more lines" in entry.text
+        assert entry.severity == (logging.INFO if is_note else logging.WARNING)
         entries.append(entry.text)
 
     for logger in (LOGGER, OF_ALL):
@@ -39,6 +40,15 @@ async def test_a_flood_is_bounded_and_counted(said: list[str]) -> None:
     assert said == [f"no match {number}" for number in range(20)]
     await until_told(said, "15980 more warnings about other nodes were left out")
     assert len(said) == 21
+
+
+async def test_notes_have_a_bound_of_their_own(said: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provoked, "_PERIOD_S", 0.05)
+    provoked.warn(LOGGER, "warning")
+    for number in range(10_000):
+        provoked.inform(LOGGER, f"bus \n{number}")
+    assert said == ["warning", *(rf"bus \n{number}" for number in range(20))]
+    await until_told(said, "9980 more lines like these were left out")
 
 
 async def test_the_next_period_has_a_bound_of_its_own(

@@ -138,6 +138,20 @@ def test_news_are_bounded_in_time() -> None:
     assert not any(graph.node_came(node("1"), at / 5) or graph.node_went("1", at / 5) for at in range(100))
 
 
+def test_a_bus_that_comes_and_goes_has_the_rate_of_one_that_stays() -> None:
+    graph = far(bounds=Bounds(buses=4, nodes=1, endpoints=1, news_per_s=10))
+    said = []
+    for _ in range(20):
+        graph.bus_went("there")
+        said.append(graph.bus_came(FarBus("there"), 0.0))
+    assert "more than 10 times in a second" in said[-1]
+    assert graph.bus_came(FarBus("there"), 3.0) == ""
+    for number in range(1000):  # what is known of those that have gone is bounded
+        graph.bus_came(FarBus(f"bus{number}"), 3.0)
+        graph.bus_went(f"bus{number}")
+    assert len(graph._news) <= 8 and "there" in graph._news
+
+
 def test_a_node_of_another_bus_can_not_be_claimed() -> None:
     graph = far()
     graph.bus_came(FarBus("other"), 0)
