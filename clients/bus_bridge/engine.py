@@ -194,7 +194,7 @@ class Engine(Protocol):
         """Begin; what is found is told `far`. Raises BridgeError. Cancellation: closed."""
 
     async def close(self) -> None:
-        """End: the far side sees nothing of this bus any more. Within half a second."""
+        """End: the far side sees nothing of this bus any more. The bridge waits 0.3 s for it at most."""
 
     def announce_node(self, node: LocalNode) -> None: ...
     def withdraw_node(self, node: LocalNode) -> None: ...

@@ -55,7 +55,7 @@ class TopicRoute:
         self.kind = kind
         self.schema = schema
         self.is_local = is_local
-        """Whether what other bridges have brought in goes no further."""
+        """Whether only publishers that live on this bus go out, and none that other bridges have brought."""
         self.exports: dict[bytes, Export] = {}
         """By the publisher's gid."""
         self.mirrors: dict[Subscription[Any], None] = {}
