@@ -143,6 +143,9 @@ vendor: $(TOOLS) ## fetch the page's two libraries once more, by npm (their vers
 axe: $(TOOLS) ## fetch what tests of the page find faults of access by, by npm
 	@test -e $(VENV)/axe.min.js || $(BIN)/python tests/vendoring.py axe
 
+foxglove: $(TOOLS) ## fetch the client of Foxglove's protocol with which tests look at the bus, by npm
+	@test -e $(VENV)/foxglove/node_modules/ws || $(BIN)/python tests/vendoring.py foxglove
+
 fmt: $(TOOLS) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -211,4 +214,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor axe fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons clean

@@ -1,6 +1,7 @@
 """`make vendor`: the page's two libraries, as npm has them, with their licences and hashes.
 
-`make axe` fetches what tests find faults of access by; it is no part of the page.
+`make axe` fetches what tests find faults of access by, `make foxglove` the client that Foxglove has
+published; they are no part of the page.
 """
 
 import json
@@ -26,10 +27,15 @@ PACKAGES = {
 AXE = Path(__file__).parents[1] / ".venv" / "axe.min.js"
 _AXE = "axe-core@4.14.1", "29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c"
 
+FOXGLOVE = Path(__file__).parents[1] / ".venv" / "foxglove"
+_FOXGLOVE = "@foxglove/ws-protocol@0.8.0", "ws@8.18.0"
+
 
 def main() -> int:
     if sys.argv[1:] == ["axe"]:
         return fetch_axe()
+    if sys.argv[1:] == ["foxglove"]:
+        return fetch_foxglove()
     lines = ["# sha256, file, package of npm, file in it. Written by `make vendor`."]
     with TemporaryDirectory() as folder:
         for package, files in PACKAGES.items():
@@ -51,6 +57,13 @@ def fetch_axe() -> int:
         return 1
     AXE.write_bytes(data)
     return 0
+
+
+def fetch_foxglove() -> int:
+    FOXGLOVE.mkdir(exist_ok=True)
+    quiet = ("--ignore-scripts", "--no-audit", "--no-fund", "--no-save", "--silent")
+    command = ["npm", "install", "--prefix", str(FOXGLOVE), *quiet, *_FOXGLOVE]
+    return subprocess.run(command, check=False).returncode
 
 
 def _fetch(package: str, folder: Path) -> Path:

@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import shutil
 import struct
+import subprocess
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -27,6 +29,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from foxglove_client import OLDER, SDK, looking
+from vendoring import FOXGLOVE
 from web_clients import CAMERA, Serving, Silent, own_bytes, serving
 
 ROBOT = ("perception", "cognition", "actuation", "monitoring")
@@ -149,6 +152,46 @@ async def compare(server: Serving, subprotocol: str) -> dict[str, int]:
 def test_every_channel_of_the_robot(robot: None, subprotocol: str) -> None:
     with serving() as server:
         assert asyncio.run(compare(server, subprotocol)).keys() == TOPICS
+
+
+NPM_CLIENT = """
+const { FoxgloveClient } = require("@foxglove/ws-protocol");
+const WebSocket = require("ws");
+const [address, ...topics] = process.argv.slice(1);
+const socket = new WebSocket(address, [FoxgloveClient.SUPPORTED_SUBPROTOCOL]);
+const client = new FoxgloveClient({ ws: socket });
+const missing = new Set(topics), byNumber = new Map();
+client.on("error", (error) => { console.error(String(error)); process.exit(1); });
+client.on("advertise", (channels) => {
+  for (const one of channels) byNumber.set(client.subscribe(one.id), one);
+});
+client.on("message", ({ subscriptionId, data }) => {
+  const one = byNumber.get(subscriptionId);
+  if (missing.delete(one.topic)) console.log(`${one.topic} ${one.schemaName} ${data.byteLength}`);
+  if (missing.size === 0) process.exit(0);
+});
+"""
+
+
+def test_the_client_that_foxglove_has_published(robot: None) -> None:
+    """@foxglove/ws-protocol gets messages of every channel."""
+    if shutil.which("node") is None:
+        pytest.skip("no node, which runs that client")
+    if not (FOXGLOVE / "node_modules" / "ws").exists():
+        pytest.skip("no @foxglove/ws-protocol: `make foxglove` fetches it by npm")
+    with serving() as server:
+        result = subprocess.run(
+            ["node", "-e", NPM_CLIENT, server.foxglove, *TOPICS],
+            cwd=FOXGLOVE,
+            capture_output=True,
+            text=True,
+            timeout=WAIT_S,
+            check=False,
+        )
+    assert (result.returncode, result.stderr) == (0, "")
+    sizes = {line.split()[0]: int(line.split()[2]) for line in result.stdout.splitlines()}
+    assert sizes.keys() == TOPICS
+    assert sizes["/camera/image_raw"] > 100_000
 
 
 class TestChannels:

@@ -194,7 +194,7 @@ class Session(Watcher):
             await self._news.wait()
             await self._is_read.wait()
             self._news.clear()
-            if self._is_lost:
+            if self._is_lost or not self._hub.has_looked:
                 continue
             self._follow_clock()
             await self._tell_channels()
