@@ -1,6 +1,7 @@
 """Certificates for tests: an authority, and what it has signed, made by openssl."""
 
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,8 +14,10 @@ class Certificates(NamedTuple):
     key: Path
 
 
-def make_certificates(folder: Path, *names: str, authority: str = "ca") -> dict[str, Certificates]:
-    """For each of `names`, valid for 127.0.0.1, localhost, ::1 and the name itself."""
+def make_certificates(
+    folder: Path, *names: str, authority: str = "ca", addresses: Iterable[str] = ()
+) -> dict[str, Certificates]:
+    """For each of `names`, valid for 127.0.0.1, localhost, ::1, `addresses` and the name itself."""
     key, ca = folder / f"{authority}.key", folder / f"{authority}.pem"
     _openssl(
         *("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"),
@@ -26,7 +29,8 @@ def make_certificates(folder: Path, *names: str, authority: str = "ca") -> dict[
         own = Certificates(ca, folder / f"{name}.pem", folder / f"{name}.key")
         request, extensions = folder / f"{name}.csr", folder / f"{name}.ext"
         extensions.write_text(
-            f"subjectAltName=IP:127.0.0.1,IP:::1,IP:10.99.0.1,IP:10.99.0.2,DNS:localhost,DNS:{name}\n"
+            f"subjectAltName=IP:127.0.0.1,IP:::1,IP:10.99.0.1,IP:10.99.0.2,DNS:localhost,DNS:{name}"
+            f"{''.join(f',IP:{one}' for one in addresses)}\n"
             "extendedKeyUsage=serverAuth,clientAuth\n"
         )
         _openssl(

@@ -178,7 +178,8 @@ class LinkStatus(msgspec.Struct, frozen=True):
     """One link, or one address that the engine tries to reach."""
 
     address: str
-    state: Literal["up", "trying", "refused"]
+    state: Literal["up", "trying", "refused", "spare"]
+    """`spare`: another address is used in its place."""
     bus: str = ""
     text: str = ""
     """Why it is not up."""

@@ -45,6 +45,8 @@ class ZenohTable(BridgeTable, frozen=True, kw_only=True):
     """Addresses at which other bridges are awaited: `tls/0.0.0.0:7447`."""
     connect: tuple[str, ...] = ()
     """Addresses of other bridges."""
+    router: tuple[str, ...] = ()
+    """Addresses of routers of zenoh, of which one is used; instead of `listen` and `connect`."""
     insecure: bool | None = None
     """Whether addresses that other machines reach may do without certificates."""
     tls: TlsTable = TlsTable()

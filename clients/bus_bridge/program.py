@@ -71,6 +71,7 @@ def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     options = ZenohOptions(
         listen=table.listen,
         connect=table.connect,
+        router=table.router,
         ca=table.tls.ca or "",
         certificate=table.tls.certificate or "",
         key=table.tls.key or "",
@@ -79,6 +80,7 @@ def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     check(options)
     places = [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in table.connect]
+    places += [f"connecting to the router at {place}" for place in table.router]
     return lambda bus: ZenohEngine(bus, options), places
 
 

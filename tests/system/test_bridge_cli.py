@@ -179,6 +179,7 @@ class TestMistakes:
             (["--namespace", "1x", "--listen", "tcp/127.0.0.1:1"], "must not have a token that starts"),
             (["--id", "a b", "--listen", "tcp/127.0.0.1:1"], "the id of a bus"),
             (["--config", "/nowhere.toml"], "/nowhere.toml: can't be read: No such file"),
+            (["--router", "tcp/127.0.0.1:1", "--listen", "tcp/127.0.0.1:1"], "can't be given together"),
             (["--listen", "127.0.0.1:7447"], "must begin with tls/, quic/ or tcp/"),
             (["--listen", "tcp/0.0.0.0:7447"], "is not protected"),
             (["--listen", "tls/0.0.0.0:7447"], "needs certificates for both sides"),

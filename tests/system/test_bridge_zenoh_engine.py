@@ -399,7 +399,9 @@ async def test_without_addresses_no_socket_is_opened() -> None:
 
     before = sockets()
     async with opened(a=(ZenohOptions(), "robot")) as (side,):
-        assert side.far.warnings == ["neither --listen nor --connect is given: nobody can be reached"]
+        assert side.far.warnings == [
+            "none of --listen, --connect and --router is given: nobody can be reached"
+        ]
         assert sockets() == before
 
 

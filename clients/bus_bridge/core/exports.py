@@ -49,6 +49,7 @@ class TopicRoute:
         knows: Callable[[bytes], bool],
         hides: Callable[[bytes], bool],
         on_trouble: Callable[[str], object],
+        unsure: "set[TopicRoute]",
         *,
         is_local: bool,
     ) -> None:
@@ -72,6 +73,8 @@ class TopicRoute:
         self._knows = knows
         self._hides = hides
         self._on_trouble = on_trouble
+        self._unsure = unsure
+        """Where it is put while it has `early` or `met`."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
         self._loop = asyncio.get_running_loop()
@@ -93,6 +96,7 @@ class TopicRoute:
         for match in () if tap is None or not self.is_local else tap.matches:
             if match.gid not in self.exports and not self._knows(match.gid):
                 self.met[match.gid] = match
+                self._unsure.add(self)
         while len(self.met) > _MOST_MET:
             del self.met[next(iter(self.met))]
 
@@ -164,6 +168,7 @@ class TopicRoute:
         if self._hides(gid):  # one that is to be seen may not be shown yet
             return None
         self.early[gid] = self._loop.time()
+        self._unsure.add(self)
         return self.export(gid, is_lossless=is_lossless)
 
     def _on_free(self) -> None:
@@ -200,6 +205,8 @@ class Exports:
         self._hides = hides
         self._on_trouble = on_trouble
         self._routes: dict[Kind, TopicRoute] = {}
+        self._unsure: set[TopicRoute] = set()
+        """Those to be swept, so that the many others cost nothing."""
         self._of_gid: dict[bytes, tuple[TopicRoute, Export]] = {}
         self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], None]]] = {}
         self._loop = asyncio.get_running_loop()
@@ -219,7 +226,14 @@ class Exports:
             rule = self._rules.crossing(kind[0]).rule
             depth = rule.depth or depth_for(schema)
             found = self._routes[kind] = TopicRoute(
-                kind, schema, depth, self._knows, self._hides, self._on_trouble, is_local=not rule.transit
+                kind,
+                schema,
+                depth,
+                self._knows,
+                self._hides,
+                self._on_trouble,
+                self._unsure,
+                is_local=not rule.transit,
             )
         return found
 
@@ -342,7 +356,7 @@ class Exports:
     def sweep(self) -> None:
         """Look after messages of publishers that no graph has shown."""
         now_s = self._loop.time()
-        for route in [one for one in self._routes.values() if one.met or one.early]:
+        for route in tuple(self._unsure):
             for gid in [gid for gid in route.met if self._knows(gid)]:
                 del route.met[gid]
             for gid, since_s in tuple(route.early.items()):
@@ -351,6 +365,8 @@ class Exports:
                 elif now_s - since_s > _SHORT_S and (match := route.met.pop(gid, None)) is not None:
                     self.on_short(route, match)
             self._drop_unused(route)
+            if not (route.met or route.early) or self._routes.get(route.kind) is not route:
+                self._unsure.discard(route)
 
     def close(self) -> None:
         """What waits is lost."""

@@ -25,7 +25,8 @@ class Links:
         self._session = session
         self._warn = warn
         self._listen = [parse_address(text) for text in options.listen]
-        self._connect = [parse_address(text) for text in options.connect]
+        self._flag = "--router" if options.router else "--connect"
+        self._connect = [parse_address(text) for text in options.router or options.connect]
         self._resolved: dict[str, frozenset[str]] = {}
         self._missed: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
@@ -34,9 +35,16 @@ class Links:
         """Ask those that are not up for the reason, and say it once."""
         links = self._session.links()
         for address in self._connect:
-            if self._find(address, links) is not None:
+            if (link := self._find(address, links)) is not None:
                 self._missed[address.text] = 0
                 self._reasons.pop(address.text, None)
+                if not self._options.router and link.zenoh_id in self._session.routers():
+                    self._warn(
+                        f"--connect {address.text}: a router of zenoh is there, and no bridge; others are "
+                        f"reached through it by --router {address.text}"
+                    )
+                continue
+            if self._options.router and links:  # one is enough
                 continue
             missed = self._missed[address.text] = self._missed.get(address.text, 0) + 1
             if missed % _PATIENCE:
@@ -44,30 +52,38 @@ class Links:
             reason = await self._probe(address)
             if reason:
                 self._reasons[address.text] = reason
-                self._warn(f"--connect {address.text}: {reason}; trying on")
+                self._warn(f"{self._flag} {address.text}: {reason}; trying on")
             elif missed >= 2 * _PATIENCE and not self._is_joined(address, links):
-                reason = "somebody listens there, but no bridge of busd that takes this one"
+                who = "router of zenoh" if self._options.router else "bridge of busd"
+                reason = f"somebody listens there, but no {who} that takes this one"
                 self._reasons[address.text] = reason
-                self._warn(f"--connect {address.text}: {reason}; trying on")
+                self._warn(f"{self._flag} {address.text}: {reason}; trying on")
 
     def status(self, buses: Sequence[tuple[str, str, str]]) -> list[LinkStatus]:
-        """Each address of the user's, then each bus that came by none of them. `buses`: id, zenoh id and
-        refusal of each."""
+        """Each address of the user's, then each bus that came by none of them, or by a router. `buses`: id,
+        zenoh id and refusal of each."""
         links = self._session.links()
         known = {zenoh_id: (bus, refusal) for bus, zenoh_id, refusal in buses}
         found = [LinkStatus(one.text, "up", text="listening") for one in self._listen]
         for address in self._connect:
             link = self._find(address, links)
-            if link is not None:
-                bus, refusal = known.pop(link.zenoh_id, ("", ""))
+            if link is not None and link.zenoh_id not in known:
+                is_router = link.zenoh_id in self._session.routers()
+                found.append(LinkStatus(address.text, "up", text="a router" if is_router else ""))
+            elif link is not None:
+                bus, refusal = known.pop(link.zenoh_id)
                 found.append(LinkStatus(address.text, "refused" if refusal else "up", bus, refusal))
+            elif self._options.router and links:
+                found.append(LinkStatus(address.text, "spare"))
             elif self._is_joined(address, links):
                 found.append(LinkStatus(address.text, "up", text="by another link"))
             else:
                 found.append(LinkStatus(address.text, "trying", text=self._reasons.get(address.text, "")))
         where = {link.zenoh_id: link.dst for link in links}
+        router = "by a router" if self._options.router else ""
         for zenoh_id, (bus, refusal) in known.items():
-            found.append(LinkStatus(where.get(zenoh_id, ""), "refused" if refusal else "up", bus, refusal))
+            place = where.get(zenoh_id, router)
+            found.append(LinkStatus(place, "refused" if refusal else "up", bus, refusal))
         return found
 
     def _find(self, address: Address, links: Sequence[Link]) -> Link | None:

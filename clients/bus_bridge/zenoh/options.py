@@ -20,6 +20,8 @@ class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
+    router: tuple[str, ...] = ()
+    """Of routers (zenohd). One of them is used, instead of `listen` and `connect`."""
     ca: str = ""
     """File with the certificates (PEM) of whom this side trusts."""
     certificate: str = ""
@@ -69,11 +71,18 @@ def parse_address(text: str) -> Address:
 
 def check(options: ZenohOptions) -> list[str]:
     """Raises BridgeError for what can't be, or may not; returns what the user should be told all the same."""
+    if options.router and (options.listen or options.connect):
+        other = "--listen" if options.listen else "--connect"
+        raise BridgeError(
+            f"--router and {other} can't be given together: a bridge goes either by a router, or to and from "
+            "other bridges itself"
+        )
     addresses = [(parse_address(text), "--listen") for text in options.listen]
     addresses += [(parse_address(text), "--connect") for text in options.connect]
+    addresses += [(parse_address(text), "--router") for text in options.router]
     warnings = []
     if not addresses:
-        warnings.append("neither --listen nor --connect is given: nobody can be reached")
+        warnings.append("none of --listen, --connect and --router is given: nobody can be reached")
     is_protected = False
     for address, flag in addresses:
         if address.is_protected:

@@ -9,6 +9,7 @@ import asyncio
 import json
 import queue
 import resource
+import secrets
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -33,6 +34,7 @@ _WAIT_BEFORE_DROP_US = 1000
 _MAX_MESSAGE_BYTES = 4 << 20  # larger ones of busd's come in parts, and descriptions of types are smaller
 _MAX_QUESTION_BYTES = 64
 _LEAST_DESCRIPTORS = 64
+_ROUTER_S = 0.5  # zenoh opens a client when a router is there: an error in what is asked comes sooner
 _AT_ONCE = 64  # that one source gives in a turn of the loop
 _PRIORITIES: dict[Priority, Any] = {
     "real_time": zenoh.Priority.REAL_TIME,
@@ -221,11 +223,13 @@ class Query:
 
 
 class Session:
-    """A session in mode peer, without scouting, with the links that `options` name and no other."""
+    """A session without scouting, with the links that `options` name and no other. With a router it is that
+    one's client, else a peer."""
 
     def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
         """`on_fault` hears, on the loop, what was raised by something that zenoh brought: a fault of ours."""
-        self._config = _config(options)
+        self.zenoh_id = f"f{secrets.token_hex(15)}"  # known before a router is there
+        self._config = _config(options, self.zenoh_id)
         self._on_fault = on_fault
         self._options = options
         self._loop = asyncio.get_running_loop()
@@ -233,10 +237,12 @@ class Session:
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._zenoh: Any = None
         self._links: dict[tuple[str, str, str], Link] = {}
-        self.zenoh_id = ""
 
     async def open(self) -> None:
-        """Raises BridgeError. Cancellation: closed."""
+        """Where no router is there yet, the session goes on without: what is declared waits for one.
+
+        Raises BridgeError. Cancellation: closed.
+        """
         descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         if (
             0 <= descriptors < _LEAST_DESCRIPTORS
@@ -248,7 +254,10 @@ class Session:
         threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
         self._jobs.put(lambda: self._open(opened))
         try:
-            await opened
+            if self._options.router:
+                await asyncio.wait((opened,), timeout=_ROUTER_S)
+            if opened.done() or not self._options.router:
+                await opened
         except BaseException:
             self._jobs.put(self._close)
             self._jobs.put(None)
@@ -367,6 +376,10 @@ class Session:
         """Those that are up."""
         return list(self._links.values())
 
+    def routers(self) -> set[str]:
+        """The zenoh ids of those at their other ends that are routers."""
+        return set() if self._zenoh is None else {str(one) for one in self._zenoh.info.routers_zid()}
+
     def _see_link(self, event: Any) -> None:  # in zenoh's thread
         link = event.link
         found = Link(str(link.zid), str(link.src), str(link.dst))
@@ -409,7 +422,6 @@ class Session:
     def _open(self, opened: "asyncio.Future[None]") -> None:
         try:
             self._zenoh = zenoh.open(self._config)
-            self.zenoh_id = str(self._zenoh.zid())
             self._zenoh.info.declare_link_events_listener(_direct(self._see_link), history=True)
         except zenoh.ZError as error:
             self.call(_settle, opened, _explain(error, self._options))
@@ -435,14 +447,15 @@ def _settle(future: "asyncio.Future[None]", error: BridgeError | None = None) ->
         future.set_exception(error)
 
 
-def _config(options: ZenohOptions) -> Any:
+def _config(options: ZenohOptions, zenoh_id: str) -> Any:
     settings: dict[str, object] = {
-        "mode": "peer",
+        "id": zenoh_id,
+        "mode": "client" if options.router else "peer",
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "listen/endpoints": list(options.listen),
         "listen/exit_on_failure": True,
-        "connect/endpoints": list(options.connect),
+        "connect/endpoints": list(options.router or options.connect),
         "connect/exit_on_failure": False,
         "connect/timeout_ms": -1,
         "connect/retry": _RETRY,

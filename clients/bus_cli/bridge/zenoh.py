@@ -26,6 +26,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="ADDRESS",
         help="go to another bridge, and try again while it is not there; may be given several times",
     )
+    group.add_argument(
+        "--router",
+        action="append",
+        metavar="ADDRESS",
+        help="go by a router of zenoh (zenohd), instead of --listen and --connect; of several one is used",
+    )
     group.add_argument("--ca", metavar="FILE", help="who has signed the certificates of both sides (PEM)")
     group.add_argument("--certificate", metavar="FILE", help="this side's certificate (PEM)")
     group.add_argument("--key", metavar="FILE", help="the private key of --certificate (PEM)")
@@ -41,5 +47,11 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     """Run the bridge until Ctrl-C."""
     tls = {name: value for name in ("ca", "certificate", "key") if (value := getattr(args, name))}
-    flags = {"listen": args.listen, "connect": args.connect, "insecure": args.insecure, "tls": tls or None}
+    flags = {
+        "listen": args.listen,
+        "connect": args.connect,
+        "router": args.router,
+        "insecure": args.insecure,
+        "tls": tls or None,
+    }
     return run_bridge(args, "zenoh", flags)

@@ -36,6 +36,7 @@ def test_everything_can_be_set(file: Path) -> None:
         namespace = "/bot1"
         listen = "tls/0.0.0.0:7447"
         connect = ["tls/laptop:7447", "quic/base:7447"]
+        router = "tls/hub:7447"
         insecure = false
         allow = "/camera/**"
         deny = ["/secret", "/map"]
@@ -58,6 +59,7 @@ def test_everything_can_be_set(file: Path) -> None:
         namespace="/bot1",
         listen=("tls/0.0.0.0:7447",),
         connect=("tls/laptop:7447", "quic/base:7447"),
+        router=("tls/hub:7447",),
         insecure=False,
         allow=("/camera/**",),
         deny=("/secret", "/map"),
@@ -176,5 +178,6 @@ def test_the_command_line_adds_to_the_file_or_goes_before_it() -> None:
         deny=("/x",),
         tls=TlsTable(ca="ca.pem", key="b.key"),
     )
+    assert merged(file, ZenohTable(router=("tls/d:4",))).router == ("tls/d:4",)
     assert merged(file, ZenohTable()) == file == merged(ZenohTable(), file)
     assert merged(file, ZenohTable(insecure=True)).insecure is True

@@ -50,7 +50,9 @@ def test_loopback_needs_nothing() -> None:
 
 
 def test_nobody_to_reach_is_said() -> None:
-    assert check(ZenohOptions()) == ["neither --listen nor --connect is given: nobody can be reached"]
+    assert check(ZenohOptions()) == [
+        "none of --listen, --connect and --router is given: nobody can be reached"
+    ]
 
 
 def test_other_addresses_need_protection_or_a_word() -> None:
@@ -59,6 +61,21 @@ def test_other_addresses_need_protection_or_a_word() -> None:
             check(options)
     (said,) = check(ZenohOptions(listen=("tcp/0.0.0.0:7447",), insecure=True))
     assert "--listen tcp/0.0.0.0:7447 is not protected" in said
+
+
+def test_a_router_stands_instead_of_links_of_ones_own() -> None:
+    router = ("tcp/127.0.0.1:7447",)
+    assert check(ZenohOptions(router=router)) == []
+    for flag, options in (
+        ("--listen", ZenohOptions(router=router, listen=router)),
+        ("--connect", ZenohOptions(router=router, connect=router)),
+    ):
+        with pytest.raises(BridgeError, match=f"^--router and {flag} can't be given together"):
+            check(options)
+    with pytest.raises(BridgeError, match=r"^--router tcp/base:7447 is not protected"):
+        check(ZenohOptions(router=("tcp/base:7447",)))
+    with pytest.raises(BridgeError, match=r"^--router tls/base:7447 needs certificates for both sides"):
+        check(ZenohOptions(router=("tls/base:7447",)))
 
 
 def test_protection_needs_certificates_of_both_sides() -> None:

@@ -1,0 +1,178 @@
+"""`bus bridge zenoh --router`: buses that a router of zenoh joins, which comes late and is restarted."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from bridged_world import BACK_S, END_S, Bridge, Stream, World, on_one_loop, until
+from bus_bridge.zenoh.options import parse_address
+from certificates import make_certificates
+from forks import Forks
+
+pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: pip install 'busd[zenoh]'")
+
+SIDES = ("robot", "laptop")
+ROUTER = """
+import json, sys, zenoh
+config = zenoh.Config()
+for name, value in json.loads(sys.argv[1]).items():
+    config.insert_json5(name, json.dumps(value))
+with zenoh.open(config):
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    with World(tmp_path, forks, "base", *SIDES) as world:
+        yield world
+
+
+class Router:
+    """zenohd, as the package zenoh has it: on the machine `base`, with an address for each side."""
+
+    def __init__(self, world: World, protocol: str = "tcp") -> None:
+        self._machine = world["base"].machine
+        self.addresses = {name: world.lay("base", name).replace("tcp/", f"{protocol}/") for name in SIDES}
+        self.settings: dict[str, object] = {
+            "mode": "router",
+            "scouting/multicast/enabled": False,
+            "listen/endpoints": [*self.addresses.values()],
+        }
+
+    @property
+    def hosts(self) -> list[str]:
+        return [parse_address(one).host for one in self.addresses.values()]
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        prefix = self._machine.prefix if self._machine else ()
+        command = (*prefix, sys.executable, "-c", ROUTER, json.dumps(self.settings))
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            try:
+                assert process.stdout.readline() == "ready\n"
+                yield
+            finally:
+                process.kill()
+
+
+def join(world: World, router: Router, *more: str) -> list[Bridge]:
+    return [
+        world[name].bridge("zenoh", "--id", name, "--router", router.addresses[name], *more) for name in SIDES
+    ]
+
+
+async def say_and_hear(world: World) -> None:
+    """Both ways, all that is said, once and in order."""
+    robot, laptop = SIDES
+    async with (
+        world[robot].node("robot_node") as one,
+        world[laptop].node("laptop_node") as other,
+        Stream.open("/there", one, other) as there,
+        Stream.open("/back", other, one) as back,
+    ):
+        for stream in (there, back):
+            await until(lambda stream=stream: len(stream.heard) > 50, stream.topic)
+            await stream.stop()
+            stream.say()
+            await stream.arrived()
+            assert stream.check() == 0
+
+
+@on_one_loop
+async def test_what_is_said_crosses_by_a_router(world: World) -> None:
+    router = Router(world)
+    with router.running():
+        one, other = join(world, router, "--insecure")
+        await say_and_hear(world)
+        links = {
+            (link["address"], link["state"], link["bus"], link["text"]) for link in one.status()["links"]
+        }
+        assert links == {
+            (router.addresses["robot"], "up", "", "a router"),
+            ("by a router", "up", "laptop", ""),
+        }
+        assert one.end() < END_S and other.end() < END_S
+        for side in world.sides:
+            await until(lambda side=side: not side.names())
+
+
+@on_one_loop
+async def test_a_router_that_is_not_there_yet_is_waited_for(world: World) -> None:
+    router = Router(world)
+    one, _ = join(world, router, "--insecure")
+    told = f"--router {router.addresses['robot']}: connection refused; trying on"
+    await until(lambda: told in one.log.read_text())
+    (link,) = one.status()["links"]
+    assert (link["state"], link["text"]) == ("trying", "connection refused")
+    with router.running():
+        await say_and_hear(world)
+    assert one.log.read_text().count(told) == 1
+
+
+@on_one_loop
+async def test_a_bridge_ends_at_once_though_no_router_is_there(world: World) -> None:
+    for bridge in join(world, Router(world), "--insecure"):
+        await until(lambda bridge=bridge: "connecting to the router at" in bridge.log.read_text())
+        assert bridge.end() < END_S
+
+
+@on_one_loop
+async def test_a_router_is_restarted(world: World) -> None:
+    router = Router(world)
+    with ExitStack() as first:
+        first.enter_context(router.running())
+        join(world, router, "--insecure")
+        async with (
+            world["robot"].node("talker") as talker,
+            world["laptop"].node("listener") as listener,
+            Stream.open("/chatter", talker, listener) as stream,
+        ):
+            await stream.flows()
+            first.close()
+            await world["laptop"].shows(lambda graph: not graph.publishers_of("/chatter"))
+            with router.running():
+                await stream.flows(within_s=BACK_S)
+                await stream.stop()
+                stream.say()
+                await stream.arrived()
+                stream.check()
+
+
+@on_one_loop
+async def test_a_bridge_that_takes_a_router_for_a_bridge_is_told(world: World) -> None:
+    router = Router(world)
+    address = router.addresses["robot"]
+    with router.running():
+        bridge = world["robot"].bridge("zenoh", "--connect", address, "--insecure")
+        told = (
+            f"--connect {address}: a router of zenoh is there, and no bridge; others are reached through it "
+            f"by --router {address}"
+        )
+        await until(lambda: told in bridge.log.read_text())
+
+
+@on_one_loop
+async def test_with_certificates_of_both_sides(world: World, tmp_path: Path) -> None:
+    router = Router(world, "tls")
+    made = make_certificates(tmp_path, "base", "peer", addresses=router.hosts)
+    base, peer = made["base"], made["peer"]
+    tls = "transport/link/tls"
+    router.settings |= {
+        f"{tls}/root_ca_certificate": str(base.ca),
+        f"{tls}/enable_mtls": True,
+        f"{tls}/listen_private_key": str(base.key),
+        f"{tls}/listen_certificate": str(base.certificate),
+    }
+    files = ("--ca", str(peer.ca), "--certificate", str(peer.certificate), "--key", str(peer.key))
+    with router.running():
+        join(world, router, *files)
+        await say_and_hear(world)
