@@ -4,6 +4,8 @@ A route begins by asking where it begins, and for what the far side keeps; what 
 asks again whenever a part is missing before one that has come.
 """
 
+from itertools import islice
+
 from bus_bridge.zenoh.records import Content, Probe, Room
 
 __all__ = ["HELD_BYTES", "Arrival"]
@@ -30,6 +32,13 @@ class Arrival:
     def misses(self) -> bool:
         """Whether the far side has to be asked for the part behind `last`."""
         return self.is_begun and self._newest > self.last
+
+    def missing(self, most: int) -> list[int]:
+        """The numbers, `most` of them, that the far side has to be asked for."""
+        if not self.misses:
+            return []
+        numbers = range(self.last + 1, self._newest + 1)
+        return list(islice((one for one in numbers if one not in self._held), most))
 
     def begin(self, base: int) -> list[Content]:
         """What comes behind the part `base` is for us. What may go on."""

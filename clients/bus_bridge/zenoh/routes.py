@@ -3,6 +3,7 @@
 import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from bus.qos import Durability, Reliability
 from bus.qos import History as Kept
@@ -22,6 +23,10 @@ _READER_BYTES = 16 << 20
 _PUT_BYTES = 256
 """What a put costs besides what is in it."""
 _ASK_S = 1.0
+_ASK_FIRST, _ASK_MOST = 4, 16
+"""Missing parts that are asked for at a time: zenoh drops many in a row, and each alone would cost a way
+there and back. More while answers come."""
+_AGAIN_S = 0.1
 _SAY_BYTES = 256 << 10
 _SAY_S = 0.01
 _LEAVE_S = 2.0
@@ -275,7 +280,9 @@ class ZenohReader:
         self._kept_last = 0
         """Number of the last message that was kept over there before this way began."""
         self._arrived: list[Sample] = []
-        self._is_asking = False
+        self._asked_for: set[int] = set()
+        """Missing parts that are on their way here, as answers."""
+        self._ask_most = _ASK_FIRST
         self._is_asked = False
         self._is_closed = False
         self._untaken: deque[tuple[int, int]] = deque()
@@ -364,41 +371,34 @@ class ZenohReader:
             self._on_samples(samples)
         if self._is_closed:
             return
-        if self._arrival.misses and not self._is_asking:
-            self._ask()
+        if self._arrival.misses:
+            self._ask_for_missing()
         if self._is_asked:  # behind what it brought
             self._say()
 
     # --- what is kept over there
 
     def _ask(self) -> None:
-        self._is_asking = True
-        if self._arrival.is_begun:
-            question = b"p" + records.write_pair(self._arrival.last, 0)
-        else:
-            question = b"h" + records.write_pair(self._kept_last, self._assembler.size)
+        question = b"h" + records.write_pair(self._kept_last, self._assembler.size)
         self._session.ask(self._kept_key, question, _ASK_S, self._hear)
 
     def _hear(self, payload: bytes | None, head: bytes | None) -> None:
         if self._is_closed:
             return
-        self._is_asking = False
         if payload is None:
-            asyncio.get_running_loop().call_later(0.1, self._ask_again)
-        elif not (self._hear_part if self._arrival.is_begun else self._hear_kept)(payload, head or b""):
-            self._on_broken(f"an answer about {self._topic} can't be read")
+            asyncio.get_running_loop().call_later(_AGAIN_S, self._ask_again)
         else:
-            self._give()
+            self._go_on(is_right=self._hear_kept(payload, head or b""))
 
-    def _hear_part(self, payload: bytes, head: bytes) -> bool:
-        found = records.read_part(payload, head)
-        if found is None:
-            return False
-        if isinstance(found[1], records.Probe):
-            self._unpack(self._arrival.skip())
+    def _ask_again(self) -> None:
+        if not self._is_closed:
+            self._ask()
+
+    def _go_on(self, *, is_right: bool) -> None:
+        if is_right:
+            self._give()
         else:
-            self._unpack(self._arrival.arrive(*found, len(payload)))
-        return True
+            self._on_broken(f"an answer about {self._topic} can't be read")
 
     def _hear_kept(self, payload: bytes, head: bytes) -> bool:
         base = records.read_pair(head[:16])
@@ -421,9 +421,40 @@ class ZenohReader:
         self._ask()
         return True
 
-    def _ask_again(self) -> None:
-        if not self._is_closed and not self._is_asking:
-            self._ask()
+    # --- what is missing
+
+    def _ask_for_missing(self) -> None:
+        if len(self._asked_for) >= self._ask_most:
+            return
+        for number in self._arrival.missing(self._ask_most):
+            if number not in self._asked_for:
+                self._asked_for.add(number)
+                question = b"p" + records.write_pair(number - 1, 0)
+                self._session.ask(self._kept_key, question, _ASK_S, partial(self._hear_part, number))
+
+    def _hear_part(self, number: int, payload: bytes | None, head: bytes | None) -> None:
+        if self._is_closed:
+            return
+        if payload is None:
+            self._ask_most = 1  # the link is full, or slow
+            asyncio.get_running_loop().call_later(_AGAIN_S, self._ask_for_part_again, number)
+            return
+        self._ask_most = min(self._ask_most + 1, _ASK_MOST)
+        self._asked_for.discard(number)
+        found = records.read_part(payload, head)
+        if found is None:
+            self._go_on(is_right=False)
+            return
+        if not isinstance(found[1], records.Probe):
+            self._unpack(self._arrival.arrive(*found, len(payload)))
+        elif number == self._arrival.last + 1:
+            self._unpack(self._arrival.skip())
+        self._go_on(is_right=True)
+
+    def _ask_for_part_again(self, number: int) -> None:
+        self._asked_for.discard(number)
+        if not self._is_closed:
+            self._ask_for_missing()
 
     def _say(self) -> None:
         if self._saying is not None:

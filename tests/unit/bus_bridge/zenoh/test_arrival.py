@@ -40,6 +40,19 @@ def test_a_gap_is_asked_for() -> None:
     assert arrive(arrival, 13) == [13, 14] and not arrival.misses
 
 
+def test_several_missing_parts_are_asked_for_at_once() -> None:
+    arrival = Arrival(Room(1 << 30))
+    arrive(arrival, 14)
+    assert arrival.missing(10) == []  # it is not known yet where the route begins
+    arrival.begin(10)
+    arrive(arrival, 17)
+    assert arrival.missing(10) == [11, 12, 13, 15, 16]
+    assert arrival.missing(4) == [11, 12, 13, 15]
+    assert arrive(arrival, 11) == [11] and arrival.missing(10) == [12, 13, 15, 16]
+    arrival.arrive(1 << 63, Probe(), 0)  # whatever the far side says
+    assert arrival.missing(5) == [12, 13, 15, 16, 18]
+
+
 def test_a_second_copy_is_dropped() -> None:
     arrival = Arrival(Room(1 << 30))
     arrival.begin(0)
