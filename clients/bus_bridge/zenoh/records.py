@@ -23,6 +23,7 @@ __all__ = [
     "MAX_MESSAGE_BYTES",
     "MAX_NUMBER",
     "PART_BYTES",
+    "WHOLE_BYTES",
     "Assembler",
     "Part",
     "Piece",
@@ -38,6 +39,8 @@ __all__ = [
 
 PART_BYTES = 60 << 10
 """With its key and zenoh's own heads a part fits into one of zenoh's batches of 64 KiB."""
+WHOLE_BYTES = 2 * PART_BYTES
+"""Up to here a message goes by one put, which zenoh cuts itself: pieces cost two copies and a put more."""
 _ALONE_BYTES = 16 << 10  # from here on, the copy into a batch costs more than a put
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
@@ -89,7 +92,7 @@ def pack(samples: Sequence[Sample], number: int) -> Iterator[Part]:
         if length < _ALONE_BYTES:
             parts += (record(message, source_time_ns, length), payload)
             size += length + _RECORD.size
-        elif length <= PART_BYTES:
+        elif length <= WHOLE_BYTES:
             yield Part(payload, number, _WHOLE.pack(_WHOLE_KIND, number, message, source_time_ns))
             number += 1
         else:
@@ -115,7 +118,11 @@ def probe(last: int) -> Part:
 def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
     """A part's number and what it carries; None where it is broken, or not as `pack` makes it."""
     kind, size = (head[:1], len(head)) if head else (b"", 0)
-    if head is None or size < _HEAD.size or len(payload) > PART_BYTES:
+    if (
+        head is None
+        or size < _HEAD.size
+        or len(payload) > (WHOLE_BYTES if kind == _WHOLE_KIND else PART_BYTES)
+    ):
         return None
     number: int = _HEAD.unpack_from(head)[1]
     if kind == _BATCH_KIND and size == _HEAD.size:

@@ -7,7 +7,16 @@ from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
 from bus_bridge.zenoh import records
-from bus_bridge.zenoh.records import MAX_NUMBER, PART_BYTES, Assembler, Part, Piece, Probe, Room
+from bus_bridge.zenoh.records import (
+    MAX_NUMBER,
+    PART_BYTES,
+    WHOLE_BYTES,
+    Assembler,
+    Part,
+    Piece,
+    Probe,
+    Room,
+)
 
 _samples = st.lists(
     st.builds(
@@ -39,12 +48,12 @@ def unpack(parts: list[Part]) -> list[Sample]:
 def test_what_is_packed_comes_out_in_order(samples: list[Sample], first: int) -> None:
     parts = list(records.pack(samples, first))
     assert [part.number for part in parts] == list(range(first, first + len(parts)))
-    assert all(len(part.payload) <= PART_BYTES for part in parts)
+    assert all(len(part.payload) <= WHOLE_BYTES for part in parts)
     assert unpack(parts) == samples
 
 
 def test_small_messages_share_a_part_and_a_large_one_is_not_copied() -> None:
-    large = bytes(50_000)
+    large = bytes(WHOLE_BYTES)
     samples = [Sample(b"a", 1, 5), Sample(b"b", 2, 6), Sample(large, 3, 7), Sample(b"c", 4, 8)]
     parts = list(records.pack(samples, 1))
     assert len(parts) == 3
@@ -104,7 +113,7 @@ def test_parts_that_nobody_packs_are_refused() -> None:
     assert records.read_part(b"", batch) is None
     assert records.read_part(record(1) * (PART_BYTES // 20 + 1), batch) is None
     assert records.read_part(b"x", Struct("<cQQq").pack(b"w", 1, MAX_NUMBER + 1, 0)) is None
-    assert records.read_part(bytes(PART_BYTES + 1), Struct("<cQQq").pack(b"w", 1, 1, 0)) is None
+    assert records.read_part(bytes(WHOLE_BYTES + 1), Struct("<cQQq").pack(b"w", 1, 1, 0)) is None
     for payload, message, total, offset in (
         (b"x", 1, 1000, 0),
         (bytes(PART_BYTES), 1, 2 * PART_BYTES, 1),
@@ -121,7 +130,7 @@ def test_messages_that_find_no_room_are_dropped_and_give_back_what_they_had() ->
     message = Sample(bytes(2 * PART_BYTES), 7, 0)
     first, second = (
         read[1]
-        for part in records.pack([message], 1)
+        for part in (records.piece(message, 0, 1), records.piece(message, PART_BYTES, 2))
         if (read := records.read_part(part.payload, part.head)) and isinstance(read[1], Piece)
     )
     assert one.add(first) is None and room.left == 2 * PART_BYTES
