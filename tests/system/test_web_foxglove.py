@@ -398,10 +398,16 @@ def test_busd_is_restarted(daemon: Daemon) -> None:
 
 
 def test_parameters_are_read_and_followed(daemon: Daemon) -> None:
-    with script(SERVER), serving() as server, looking(server) as client:
+    with serving() as server, script(SERVER):
+        with looking(server) as early:  # what this one sees is old when the next one comes
+            early.hear("advertise")
         wait_for_graph(lambda graph: graph.servers_of("/robot/arm/set_parameters"))
-        client.channel("/parameter_events")
-        client.say("getParameters", parameterNames=[], id="all")
+        parameters_of_the_arm(server)
+
+
+def parameters_of_the_arm(server: Serving) -> None:
+    with looking(server) as client:
+        client.say("getParameters", parameterNames=[], id="all")  # as viewers do, before all else
         told = client.hear("parameterValues")
         values = {one["name"]: one for one in told["parameters"]}
         assert told["id"] == "all"

@@ -35,6 +35,7 @@ _PORTION = 256 << 10
 """Bytes of channels that are told at once."""
 _RETURN_S = 5.0
 """Channels stay so long after busd was away: programs come back one by one."""
+_TOO_MANY = "there are too many questions under way"
 _TIME = "time"
 """Stands for a topic in the outbox; no topic is called so."""
 
@@ -74,6 +75,8 @@ class Session(Watcher):
         self._outbox = Outbox()
         self._ready, self._is_read, self._news = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self._is_read.set()
+        self._has_looked = asyncio.Event()
+        """Since it came: what was seen of the bus before may be long ago."""
         self._channels = Channels()
         self._codecs: dict[str, tuple[Kind, Codec]] = {}
         self._left_out: set[str] = set()
@@ -100,7 +103,7 @@ class Session(Watcher):
                 if self._hub.is_lost:
                     self.lost("busd does not answer")
                 elif self._hub.has_looked:
-                    self.looked(is_new=True)
+                    self._news.set()
                 tasks = [self._loop.create_task(one) for one in (self._send(), self._tell(), self._listen())]
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
                 for task in done:
@@ -143,6 +146,7 @@ class Session(Watcher):
             self._is_lost = False
             self._keep_until_s = self._loop.time() + _RETURN_S
             self.put(protocol.text("removeStatus", statusIds=["bus"]))
+        self._has_looked.set()
         self._news.set()
 
     def lost(self, text: str) -> None:
@@ -298,7 +302,7 @@ class Session(Watcher):
             case protocol.FetchAsset():
                 self.put(protocol.asset_missing(said.request_id, "files are not served here"))
             case protocol.GetParameters():
-                self._begin(self._parameters.get(said), "there are too many questions under way")
+                self._begin(self._get_parameters(said), _TOO_MANY)
             case protocol.SetParameters():
                 self._set_parameters(said)
             case protocol.SubscribeParameterUpdates():
@@ -325,12 +329,21 @@ class Session(Watcher):
 
     def _set_parameters(self, said: protocol.SetParameters) -> None:
         if self._may.set:
-            self._begin(self._parameters.set(said), "there are too many questions under way")
+            self._begin(self._change_parameters(said), _TOO_MANY)
             return
         self._refuse("set parameters", "--allow-set")
         if said.id is not None and (names := [one.name for one in said.parameters]):
             question = protocol.GetParameters(names, said.id)  # they are as they were
-            self._begin(self._parameters.get(question), "there are too many questions under way")
+            self._begin(self._get_parameters(question), _TOO_MANY)
+
+    async def _change_parameters(self, said: protocol.SetParameters) -> None:
+        await self._has_looked.wait()
+        await self._parameters.set(said)
+
+    async def _get_parameters(self, said: protocol.GetParameters) -> None:
+        """Viewers ask as soon as they are there."""
+        await self._has_looked.wait()
+        await self._parameters.get(said)
 
     def _call(self, said: protocol.Call) -> None:
         if self._calls is None:
