@@ -10,6 +10,7 @@ import pytest
 import bus
 from bridging import world
 from bus.msg.std_msgs import Int32, String
+from bus_bridge.core import mirrors
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
 from engine_pair import WINDOW_BYTES
@@ -64,6 +65,48 @@ async def test_a_link_that_goes_and_comes_back(world: Made) -> None:
         late = await listener.create_subscription(Int32, "state", KEPT)
         assert await received(late, 1) == [7]
         assert state.take() is None  # it has had it
+
+
+async def test_what_is_missed_while_a_link_is_down_is_counted(world: Made) -> None:
+    async with world() as made:
+        left, right, _, other = await made.pair()
+        (link,) = made.network.links
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "numbers", 10)
+        subscription = await listener.create_subscription(Int32, "numbers", 10)
+        await exchange(publisher, subscription, 1)
+        link.down()
+        await until(lambda: publisher.get_subscription_count() == 0)
+        await until(lambda: subscription.get_publisher_count() == 0)
+        for number in range(3):
+            publisher.publish(Int32(data=number))
+        link.up()
+        await exchange(publisher, subscription, 2)
+        publisher.publish(Int32(data=3))
+        assert await received(subscription, 1) == [3]
+        (route,) = other.bridge.status().routes
+        assert route.dropped["lost_on_the_way"] >= 3
+        assert route.sent + route.dropped["lost_on_the_way"] == publisher.statistics().published
+
+
+async def test_what_is_latched_is_there_for_late_joiners_however_long_the_link_was_down(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mirrors, "_LINGER_S", 0.0)
+    async with world() as made:
+        left, right, *_ = await made.pair()
+        (link,) = made.network.links
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "state", LATCHED)
+        publisher.publish(Int32(data=7))
+        first = await listener.create_subscription(Int32, "state", KEPT)
+        assert await received(first, 1) == [7]
+        link.down()
+        await until(lambda: first.get_publisher_count() == 0)
+        link.up()
+        await first.wait_for_publishers()
+        late = await listener.create_subscription(Int32, "state", KEPT)
+        assert await received(late, 1) == [7]
 
 
 async def test_bridges_that_restart_leave_no_copies(world: Made) -> None:
