@@ -89,10 +89,32 @@ async def test_what_is_missed_while_a_link_is_down_is_counted(world: Made) -> No
         assert route.sent + route.dropped["lost_on_the_way"] == publisher.statistics().published
 
 
+async def test_what_is_latched_comes_once_though_nodes_go_before_their_bus(world: Made) -> None:
+    """Of a link that ends, an engine may tell piece by piece."""
+    async with world() as made:
+        left, right, _, other = await made.pair()
+        (link,) = made.network.links
+        talker, listener = await left.node("talker"), await right.node("listener")
+        publisher = await talker.create_publisher(Int32, "state", KEPT)
+        publisher.publish(Int32(data=7))
+        subscription = await listener.create_subscription(Int32, "state", KEPT)
+        assert await received(subscription, 1) == [7]
+        for node in tuple(other.bridge._far.nodes):
+            other.bridge.node_went(node)
+        await asyncio.sleep(0.05)
+        link.down()
+        await until(lambda: publisher.get_subscription_count() == 0)
+        link.up()
+        await publisher.wait_for_subscriptions()
+        publisher.publish(Int32(data=8))
+        assert await received(subscription, 1) == [8]
+
+
 async def test_what_is_latched_is_there_for_late_joiners_however_long_the_link_was_down(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mirrors, "_LINGER_S", 0.0)
+    monkeypatch.setattr(mirrors, "_GONE_S", 0.0)
     async with world() as made:
         left, right, *_ = await made.pair()
         (link,) = made.network.links

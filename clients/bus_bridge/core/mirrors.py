@@ -36,6 +36,8 @@ _FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 4.0
 _LINGER_S = 60.0
 """How long a transient local publisher stays when the link to its bus ends: when it is back by then, those
 that have its messages don't get them again."""
+_GONE_S = 0.5
+"""How long after one has gone it may turn out that the link to its bus has ended."""
 _RETURN_S = 5.0
 """Once the bus is back, it has so long to show it."""
 _NEVER_S = float("inf")
@@ -67,6 +69,8 @@ class EndpointMirror:
         """What had gone that route before the subscription was there."""
         self.failures = 0
         self.retry_s = 0.0
+        self.gone_s = 0.0
+        """Since when a transient local publisher is missing on its bus; 0 while it is there."""
         self.is_leaving = False
 
     @property
@@ -200,7 +204,10 @@ class Mirrors:
             and mirror.far.far.gid not in self._far.endpoints
             and mirror.far.far.qos.durability is Durability.TRANSIENT_LOCAL
         )
-        return self._stays_s.get(mirror.node.far.bus, 0.0) if is_kept else 0.0
+        if not is_kept:
+            return 0.0
+        mirror.gone_s = mirror.gone_s or self._loop.time()
+        return max(self._stays_s.get(mirror.node.far.bus, 0.0), mirror.gone_s + _GONE_S)
 
     def _take_over_nodes(self) -> None:
         """What is left of a bus whose bridge is back stands for the nodes that it shows now."""
@@ -227,7 +234,7 @@ class Mirrors:
             if is_same:
                 # In transit it has the numbers of a mirror, and another bridge has made that anew.
                 is_other = bool(far.node.via) and far.far.node != mirror.far.far.node
-                mirror.far = far
+                mirror.far, mirror.gone_s = far, 0.0
                 mirror.way.begin_again(far.far, is_renumbered=is_other)
 
     def _missing(self, kind: str) -> list[tuple[EndpointMirror, MessageSchema]]:
@@ -269,6 +276,7 @@ class Mirrors:
         now_s = self._loop.time()
         retries = [one.retry_s for one in self._nodes.values()]
         retries += [one.retry_s for one in self._endpoints.values()]
+        retries += [one.gone_s + _GONE_S for one in self._endpoints.values() if one.gone_s]
         due_s = min((one for one in retries if one > now_s), default=_NEVER_S)
         if any(until_s > now_s for until_s in self._stays_s.values()):
             due_s = min(due_s, *(one for one in self._stays_s.values() if one > now_s))
