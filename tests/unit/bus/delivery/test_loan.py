@@ -317,11 +317,13 @@ def break_off_after(steps: int, call: Callable[[], Any]) -> Any:
         if not left:
             raise Interrupted
 
+    gc.disable()  # it calls back what hypothesis has given it, which would be broken off in place of `call`
     sys.setprofile(break_off)
     try:
         return call()
     finally:
         sys.setprofile(None)
+        gc.enable()
 
 
 @by_either
