@@ -54,9 +54,11 @@ class Fleet:
     def _join(self, shape: Shape) -> Iterator[Child]:
         endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in self.names]
         config = self.group.folder / "bridge.toml"
-        config.write_text(_TRANSIT if shape == "star" else "")
+        config.write_text(_TRANSIT)
         for number, name in enumerate(self.names):
-            words = ["--id", name, "--config", str(config)]
+            words = ["--id", name]
+            if number == 0 and shape == "star":
+                words += ["--config", str(config)]
             if number == 0 or shape == "mesh":
                 words += ["--listen", endpoints[number]]
             for endpoint in endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]:

@@ -39,6 +39,7 @@ QUALITIES = {
 }
 _HZ = 50.0
 _PER_ROUND = 4
+_NO_BUSD = "no busd listens on"
 _AWAY_S, _BETWEEN_S = (0.0, 1.5), (0.0, 1.0)
 
 
@@ -104,6 +105,7 @@ class Storms:
             pending.append(asyncio.create_task(self._do(deed)))
             await asyncio.sleep(deed.pause_s)
         await asyncio.gather(*pending)
+        self._mind()
         took_s = await asyncio.gather(*(self._flows(stream) for stream in self._streams.values()))
         self.back_s.append(max(took_s))
         self.done.update(deed.what for deed in deeds)
@@ -116,6 +118,14 @@ class Storms:
             self.missing[name] += missing
             if before is not None and missing:
                 await self._accounts(name, missing, before[name])
+
+    def _mind(self) -> None:
+        """As systemd does: a bridge that began while its busd was away has ended, and begins again."""
+        for bridge in self._world.bridges:
+            if bridge.process.poll() is not None and bridge.log.read_text().splitlines()[-1].startswith(
+                _NO_BUSD
+            ):
+                bridge.restart()
 
     async def _accounts(self, name: str, missing: int, before: int) -> None:
         """What is missing was counted. What the bridges tell in the graph is some tenths of a second old."""
