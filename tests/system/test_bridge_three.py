@@ -27,13 +27,14 @@ def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iter
         yield world
 
 
-def _join(world: World, links: tuple[tuple[str, str], ...], *more: str) -> None:
-    """One bridge on each bus; the second of each link goes to the first."""
+def _join(world: World, links: tuple[tuple[str, str], ...], *more: str, hub: tuple[str, ...] = ()) -> None:
+    """One bridge on each bus; the second of each link goes to the first. `hub`: words of that one only."""
     words: dict[str, list[str]] = {name: ["--insecure", *more] for name in NAMES}
     for one, other in links:
         endpoint = world.lay(one, other)
         words[one] += ["--listen", endpoint]
         words[other] += ["--connect", endpoint]
+    words["hub"] += hub
     for name, arguments in words.items():
         world[name].bridge("zenoh", *arguments)
 
@@ -85,8 +86,11 @@ async def test_with_transit_what_came_goes_on_and_never_round(
 ) -> None:
     config = tmp_path / "transit.toml"
     config.write_text(TRANSIT)
-    ring = (("left", "right"),) if shape == "ring" else ()
-    _join(world, (("hub", "left"), ("hub", "right"), *ring), "--config", str(config))
+    rules = ("--config", str(config))
+    if shape == "ring":
+        _join(world, (("hub", "left"), ("hub", "right"), ("left", "right")), *rules)
+    else:  # the middle's rule is enough
+        _join(world, (("hub", "left"), ("hub", "right")), hub=rules)
     await _all_hear_all(world)
 
 
