@@ -379,6 +379,28 @@ async def test_a_bridge_that_starts_anew_is_found_within_seconds() -> None:
             taken.reader.close()
 
 
+async def test_a_bridge_that_has_become_deaf_hears_again_once_links_have_changed() -> None:
+    """Where a link ended as another to the same bus came, zenoh was seen to bring no token any more."""
+    here, there = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    robot, laptop = ZenohOptions(listen=(here,)), ZenohOptions(connect=(here,), listen=(there,))
+    async with opened(a=(robot, "robot"), b=(laptop, "laptop")) as (one, other):
+        await other.far.until(lambda: "robot" in other.far.buses)
+        for deaf in other.engine._declared:
+            deaf.undeclare()
+            deaf._is_gone = False
+        one.engine.announce_node(NODE)
+        async with opened(c=(ZenohOptions(connect=(there,)), "base")) as (third,):
+            await third.far.until(lambda: "laptop" in third.far.buses)
+            await other.far.until(lambda: other.far.nodes)
+            publisher, taken = Publisher(one, RELIABLE), Taken()
+            read(other, await other.far.endpoint(), taken)
+            await publisher.wanted()
+            await publisher.send(3)
+            await taken.until(3)
+            assert taken.reader is not None
+            taken.reader.close()
+
+
 async def test_two_buses_of_one_id_are_named() -> None:
     where = f"tcp/127.0.0.1:{free_port()}"
     listen, connect = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))

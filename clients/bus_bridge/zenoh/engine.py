@@ -51,7 +51,9 @@ class ZenohEngine:
         self._far: FarSide | None = None
         self._presence: Presence | None = None
         self._links: Links | None = None
+        self._own_token: Declared | None = None
         self._declared: list[Declared] = []
+        """What hears of others, and answers them."""
         self._nodes: dict[int, Declared] = {}
         self._schemas: dict[tuple[str, str], tuple[bytes, int]] = {}
         """How a type is described, and of how many endpoints it is."""
@@ -74,8 +76,8 @@ class ZenohEngine:
         self._presence = Presence(self._bus, self._run, far, self._see_interests)
         self._links = Links(self._options, session, far.warn)
         tokens = session.source(self._see_token, 5 * MAX_TOKENS, self._lose_token, keeps_oldest=True)
+        self._own_token = session.token(keys.bus_token(self._bus, self._run, session.zenoh_id))
         self._declared = [
-            session.token(keys.bus_token(self._bus, self._run, session.zenoh_id)),
             session.watch_tokens(keys.ALL_TOKENS, tokens),
             session.watch_tokens(keys.ALL_BUSES, tokens),
         ]
@@ -276,9 +278,17 @@ class ZenohEngine:
             query.reply(known[0])
 
     async def _look(self) -> None:
-        assert self._links is not None
+        assert self._links is not None and self._session is not None
+        heard = seen = self._session.link_changes
         while True:
             await asyncio.sleep(_LOOK_S)
+            # Where a link ends in the moment in which another to the same bus has come, zenoh may bring no
+            # token of that bus any more. So ask for all of them anew, when links have been quiet for a look.
+            seen, before = self._session.link_changes, seen
+            if heard != seen == before:
+                heard = seen
+                for declared in self._declared:
+                    declared.renew()
             for writer in list(self._writers.values()):
                 writer.look()
             self._look_at_doubles()

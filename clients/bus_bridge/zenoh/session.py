@@ -168,9 +168,19 @@ class Declared:
         self._is_gone = True
         self._session.do(self._end)
 
+    def renew(self) -> None:
+        """Declare it once more, and only then end what was there."""
+        self._session.do(self._make_again)
+
     def _make(self) -> None:
         if not self._is_gone:
             self._entity = self._declare()
+
+    def _make_again(self) -> None:
+        if not self._is_gone:
+            former, self._entity = self._entity, self._declare()
+            if former is not None:
+                former.undeclare()
 
     def _end(self) -> None:
         entity, self._entity = self._entity, None
@@ -237,6 +247,8 @@ class Session:
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._zenoh: Any = None
         self._links: dict[tuple[str, str, str], Link] = {}
+        self.link_changes = 0
+        """How often a link has come or gone."""
 
     async def open(self) -> None:
         """Where no router is there yet, the session goes on without: what is declared waits for one.
@@ -387,6 +399,7 @@ class Session:
             self._links[found] = found
         else:
             self._links.pop(found, None)
+        self.link_changes += 1
 
     # --- threads
 
