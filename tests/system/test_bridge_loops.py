@@ -34,7 +34,11 @@ async def test_two_bridges_between_the_same_two_buses(world: Made) -> None:
         subscription = await listener.create_subscription(Int32, "numbers", 1000)
         echo = await listener.create_publisher(Int32, "numbers", 1000)
         heard = await talker.create_subscription(Int32, "numbers", 1000)
-        await publisher.wait_for_subscriptions(2)
+        # The first way shows all four before there is a second one; else the second shows some of them.
+        for one in (publisher, echo):
+            await one.wait_for_subscriptions(2)
+        for one in (subscription, heard):
+            await one.wait_for_publishers(2)
         made.network.join(second.engine, third.engine)
         await until(lambda: len(third.bridge.status().buses) == 1)
         await until(lambda: any("is on this bus already" in text for text in third.bridge._said))
