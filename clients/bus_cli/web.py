@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from bus.process.address import socket_path
 from bus_cli.output import CommandError, complain, print_json, say
 from bus_cli.stream import open_node, run_stream
-from bus_web.place import DEFAULT, Place, PlaceError, parse_place
+from bus_web.place import DEFAULT, parse_place
 
 if TYPE_CHECKING:
-    from bus_web.program import Addresses
+    from bus_web.entrance import Addresses
 
 _EPILOG = """\
 Served on loopback or a unix socket only, to whoever has the token of the address that is printed; nobody who
@@ -24,7 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--listen",
         metavar="PLACE",
-        type=_place,
+        type=parse_place,
         default=DEFAULT,
         help=f"address:port (port 0 for any) or unix:PATH (default: {DEFAULT})",
     )
@@ -50,28 +50,26 @@ def main(args: Namespace) -> int:
         import websockets  # noqa: F401
     except ImportError as error:
         raise CommandError(f"the page needs websockets ({error}): pip install 'busd[web]'") from None
+    from bus_web.listening import ListenError
+
     try:
         return run_stream(_serve(args))
-    except PlaceError as error:
+    except ListenError as error:
         raise CommandError(error) from None
 
 
 async def _serve(args: Namespace) -> int:
+    from bus_web.browser import open_browser
+    from bus_web.foxglove.session import Permissions
     from bus_web.program import Options, run
 
-    options = Options(
-        listen=args.listen,
-        origins=args.allow_origin,
-        opens=args.open,
-        may_publish=args.allow_publish,
-        may_call=args.allow_call,
-        may_set=args.allow_set,
-    )
+    may = Permissions(publish=args.allow_publish, call=args.allow_call, set=args.allow_set)
+    options = Options(listen=args.listen, origins=args.allow_origin, may=may)
 
     def ready(addresses: "Addresses") -> None:
         _tell(addresses, as_json=args.json)
         if args.open:
-            _open(addresses.once)
+            open_browser(addresses.once, complain)
 
     async with open_node(args, f"_bus_web_{os.getpid()}") as node:
         await run(node, options, str(socket_path(args.socket, args.domain)), ready)
@@ -79,32 +77,14 @@ async def _serve(args: Namespace) -> int:
 
 
 def _tell(addresses: "Addresses", *, as_json: bool) -> None:
+    page, foxglove, forwarding = addresses.page, addresses.websocket, addresses.forwarding
     if as_json:
-        print_json({name: getattr(addresses, name) for name in ("page", "foxglove", "forwarding")})
+        print_json({"page": page, "foxglove": foxglove, "forwarding": forwarding})
         return
-    if addresses.forwarding:
-        say(f"first: {addresses.forwarding}")
-    say(f"page: {addresses.page}")
-    say(f"foxglove: {addresses.foxglove}")
-
-
-def _open(address: str) -> None:
-    """A browser that takes its time holds nothing up."""
-    import threading
-    import webbrowser
-
-    def show() -> None:
-        if not webbrowser.open(address):
-            complain("no browser was found: open the page yourself")
-
-    threading.Thread(target=show, daemon=True).start()
-
-
-def _place(text: str) -> Place:
-    try:
-        return parse_place(text)
-    except PlaceError as error:
-        raise ArgumentTypeError(str(error)) from None
+    if forwarding:
+        say(f"first: {forwarding}")
+    say(f"page: {page}")
+    say(f"foxglove: {foxglove}")
 
 
 def _origin(text: str) -> str:

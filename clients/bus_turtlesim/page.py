@@ -5,9 +5,8 @@ change nothing.
 """
 
 import asyncio
-import os
-import secrets
 import threading
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec import json
@@ -15,7 +14,10 @@ from msgspec import json
 from bus_turtlesim.canvas import Canvas, Colour, Square
 from bus_turtlesim.frames import Frames, Pictures, Seen, message
 from bus_turtlesim.world import World
-from bus_web.place import Place, PlaceError
+from bus_web.entrance import Addresses, open_gate
+from bus_web.files import load
+from bus_web.listening import ListenError, listening
+from bus_web.place import Place
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -25,7 +27,6 @@ __all__ = ["NoPage", "Page"]
 _SUBPROTOCOL = "busd.turtlesim.v1"
 _PERIOD_S = 1 / 30
 """Between two frames for one browser."""
-_COOKIES = 32
 
 
 class NoPage(Exception):
@@ -33,11 +34,9 @@ class NoPage(Exception):
 
 
 class Page:
-    """Serves the page at `place` until `close`. Raises NoPage.
+    """Serves the page at `place` until `close`. Raises NoPage."""
 
-    `address` is the page's, with its token; `once` the same with one that is good for the first who comes
-    with it. `forwarding`, where no browser reaches it without: what to say for that.
-    """
+    addresses: Addresses
 
     def __init__(self, place: Place) -> None:
         self._frames, self._pictures = Frames(), Pictures()
@@ -50,7 +49,6 @@ class Page:
         self._ended = self._loop.create_future()
         self._opened = threading.Event()
         self._failure: NoPage | None = None
-        self.address = self.once = self.forwarding = ""
         self._thread = threading.Thread(target=self._run, args=(place,), name="page", daemon=True)
         self._thread.start()
         self._opened.wait()
@@ -83,32 +81,22 @@ class Page:
 
     async def _serve(self, place: Place) -> None:
         try:
-            from bus_web.files import load
-            from bus_web.gate import Gate
             from bus_web.server import Server
         except ImportError as error:
             self._failure = NoPage(f"the page needs websockets ({error}): pip install 'busd[web]'")
             return
-        from pathlib import Path
-
-        token, ticket = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        # Browsers keep the cookies of all ports together, and several simulators may run.
-        gate = Gate(token, f"busd_turtlesim_{os.getpid() % _COOKIES}")
-        gate.issue(ticket)
-        files = load(Path(__file__).with_name("page"))
-        server = Server(gate, files, {_SUBPROTOCOL: self._view})
         try:
-            place = await server.open(place)
-        except PlaceError as error:
+            with listening(place) as (listener, here):
+                gate, self.addresses = open_gate(here)
+                server = Server(gate, load(Path(__file__).with_name("page")), {_SUBPROTOCOL: self._view})
+                await server.open(listener)
+                self._opened.set()
+                try:
+                    await self._ended
+                finally:
+                    await server.close()
+        except ListenError as error:
             self._failure = NoPage(str(error))
-            return
-        self.address, self.once = (f"http://{place.authority}/?token={one}" for one in (token, ticket))
-        self.forwarding = place.forwarding if place.path is not None else ""
-        self._opened.set()
-        try:
-            await self._ended
-        finally:
-            await server.close()
 
     def _take(
         self, seen: tuple[Seen, ...], background: Colour, squares: list[Square], is_cleared: bool

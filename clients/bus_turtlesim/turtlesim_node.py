@@ -4,8 +4,7 @@ Owns: the node, its services and parameters, and the period. Browsers see the tu
 """
 
 import sys
-import threading
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser
 from contextlib import suppress
 from typing import Any
 
@@ -20,7 +19,8 @@ from bus_turtlesim.messages import Empty, IntegerRange, Kill, ParameterDescripto
 from bus_turtlesim.page import NoPage, Page
 from bus_turtlesim.turtle_ends import TurtleEnds
 from bus_turtlesim.world import PERIOD_S, SIZE, World
-from bus_web.place import Place, PlaceError, parse_place
+from bus_web.browser import open_browser
+from bus_web.place import Place, parse_place
 
 __all__ = ["TurtleSim", "main"]
 
@@ -115,7 +115,7 @@ def main() -> int:
         logger = RcutilsLogger(_NAME)
         page = _serve(options.listen)
         if options.open and page is not None:
-            _open(page.once)
+            open_browser(page.addresses.once, logger.warning)
         try:
             node = TurtleSim(page)
         except ParameterException as error:
@@ -136,31 +136,12 @@ def _parser() -> ArgumentParser:
     parser.add_argument(
         "--listen",
         metavar="PLACE",
-        type=_place,
+        type=parse_place,
         default=_ANY,
         help="where their page is: address:port or unix:PATH (default: any port of 127.0.0.1)",
     )
     parser.add_argument("--open", action="store_true", help="open the page in a browser")
     return parser
-
-
-def _place(text: str) -> Place:
-    try:
-        return parse_place(text)
-    except PlaceError as error:
-        raise ArgumentTypeError(str(error)) from None
-
-
-def _open(address: str) -> None:
-    """A browser that takes its time holds no turtle up."""
-
-    def show() -> None:
-        import webbrowser
-
-        if not webbrowser.open(address):
-            print("no browser was found: open the page yourself", flush=True)
-
-    threading.Thread(target=show, daemon=True).start()
 
 
 def _serve(listen: Place) -> Page | None:
@@ -170,7 +151,8 @@ def _serve(listen: Place) -> Page | None:
     except NoPage as error:
         print(f"no page: {error}", flush=True)
         return None
-    if page.forwarding:
-        print(f"first: {page.forwarding}")
-    print(f"page: {page.address}", flush=True)
+    addresses = page.addresses
+    if addresses.forwarding:
+        print(f"first: {addresses.forwarding}")
+    print(f"page: {addresses.page}", flush=True)
     return page

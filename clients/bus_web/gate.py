@@ -60,8 +60,7 @@ class Gate:
         self._tickets: set[str] = set()
 
     def issue(self, ticket: str) -> None:
-        """A page may be opened by `ticket` in place of the token, once: all users of the machine read what a
-        command line says."""
+        """A page may be opened by `ticket` in place of the token, once."""
         self._tickets.add(ticket)
 
     def judge(self, ask: Ask, *, is_socket: bool) -> Enter | Redirect | Refuse:

@@ -1,18 +1,16 @@
-"""Where the page may be had: on loopback or a unix socket, and nowhere that other machines can reach."""
+"""Where a server may listen: on loopback or a unix socket, and nowhere that other machines can reach."""
 
 import ipaddress
+from argparse import ArgumentTypeError
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["DEFAULT", "Place", "PlaceError", "parse_place"]
+__all__ = ["DEFAULT", "Place", "parse_address", "parse_place"]
 
 _MOST_PATH_BYTES = 107
-_WHO = "who looks at the bus sees every message, so it is served on loopback or a unix socket only"
-
-
-class PlaceError(Exception):
-    """The text says what is wrong with it, and what would do."""
+_COOKIES = 64
+_WHY = "whoever looks at the bus sees every message, so it is served on loopback or a unix socket only"
 
 
 class Place(NamedTuple):
@@ -23,11 +21,14 @@ class Place(NamedTuple):
     path: Path | None = None
 
     @property
+    def host(self) -> str:
+        """The address as a URL has it."""
+        return f"[{self.address}]" if ":" in self.address else self.address
+
+    @property
     def authority(self) -> str:
-        """Address and port as a URL has them. Of a unix socket: those to which ssh forwards it."""
-        if self.path is not None:
-            return f"127.0.0.1:{DEFAULT.port}"
-        return f"[{self.address}]:{self.port}" if ":" in self.address else f"{self.address}:{self.port}"
+        """Host and port as a URL has them. Of a unix socket: those to which ssh forwards it."""
+        return f"127.0.0.1:{DEFAULT.port}" if self.path is not None else f"{self.host}:{self.port}"
 
     @property
     def forwarding(self) -> str:
@@ -38,8 +39,13 @@ class Place(NamedTuple):
 
     @property
     def cookie(self) -> str:
-        """The name of its cookie: browsers keep those of all ports of a machine together."""
-        return f"busd_{sha256(str(self.path or self.port).encode()).hexdigest()[:8]}"
+        """The name of its cookie: browsers keep those of all ports of a machine together.
+
+        Servers on any port share a few names, or a browser would send more of them than one header holds.
+        """
+        if self.path is not None:
+            return f"busd_{sha256(str(self.path).encode()).hexdigest()[:8]}"
+        return f"busd_{self.port % _COOKIES}"
 
     def __str__(self) -> str:
         return self.authority if self.path is None else f"unix:{self.path}"
@@ -49,31 +55,44 @@ DEFAULT = Place("127.0.0.1", 8765)
 
 
 def parse_place(text: str) -> Place:
-    """`127.0.0.1:8765`, `[::1]:8765`, `localhost:8765` or `unix:PATH`. Raises PlaceError."""
+    """For argparse: `127.0.0.1:8765`, `[::1]:8765`, `localhost:8765` or `unix:PATH`."""
     kind, colon, path = text.partition(":")
     if kind == "unix" and colon:
         return Place(path=_checked_path(path))
+    return parse_address(text, DEFAULT, _WHY, or_path=True)
+
+
+def parse_address(text: str, default: Place, why: str, *, or_path: bool = False) -> Place:
+    """An address of loopback with a port. Raises ArgumentTypeError, as argparse wants it.
+
+    Its text says `why` no other address will do, and that a path would (`or_path`).
+    """
     host, colon, port = text.rpartition(":")
     is_number = port.isascii() and port.isdigit() and int(port[:6]) < 65536
     if not colon or not host or not is_number:
-        raise PlaceError(f"{text!r} is neither address:port, such as {DEFAULT}, nor unix:PATH")
+        wanted = f"address:port, such as {default}"
+        raise ArgumentTypeError(
+            f"{text!r} is neither {wanted}, nor unix:PATH" if or_path else f"{text!r} is not {wanted}"
+        )
     try:
         address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
     except ValueError:
-        raise PlaceError(f"{host!r} is no address of loopback: 127.0.0.1, [::1] or localhost") from None
+        raise ArgumentTypeError(
+            f"{host!r} is no address of loopback: 127.0.0.1, [::1] or localhost"
+        ) from None
     if not address.is_loopback:
-        line = Place("127.0.0.1", int(port) or DEFAULT.port).forwarding
-        raise PlaceError(
-            f"{host} is not loopback; {_WHO}. For a browser on another machine, say there: {line}"
-        )
+        forwarding = Place("127.0.0.1", int(port) or default.port).forwarding
+        raise ArgumentTypeError(f"{host} is not loopback; {why}. On another machine, say: {forwarding}")
     return Place(str(address), int(port))
 
 
 def _checked_path(text: str) -> Path:
     if not text:
-        raise PlaceError("unix: without a path; say unix:PATH")
+        raise ArgumentTypeError("unix: without a path; say unix:PATH")
     path = Path(text).expanduser().absolute()
     length = len(str(path).encode())
     if "\0" in text or length > _MOST_PATH_BYTES:
-        raise PlaceError(f"a unix socket's path has {_MOST_PATH_BYTES} bytes at most; this one has {length}")
+        raise ArgumentTypeError(
+            f"a unix socket's path has {_MOST_PATH_BYTES} bytes at most; this one has {length}"
+        )
     return path

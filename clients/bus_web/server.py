@@ -1,15 +1,10 @@
-"""HTTP and WebSockets on loopback or a unix socket: files by GET, and subprotocols by their handlers."""
+"""HTTP and WebSockets on one socket: files by GET, and subprotocols by their handlers."""
 
 import asyncio
-import errno
 import logging
-import os
 import socket
-import stat
 from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
 from http import HTTPStatus
-from pathlib import Path
 from weakref import WeakSet
 
 from websockets.asyncio.server import Server as WebSocketServer
@@ -23,7 +18,6 @@ from websockets.typing import Subprotocol
 from bus_web.files import File, security_headers
 from bus_web.gate import Ask, Enter, Gate, Redirect, Refuse
 from bus_web.page_protocol import Mistake
-from bus_web.place import Place, PlaceError
 
 __all__ = ["Handler", "Server"]
 
@@ -34,7 +28,6 @@ _MOST_CLIENTS = 64
 _MOST_FRAME_BYTES = 64 << 10
 """What a client may send in one frame; more, where it may publish."""
 _OPEN_S, _CLOSE_S, _PING_S = 5.0, 1.0, 20.0
-_BACKLOG = 64
 _POLICY_VIOLATION, _INTERNAL_ERROR = 1008, 1011
 
 
@@ -54,14 +47,11 @@ class Server:
         self._handlers = handlers
         self._most_frame_bytes = most_frame_bytes
         self._server: WebSocketServer | None = None
-        self._path: Path | None = None
         self._clients = 0
         self._connections: WeakSet[ServerConnection] = WeakSet()
 
-    async def open(self, place: Place) -> Place:
-        """Listen; returns where, with the port that the kernel chose. Raises PlaceError where that fails."""
-        listening = _listen(place)
-        self._path = place.path
+    async def open(self, listening: socket.socket) -> None:
+        """Answer whoever connects to `listening`, until `close`, which closes that too."""
         connections = self._connections
 
         class Connection(ServerConnection):
@@ -85,7 +75,6 @@ class Server:
             ping_timeout=_PING_S,
             logger=_silent(),
         )
-        return place if place.path is not None else place._replace(port=listening.getsockname()[1])
 
     async def close(self) -> None:
         """End all connections: clients are told that the server goes."""
@@ -95,8 +84,6 @@ class Server:
                     connection.transport.abort()
             self._server.close()
             await self._server.wait_closed()
-        if self._path is not None:
-            self._path.unlink(missing_ok=True)
 
     async def _serve(self, connection: ServerConnection) -> None:
         if self._clients >= _MOST_CLIENTS:
@@ -159,59 +146,6 @@ def _response(status: int, host: str, file: File | None, more: Mapping[str, str]
     if file is not None:
         headers["Content-Type"] = file.content_type
     return Response(status, HTTPStatus(status).phrase, Headers(headers), body)
-
-
-def _listen(place: Place) -> socket.socket:
-    if place.path is not None:
-        return _listen_unix(place.path)
-    family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
-    try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind((place.address, place.port))
-        listening.listen(_BACKLOG)
-    except OSError as error:
-        listening.close()
-        other = "; choose another port with --listen" if error.errno == errno.EADDRINUSE else ""
-        raise PlaceError(f"can't listen on {place}: {error.strerror}{other}") from None
-    return listening
-
-
-def _listen_unix(path: Path) -> socket.socket:
-    """With mode 0600. One that nobody listens on any more is taken over."""
-    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        _clear(path)
-        mask = os.umask(0o177)
-        try:
-            listening.bind(str(path))
-        finally:
-            os.umask(mask)
-        listening.listen(_BACKLOG)
-    except PlaceError:
-        listening.close()
-        raise
-    except OSError as error:
-        listening.close()
-        raise PlaceError(f"can't listen on unix:{path}: {error.strerror}") from None
-    return listening
-
-
-def _clear(path: Path) -> None:
-    try:
-        kind = path.lstat().st_mode
-    except FileNotFoundError:
-        return
-    if not stat.S_ISSOCK(kind):
-        raise PlaceError(f"can't listen on unix:{path}: there is something else")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        try:
-            probe.connect(str(path))
-        except ConnectionRefusedError:
-            with suppress(FileNotFoundError):
-                path.unlink()
-            return
-    raise PlaceError(f"can't listen on unix:{path}: another process does")
 
 
 def _silent() -> logging.Logger:

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 
 from bus.process.address import socket_path
 from bus.process.termination import die_at_interrupt
-from bus_cli.metrics.place import parse_place
 from bus_cli.metrics.view import View, look
 from bus_cli.output import CommandError, complain, print_json, say, show
 from bus_cli.stream import positive_int
+from bus_web.place import Place, parse_address
 
 if TYPE_CHECKING:
     from prometheus_client.registry import CollectorRegistry
 
-_DEFAULT = "127.0.0.1:9464"
+_DEFAULT = Place("127.0.0.1", 9464)
+_WHY = "metrics name processes and topics, so they are served on loopback only"
 _MOST_ROWS = 2000
 _LOOK_S = 3600.0
 """How often the server looks whether to end. It never has to: a signal ends it at once."""
@@ -33,7 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--listen",
         metavar="PLACE",
-        type=parse_place,
+        type=lambda text: parse_address(text, _DEFAULT, _WHY),
         default=_DEFAULT,
         help=f"address and port, 0 for any (default: {_DEFAULT})",
     )
@@ -56,7 +57,7 @@ def main(args: Namespace) -> int:
     from bus_cli.metrics.serve import open_server
 
     with open_server(args.listen, registry) as server:
-        where = f"http://{server.place.host}:{server.place.port}/metrics"
+        where = f"http://{server.place}/metrics"
         show(f"metrics at {where}", {"listening": where}, as_json=args.json)
         sys.stdout.flush()
         # Nothing is to be tidied up. As an exception, a Ctrl-C that comes within a finalizer is lost.

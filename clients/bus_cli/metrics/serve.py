@@ -13,8 +13,8 @@ from wsgiref.simple_server import WSGIRequestHandler, make_server
 from prometheus_client.exposition import ThreadingWSGIServer, make_wsgi_app
 from prometheus_client.registry import CollectorRegistry
 
-from bus_cli.metrics.place import Place
 from bus_cli.output import CommandError
+from bus_web.place import Place
 
 if TYPE_CHECKING:
     from _typeshed.wsgi import StartResponse, WSGIApplication, WSGIEnvironment
@@ -54,7 +54,7 @@ def open_server(place: Place, registry: CollectorRegistry) -> Server:
         server = make_server(place.address, place.port, app, kind, _Handler)
     except OSError as error:
         other = "; choose another port with --listen" if error.errno == errno.EADDRINUSE else ""
-        raise CommandError(f"can't listen on {place.host}:{place.port}: {error.strerror}{other}") from None
+        raise CommandError(f"can't listen on {place}: {error.strerror}{other}") from None
     server.place = Place(place.address, server.server_port)
     return server
 

@@ -1,10 +1,11 @@
-"""Where the page may be had."""
+"""Where servers may listen."""
 
+from argparse import ArgumentTypeError
 from pathlib import Path
 
 import pytest
 
-from bus_web.place import DEFAULT, Place, PlaceError, parse_place
+from bus_web.place import DEFAULT, Place, parse_address, parse_place
 from rows import for_each
 
 
@@ -33,8 +34,8 @@ def test_places(text: str, place: Place, authority: str) -> None:
         ("localhost:-1", "neither"),
         ("localhost:", "neither"),
         ("example.org:80", "'example.org' is no address of loopback"),
-        ("0.0.0.0:8765", "0.0.0.0 is not loopback; .* say there: ssh -NL 8765:127.0.0.1:8765 HOST"),
-        ("192.168.1.7:9000", "is not loopback; .* say there: ssh -NL 9000:127.0.0.1:9000 HOST"),
+        ("0.0.0.0:8765", "0.0.0.0 is not loopback; .* say: ssh -NL 8765:127.0.0.1:8765 HOST"),
+        ("192.168.1.7:9000", "is not loopback; .* say: ssh -NL 9000:127.0.0.1:9000 HOST"),
         ("[::]:0", "is not loopback; .* ssh -NL 8765:127.0.0.1:8765 HOST"),
         ("unix:", "say unix:PATH"),
         ("unix:/" + "x" * 107, "107 bytes at most; this one has 108"),
@@ -42,8 +43,26 @@ def test_places(text: str, place: Place, authority: str) -> None:
     ],
 )
 def test_what_is_no_place(text: str, says: str) -> None:
-    with pytest.raises(PlaceError, match=says):
+    with pytest.raises(ArgumentTypeError, match=says):
         parse_place(text)
+
+
+METRICS = Place("127.0.0.1", 9464)
+
+
+@for_each(
+    ("text", "says"),
+    [
+        ("9464", "'9464' is not address:port, such as 127.0.0.1:9464"),
+        ("unix:/run/x.sock", "'unix:/run/x.sock' is not address:port"),
+        ("127.0.0.1:99999999999999999999", "is not address:port"),
+        ("0.0.0.0:0", "0.0.0.0 is not loopback; metrics are private. .* ssh -NL 9464:127.0.0.1:9464 HOST"),
+    ],
+)
+def test_addresses_of_other_servers(text: str, says: str) -> None:
+    assert parse_address("[::1]:1", METRICS, "metrics are private") == Place("::1", 1)
+    with pytest.raises(ArgumentTypeError, match=says):
+        parse_address(text, METRICS, "metrics are private")
 
 
 def test_a_relative_path_is_of_this_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,3 +77,5 @@ def test_servers_of_one_machine_have_cookies_of_their_own() -> None:
     names = {parse_place(text).cookie for text in ("127.0.0.1:1", "127.0.0.1:2", "unix:/a", "unix:/b")}
     assert len(names) == 4
     assert parse_place("localhost:1").cookie in names, "the same after a restart"
+    names = {Place("127.0.0.1", port).cookie for port in range(40_000, 50_000)}
+    assert len(names) == 64, "servers on any port, one after the other, leave few cookies in a browser"

@@ -15,9 +15,9 @@ from prometheus_client.metrics_core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector, CollectorRegistry
 
 from bus_cli.metrics import serve as module
-from bus_cli.metrics.place import Place, parse_place
 from bus_cli.metrics.serve import open_server
 from bus_cli.output import CommandError
+from bus_web.place import Place, parse_place
 from conftest import WAIT_S
 from rows import for_each
 
@@ -117,7 +117,7 @@ def test_nobody_waits_for_one_that_says_nothing(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(module._Handler, "timeout", 0.05)
-    with serving() as place, socket.create_connection(place, WAIT_S) as silent:
+    with serving() as place, socket.create_connection(place[:2], WAIT_S) as silent:
         silent.sendall(b"GET /met")
         assert ask(place)[0] == 200
         assert silent.recv(100) == b""
@@ -127,7 +127,7 @@ def test_nobody_waits_for_one_that_says_nothing(
 def test_one_that_hangs_up_is_no_news(capfd: pytest.CaptureFixture[str]) -> None:
     with serving() as place:
         for request in (b"", b"GET", b"GET /metrics HTTP/1.1\r\n\r\n"):
-            with socket.create_connection(place, WAIT_S) as client:
+            with socket.create_connection(place[:2], WAIT_S) as client:
                 client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # a reset
                 client.sendall(request)
         assert ask(place)[0] == 200

@@ -1,0 +1,80 @@
+"""Sockets that listen, at a place of this machine."""
+
+import errno
+import os
+import socket
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from bus_web.place import Place
+
+__all__ = ["ListenError", "listening"]
+
+_BACKLOG = 64
+
+
+class ListenError(Exception):
+    """Nothing can listen there; the text says why."""
+
+
+@contextmanager
+def listening(place: Place) -> Iterator[tuple[socket.socket, Place]]:
+    """A socket that listens at `place`, and the place, with the port that the kernel chose.
+
+    Raises ListenError. A unix socket has mode 0600; one that nobody listens on any more is taken over. In the
+    end the socket is closed, and its path is gone.
+    """
+    with socket.socket(_family(place), socket.SOCK_STREAM) as listener:
+        try:
+            if place.path is not None:
+                _bind_unix(listener, place.path)
+            else:
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                listener.bind((place.address, place.port))
+            listener.listen(_BACKLOG)
+        except OSError as error:
+            is_taken = error.errno == errno.EADDRINUSE and place.path is None
+            hint = "; choose another port with --listen" if is_taken else ""
+            raise ListenError(f"can't listen on {place}: {error.strerror}{hint}") from None
+        try:
+            yield (
+                listener,
+                place if place.path is not None else place._replace(port=listener.getsockname()[1]),
+            )
+        finally:
+            if place.path is not None:
+                place.path.unlink(missing_ok=True)
+
+
+def _family(place: Place) -> socket.AddressFamily:
+    if place.path is not None:
+        return socket.AF_UNIX
+    return socket.AF_INET6 if ":" in place.address else socket.AF_INET
+
+
+def _bind_unix(listener: socket.socket, path: Path) -> None:
+    _clear(path)
+    mask = os.umask(0o177)
+    try:
+        listener.bind(str(path))
+    finally:
+        os.umask(mask)
+
+
+def _clear(path: Path) -> None:
+    try:
+        kind = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(kind):
+        raise ListenError(f"can't listen on unix:{path}: there is something else")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            with suppress(FileNotFoundError):
+                path.unlink()
+            return
+    raise ListenError(f"can't listen on unix:{path}: another process does")
