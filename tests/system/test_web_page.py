@@ -163,12 +163,20 @@ def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Pag
             page.wait(f"return document.querySelector('{edge}')?.classList.contains('losing')")
             line = f"getComputedStyle(document.querySelector('{edge} path')).stroke"
             assert page.run(f"return {line}") == "rgb(179, 20, 11)"
+            cells = (
+                "[...document.querySelectorAll('tr[data-topic=\"/topic\"] td')].map(one => one.textContent)"
+            )
+            row = page.run(f"return {cells}")
+            assert row[7].endswith("/2")
+            assert row[11] == "loses now: replaced"
+        page.wait(f"return {cells}[11]", fits=lambda text: text == "has lost: replaced")
         info = bus("topic", "info", "-v", "/topic").out
         lost = info.partition("Endpoint type: SUBSCRIPTION")[2].partition("Dropped: ")[2].split()[0]
         told = f"lost {int(lost):,}".replace(",", "\N{NO-BREAK SPACE}")
         page.wait(
             f"return document.querySelector('{edge} text')?.textContent", fits=lambda text: text == told
         )
+        page.wait(f"return {cells}[10]", fits=lambda text: text == told.removeprefix("lost "))
 
 
 def test_routes_and_what_does_not_match(
@@ -186,6 +194,7 @@ def test_routes_and_what_does_not_match(
         assert page.run(f"return getComputedStyle({line}).strokeDasharray") == "7px, 4px"
         texts = page.run(f"return {edges}.map(one => one.querySelector('text').textContent)")
         assert sorted(texts) == ["", "no match"]
+        assert page.texts('tr[data-topic="/topic"] td:last-child') == ["1 pair does not match"]
         choose(page, "/topic")
         page.wait("return document.querySelectorAll('.mismatches li').length", fits=lambda count: count == 1)
         assert page.texts(".mismatches li") == [

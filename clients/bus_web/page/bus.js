@@ -17,7 +17,7 @@ export class Bus {
     const topics = new Map();
     for (const [name, types, isHidden] of told.topics) {
       const before = this.topics.get(name);
-      topics.set(name, Object.assign(before ?? newTopic(name), { types, isHidden, publishers: [], subscriptions: [] }));
+      topics.set(name, Object.assign(before ?? newTopic(name), { types, isHidden, cut: 0, publishers: [], subscriptions: [] }));
     }
     const ends = new Map();
     for (const [id, kind, node, topic, type, qos, depth] of told.ends) {
@@ -32,10 +32,12 @@ export class Bus {
     this.ends = ends;
     this.pairs = told.pairs.map(([publisher, subscription, route, reason]) =>
       ({ publisher: ends.get(publisher), subscription: ends.get(subscription), route, reason }));
-    for (const { publisher, subscription, route, reason } of this.pairs)
+    for (const { publisher, subscription, route, reason } of this.pairs) {
+      if (reason) topics.get(publisher.topic).cut += 1;
       for (const end of [publisher, subscription])
         if (route) end.routes.add(route);
         else end.reasons.push(reason);
+    }
   }
 
   setHistory(told) {
@@ -72,6 +74,7 @@ function newTopic(name) {
     passed(now) {
       if (now <= this.second) return;
       this.second = now;
+      if (this.hz === null && !this.history.length) return; // what is not known yet is not nothing
       this.history.push(this.hz ?? 0);
       if (this.history.length > SECONDS) this.history.shift();
     },

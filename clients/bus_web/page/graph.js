@@ -102,7 +102,7 @@ export class Graph {
 
   layOut({ boxes, edges }) {
     const plan = new dagre.graphlib.Graph();
-    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 58, edgesep: 8 });
+    plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 64, edgesep: 8 });
     const font = getComputedStyle(this.place).fontFamily;
     this.measure.font = `600 13px ${font}`;
     for (const [id, box] of boxes) {

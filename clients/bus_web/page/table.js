@@ -2,12 +2,13 @@
 
 import { SECONDS } from "./bus.js";
 import { Kept, element, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { age, count, rate, shortType, size } from "./format.js";
+import { age, count, plural, rate, shortType, size } from "./format.js";
 
 const PAGE = 100;
 const WIDTH = 72, HEIGHT = 20;
 
 const routesOf = (topic) => [...new Set(topic.subscriptions.flatMap((end) => [...end.routes]))].sort();
+const queue = ({ queued, depth }) => (depth === null ? count(queued) : `${count(queued)}/${count(depth)}`);
 const COLUMNS = [
   ["Topic", (topic) => topic.name, null],
   ["Type", (topic) => topic.types[0] ?? "", (topic) => topic.types.map(shortType).join(" and ")],
@@ -17,11 +18,11 @@ const COLUMNS = [
   ["Pub", (topic) => topic.publishers.length, (topic) => topic.publishers.length],
   ["Sub", (topic) => topic.subscriptions.length, (topic) => topic.subscriptions.length],
   ["Route", (topic) => routesOf(topic).join(), (topic) => routesOf(topic).join(", ")],
-  ["Queue", (topic) => topic.queued, (topic) => (topic.queued ? count(topic.queued) : "")],
+  ["Queue", (topic) => topic.queued, (topic) => (topic.subscriptions.length ? queue(topic) : "")],
   ["Age", (topic) => topic.age ?? -1, (topic) => age(topic.age)],
   ["Lost/s", (topic) => topic.lostPerS, (topic) => (topic.lostPerS ? rate(topic.lostPerS) : "")],
   ["Lost", (topic) => topic.lost, (topic) => (topic.lost ? count(topic.lost) : "0")],
-  ["Why", (topic) => topic.why, (topic) => topic.why.replaceAll("_", " ")],
+  ["Why", why, why],
 ];
 const NUMBERS = new Set(["Hz", "B/s", "Pub", "Sub", "Queue", "Age", "Lost/s", "Lost"]);
 
@@ -126,6 +127,12 @@ export class Table {
       },
     };
   }
+}
+
+// In the words of `bus top`: the reason of most losses, and how many pairs do not match.
+function why({ lost, lostPerS, why: reason, cut }) {
+  const loss = lost ? `${lostPerS ? "loses now" : "has lost"}: ${reason.replaceAll("_", " ")}` : "";
+  return [loss, cut ? `${plural(cut, "pair")} ${cut === 1 ? "does" : "do"} not match` : ""].filter(Boolean).join("; ");
 }
 
 // From zero to a quarter above the most, so that a steady rate is a line and no block.
