@@ -68,6 +68,9 @@ class Sender:
         self.last_ns = port.now_ns()
         """When the last sample was taken. The quick ways don't set it: with a deadline they are off."""
         self._room = port.waiters()
+        self._releases = 0  # how often there may have come room
+        self._refused_at = -1  # how often that was so when a sample was last refused
+        self._lacks_credit = False  # that was for want of room by socket
         self._from_threads = ThreadQueue(QUEUE_BYTES)
         self._socket = SocketSender(port, owner, self._from_threads)
         self._ring = ring
@@ -141,7 +144,7 @@ class Sender:
         if not self._port.owns_thread():
             return self._put_from_thread(bytes(joined(parts)), stamp_ns)
         self._check_loan()
-        return not self._from_threads.late and self._put_now(parts, stamp_ns)
+        return self._refuse() if self._from_threads.late else self._put_now(parts, stamp_ns)
 
     def lend(self, before: bytes, size: int, after: bytes) -> "Loan | None":
         """A place for `size` bytes of a sample, the rest of which is known; None where `put` gives False.
@@ -152,16 +155,19 @@ class Sender:
             raise LocalProtocolError("a loan can only be had on the event loop's thread")
         self._check_loan()
         if self._from_threads.late:
+            self._refuse()
             return None
         start = len(before)
         stop, whole = start + size, start + size + len(after)
         if self._socket.is_active and not self._socket.can_take(whole):
+            self._refuse(lacks_credit=True)
             return None
         ring = self._ring
         loan_class = find_loan_class()
         try:
             place = memoryview(bytearray(whole)) if ring is None else ring.lend(whole)
             if place is None:
+                self._refuse()
                 return None
             place[:start], place[stop:] = before, after
             if ring is None:
@@ -221,13 +227,18 @@ class Sender:
         await self._port.wait_for_drain(self._socket.queue)
 
     async def wait_for_room(self) -> None:
-        """After `put` gave False: wait until it is worth trying again."""
+        """After `put` gave False: wait until it is worth trying again; it may be so by now."""
+        if self._refusal is not None:
+            raise again(self._refusal)
         # Room is taken by what is still on its way here: hand that over, so that it can be taken.
         self.hand_over()
         if self._is_lent:
             await self._room.wait()
             return
-        ring = self._ring
+        if self._refused_at != self._releases:  # nobody may be left who would wake this caller
+            await self._port.turn()
+            return
+        ring = None if self._lacks_credit else self._ring
         if ring is not None and not ring.wait_for_room(self.release_waiters):
             await self._port.turn()
             return
@@ -237,6 +248,7 @@ class Sender:
 
     def release_waiters(self) -> None:
         """There may be room."""
+        self._releases += 1
         if self._from_threads.late:
             self._put_late()
         self._room.release()
@@ -417,14 +429,18 @@ class Sender:
         """`has_room`: it comes from the threads' queue, where its room by socket is reserved."""
         socket = self._socket
         if socket.is_active and not has_room and not socket.can_take(sum(map(len, parts))):
-            return False
+            return self._refuse(lacks_credit=True)
         payload = joined(parts) if socket.is_active else b""  # first, because it may fail for want of memory
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
-            return False
+            return self._refuse()
         if socket.is_active:
             self._put_in_socket(payload, stamp_ns)
         self.last_ns = stamp_ns
         return True
+
+    def _refuse(self, *, lacks_credit: bool = False) -> Literal[False]:
+        self._refused_at, self._lacks_credit = self._releases, lacks_credit
+        return False
 
     def _put_lent(self, place: memoryview | None) -> bool:
         """Publish what was filled, where there is no ring."""
@@ -460,7 +476,9 @@ class Sender:
             self._socket.put(payload, stamp_ns)
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
+        releases = self._releases
         if not self._socket.can_take(len(payload)):
+            self._refused_at, self._lacks_credit = releases, True
             return False
         # With a ring, what waits for the loop needs no bound by number: the ring itself keeps the newest.
         depth = self._depth if self._ring is None and self._depth else 1 << 30

@@ -202,7 +202,8 @@ class ShmSender:
     def wait_for_room(self, on_room: Callable[[], None]) -> bool:
         """After `put` gave False: call `on_room` when there may be room. Returns False where the caller
         should try again after a turn of the loop, which reads what the broker has sent."""
-        if not (self._port.is_quiet() and self.writer.wait_for_room()):
+        # Not while unknown matches hold: no reader that has taken all there is would ring once that ends.
+        if not self._port.is_quiet() or self._move_known() or not self.writer.wait_for_room():
             return False
 
         def look() -> None:

@@ -322,6 +322,49 @@ class TestKeepAll:
         assert isinstance(task.error, ConnectionClosed)
 
     @by_either
+    @pytest.mark.parametrize("has_news", [False, True], ids=["busd silent", "busd has news"])
+    def test_one_that_was_refused_and_waits_later_goes_on_though_all_was_taken_meanwhile(
+        self, route: str, has_news: bool
+    ) -> None:
+        """A publisher may be refused in one turn of the loop, and wait in the next: there, nobody is left who
+        would wake it. `has_news`: when it is refused, there may be readers that it has not heard of."""
+        pair = Pair(route, KEEP_ALL)
+        pair.talker._is_receiving = has_news
+        pair.talker.publish(pair.publisher, 10_000, PADDING)
+        pair.talker._is_receiving = False
+        pair.world.settle()
+        pair.heard()
+        pair.world.advance(1)
+        task = Task(pair.talker.soon, pair.publisher.wait_for_room())
+        pair.world.advance(0.1)
+        assert task.is_done and task.error is None
+        assert pair.publish(1, PADDING) == 1
+
+    @by_either
+    def test_one_that_was_refused_and_closed_and_waits_later_hears_of_the_end(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        pair.publish(10_000, PADDING)
+        pair.talker.close(pair.publisher)
+        task = Task(pair.talker.soon, pair.publisher.wait_for_room())
+        pair.world.settle()
+        assert isinstance(task.error, ConnectionClosed)
+
+    @by_shared_memory
+    def test_while_one_waits_for_room_by_socket_nothing_turns_though_the_ring_has_room(self) -> None:
+        pair = Pair("shm", KEEP_ALL)
+        far = pair.world.client()
+        other = far.subscription(KEEP_ALL)
+        pair.world.settle()
+        while pair.publish(1, PADDING):
+            pair.heard()
+        task = sending(pair.talker, pair.publisher)
+        pair.world.settle()  # which fails where a task goes on for ever
+        assert not task.is_done
+        assert heard(far, other)
+        pair.world.advance(0.1)
+        assert task.is_done and task.error is None
+
+    @by_either
     def test_without_a_broker_too_nobody_waits_for_one_that_was_killed(self, route: str) -> None:
         pair = Pair(route, KEEP_ALL)
         pair.publish(10_000, PADDING)
