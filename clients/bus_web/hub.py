@@ -8,7 +8,7 @@ from time import monotonic_ns
 from bus.errors import BusError
 from bus.node import Node
 from bus_web.model import Model
-from bus_web.taps import Taps
+from bus_web.shared_subscriptions import SharedSubscriptions
 
 __all__ = ["Hub", "Watcher"]
 
@@ -30,14 +30,14 @@ class Watcher:
 
 
 class Hub:
-    """Looks at the bus for its watchers, and at topics for listeners (`taps`).
+    """Looks at the bus for its watchers, and at topics for listeners (`subscriptions`).
 
     Without a watcher it asks busd nothing, and is told nothing.
     """
 
     def __init__(self, node: Node, pid: int) -> None:
         self.node = node
-        self.taps = Taps(node)
+        self.subscriptions = SharedSubscriptions(node)
         self._schemas: dict[tuple[str, str], bytes | None] = {}
         self._wanted: set[tuple[str, str]] = set()
         self.model = Model(own=[pid], describe=self._describe)
@@ -73,7 +73,7 @@ class Hub:
 
     async def aclose(self) -> None:
         """End all subscriptions. The node stays."""
-        await self.taps.close()
+        await self.subscriptions.close()
 
     async def _watch(self) -> None:
         """Have changes of the graph seen at once."""
@@ -98,7 +98,7 @@ class Hub:
                 self.is_lost = False
                 is_new = self.model.take(graph, monotonic_ns())
                 if is_new:
-                    self.taps.follow(graph)
+                    self.subscriptions.follow(graph)
                 self._show(is_new=is_new)
                 await self._ask_for_types()
             await asyncio.sleep(_REST_S)

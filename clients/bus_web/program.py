@@ -18,9 +18,9 @@ from bus_web.foxglove.protocol import SUBPROTOCOLS
 from bus_web.foxglove.session import Permissions, Session
 from bus_web.hub import Hub
 from bus_web.listening import listening
+from bus_web.page_session import PageSession
 from bus_web.place import Place
 from bus_web.server import Server
-from bus_web.viewer import Viewer
 
 __all__ = ["Options", "run"]
 
@@ -56,7 +56,7 @@ async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses
             gate,
             load(),
             {
-                page_protocol.SUBPROTOCOL: lambda socket: Viewer(hub, socket, bus).run(),
+                page_protocol.SUBPROTOCOL: lambda socket: PageSession(hub, socket, bus).run(),
                 **dict.fromkeys(SUBPROTOCOLS, speak_foxglove),
             },
             most_frame_bytes=_MOST_DATA_BYTES if may.publish or may.call else _MOST_FRAME_BYTES,

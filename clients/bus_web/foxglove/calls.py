@@ -8,17 +8,21 @@ from bus.graph import Graph
 from bus.names import is_hidden_topic, reply_topic
 from bus.service.client import ServiceClient
 from bus_web.foxglove import protocol
-from bus_web.foxglove.channels import Kind, Table
+from bus_web.foxglove.advertised import Advertised
 from bus_web.foxglove.client import Client
 from bus_web.foxglove.formats import Formats, ServiceFormat
 from bus_web.foxglove.protocol import Call
 from bus_web.hub import Hub
+from bus_web.shared_subscriptions import TypeKind
 
 __all__ = ["Calls"]
 
 _SETTERS = ("rcl_interfaces/srv/SetParameters", "rcl_interfaces/srv/SetParametersAtomically")
 """They set parameters, and --allow-call is not --allow-set."""
 _APPEAR_S = 5.0
+
+_Kinds = tuple[TypeKind, TypeKind]
+"""The types of requests and of replies."""
 
 
 class Calls:
@@ -29,28 +33,25 @@ class Calls:
         self._formats = formats
         self._client = client
         self._may_set = may_set
-        self._table = Table()
-        self._known: dict[str, ServiceFormat] = {}
+        self._advertised: Advertised[_Kinds, ServiceFormat] = Advertised()
         self._clients: dict[str, ServiceClient] = {}
         self._making = asyncio.Lock()
 
     async def tell(self, graph: Graph) -> None:
         """What is new of services."""
         kinds = self._kinds(graph)
-        for name in [name for name in self._known if kinds.get(name) != self._table.kind_of(name)]:
-            del self._known[name]
-            if (client := self._clients.pop(name, None)) is not None:
+        if gone := self._advertised.gone(kinds):
+            ids = [self._advertised.remove(name) for name in gone]
+            self._client.notify(protocol.text("unadvertiseServices", serviceIds=ids))
+            for client in [self._clients.pop(name) for name in gone if name in self._clients]:
                 await client.close()
-        if gone := self._table.gone(kinds):
-            self._client.put(protocol.text("unadvertiseServices", serviceIds=gone))
         told: list[dict[str, Any]] = []
-        for name in self._table.missing(kinds):
+        for name in self._advertised.missing(kinds):
             format_ = await self._formats.find_service(*kinds[name])
             if format_ is not None:
-                self._known[name] = format_
-                told.append(format_.tell(self._table.add(name, kinds[name]), name))
+                told.append(format_.tell(self._advertised.add(name, kinds[name], format_), name))
         if told:
-            self._client.put(protocol.text("advertiseServices", services=told))
+            self._client.notify(protocol.text("advertiseServices", services=told))
 
     async def call(self, said: Call) -> None:
         """Tell the client the answer, or why there is none."""
@@ -60,7 +61,7 @@ class Calls:
             frame = protocol.call_failure(said, "nobody serves it now")
         except BusError as error:
             frame = protocol.call_failure(said, str(error))
-        self._client.put(frame)
+        self._client.notify(frame)
 
     async def close(self) -> None:
         """End all clients of services."""
@@ -69,12 +70,12 @@ class Calls:
             await client.close()
 
     async def _ask(self, said: Call) -> bytes:
-        name = self._table.name_of(said.service_id)
-        format_ = self._known.get(name or "")
-        if name is None or format_ is None:
+        name = self._advertised.name_of(said.service_id)
+        if name is None:
             return protocol.call_failure(said, f"there is no service {said.service_id}")
         if said.encoding != "cdr":
             return protocol.call_failure(said, f"requests are in cdr, not in {said.encoding!r:.40}")
+        format_ = self._advertised.entries[name].format
         request = format_.read_request(said.data)
         async with self._making:
             client = self._clients.get(name)
@@ -84,9 +85,9 @@ class Calls:
             await client.wait_for_service()
         return protocol.response(said, "cdr", format_.write_response(await client.call(request)))
 
-    def _kinds(self, graph: Graph) -> dict[str, tuple[Kind, Kind]]:
+    def _kinds(self, graph: Graph) -> dict[str, _Kinds]:
         """Of each service that is served, the types of its requests and its replies."""
-        found: dict[str, tuple[Kind, Kind]] = {}
+        found: dict[str, _Kinds] = {}
         for name in graph.services():
             servers, replies = graph.servers_of(name), graph.publishers_of(reply_topic(name))
             if not servers or not replies or is_hidden_topic(name):

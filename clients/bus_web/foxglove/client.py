@@ -1,17 +1,15 @@
-"""The client of a session, as far as its parts speak to it."""
+"""One client, as all that belongs to its session speaks to it."""
 
-from typing import Protocol
-
+from bus_web.foxglove import protocol
 from bus_web.foxglove.protocol import Level
+from bus_web.sender import Sender
 
 __all__ = ["Client"]
 
 
-class Client(Protocol):
-    """Who is told things."""
-
-    def put(self, frame: bytes) -> None:
-        """A frame that is of no topic."""
+class Client(Sender):
+    """What it is sent: answers and news, messages of topics, and statuses."""
 
     def say(self, level: Level, text: str, id: str | None = None) -> None:
         """A status. Of one `id` the last holds."""
+        self.notify(protocol.status(level, text, id))

@@ -10,9 +10,9 @@ from bus.srv import Service, make_service
 from bus.types.service import message_of
 from bus.types.support import type_support
 from bus_ros.cdr import CdrError, Codec, codec_of
-from bus_web.foxglove.channels import Kind
+from bus_web.shared_subscriptions import TypeKind
 
-__all__ = ["Formats", "ServiceFormat"]
+__all__ = ["Formats", "ServiceFormat", "tell_channel"]
 
 _ANSWER_S = 2.0
 _MOST = 4096
@@ -55,10 +55,10 @@ class Formats:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._known: dict[Kind, Codec | str] = {}
-        self._services: dict[tuple[Kind, Kind], ServiceFormat] = {}
+        self._known: dict[TypeKind, Codec | str] = {}
+        self._services: dict[tuple[TypeKind, TypeKind], ServiceFormat] = {}
 
-    async def find(self, kind: Kind) -> Codec | str | None:
+    async def find(self, kind: TypeKind) -> Codec | str | None:
         """A text says why the type has none; None where the bus doesn't tell now: ask again later."""
         known = self._known.get(kind)
         if known is not None:
@@ -77,7 +77,7 @@ class Formats:
         self._known[kind] = known
         return known
 
-    async def find_service(self, request: Kind, response: Kind) -> ServiceFormat | None:
+    async def find_service(self, request: TypeKind, response: TypeKind) -> ServiceFormat | None:
         """None where the bus doesn't tell, or ROS 2 can't describe it."""
         known = self._services.get((request, response))
         if known is not None:
@@ -97,6 +97,11 @@ class Formats:
             del self._services[next(iter(self._services))]
         self._services[request, response] = known
         return known
+
+
+def tell_channel(id: int, topic: str, codec: Codec) -> dict[str, Any]:
+    """A channel, as clients are told of it."""
+    return {"id": id, "topic": topic, **_schema(codec)}
 
 
 def _schema(codec: Codec) -> dict[str, str]:

@@ -13,7 +13,7 @@ from bus_web.foxglove.client import Client
 from bus_web.foxglove.protocol import Level, Misunderstood, Parameter
 from bus_web.foxglove.values import join, parameter_of, split, value_of
 from bus_web.hub import Hub
-from bus_web.taps import Heard
+from bus_web.shared_subscriptions import Heard
 
 __all__ = ["EVENTS", "Parameters"]
 
@@ -37,7 +37,7 @@ class Parameters:
         wanted = self._by_node(said.names) if said.names else dict.fromkeys(self._nodes())
         found = await asyncio.gather(*(self._values(node, names) for node, names in wanted.items()))
         values = [one for those in found for one in those]
-        self._client.put(protocol.parameter_values(values, said.id))
+        self._client.notify(protocol.parameter_values(values, said.id))
 
     async def set(self, said: protocol.SetParameters) -> None:
         """Set them, and tell what is refused; then, if the client wants to know, the values."""
@@ -81,7 +81,7 @@ class Parameters:
             return
         told = [one for one in changed if self._follows_all or one.name in self._followed]
         if told:
-            self._client.put(protocol.parameter_values(told))
+            self._client.notify(protocol.parameter_values(told))
 
     def _nodes(self) -> list[str]:
         graph = self._hub.model.graph

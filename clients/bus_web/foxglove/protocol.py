@@ -33,7 +33,6 @@ __all__ = [
     "UnsubscribeParameterUpdates",
     "asset_missing",
     "call_failure",
-    "is_text",
     "message",
     "parameter_values",
     "read",
@@ -225,11 +224,6 @@ def _read_binary(frame: bytes) -> Publish | Call:
 def text(op: str, **fields: Any) -> bytes:
     """A frame of the server, to be sent as a text."""
     return _encode({"op": op, **fields})
-
-
-def is_text(frame: bytes) -> bool:
-    """Whether a frame of the server goes as a text: JSON does, and no binary frame begins with a brace."""
-    return frame.startswith(b"{")
 
 
 def status(level: Level, message: str, id: str | None = None) -> bytes:

@@ -82,7 +82,7 @@ class Publishing:
         parts = one.schema_name.split("/")
         name = f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else one.schema_name
         if self._hub.has_looked:
-            present = self._hub.taps.kinds.get(one.topic)
+            present = self._hub.subscriptions.kinds.get(one.topic)
             if present is not None and present[0] != name:
                 raise ConfigurationError(f"the topic has the type {present[0]}, not {name}")
             for kind in types_of(self._hub.model.graph, one.topic, name):

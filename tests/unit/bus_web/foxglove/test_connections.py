@@ -1,8 +1,8 @@
-"""What a client is told of the graph, and what it is told next."""
+"""Who is connected, as a client is told of it."""
 
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.qos import QoSProfile
-from bus_web.foxglove.channels import Channels, ConnectionGraph, Described
+from bus_web.foxglove.connections import ConnectionGraph
 
 NODES = [GraphNode(number, name, "/", 10 + number) for number, name in enumerate(("a", "b", "_bus_web_1"), 1)]
 STRING = "std_msgs/msg/String"
@@ -17,27 +17,6 @@ def end(kind: str, node: int, topic: str) -> GraphEndpoint:
 def graph(*ends: GraphEndpoint) -> Graph:
     publishers = tuple(one for one in ends if one.kind == "publisher")
     return Graph(1, 1, tuple(NODES), publishers, tuple(one for one in ends if one.kind != "publisher"), ())
-
-
-def test_ids_are_given_once() -> None:
-    channels = Channels()
-    described = Described(STRING, "string data\n")
-    now = {"/x": (STRING, "1"), "/y": (STRING, "1")}
-    assert channels.missing(now) == ["/x", "/y"]
-    assert channels.tell("/x", now["/x"], described) == {
-        "id": 1, "topic": "/x", "encoding": "cdr", "schemaName": STRING, "schema": "string data\n",
-        "schemaEncoding": "ros2msg",
-    }  # fmt: skip
-    assert channels.tell("/y", now["/y"], described)["id"] == 2
-    assert channels.missing(now) == []
-    assert channels.name_of(1) == "/x"
-    assert channels.gone(now) == []
-    now = {"/x": (STRING, "2")}  # of another type now
-    assert channels.gone(now) == [1, 2]
-    assert channels.missing(now) == ["/x"]
-    assert channels.tell("/x", now["/x"], described)["id"] == 3
-    assert [channels.name_of(id) for id in (1, 2, 3)] == [None, None, "/x"]
-    assert (channels.kind_of("/x"), channels.kind_of("/y"), len(channels)) == ((STRING, "2"), None, 1)
 
 
 def test_who_is_connected() -> None:

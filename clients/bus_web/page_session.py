@@ -1,34 +1,24 @@
 """One page that is open: what it is told, in which pace, and what it looks at."""
 
 import asyncio
-from collections import deque
-from typing import Any, Protocol
+from typing import Any
 
 from bus.base.version import RELEASE
 from bus_web import page_protocol as protocol
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
-from bus_web.taps import Heard
+from bus_web.page_log import PageLog
+from bus_web.sender import Sender, Socket
+from bus_web.shared_subscriptions import Heard
 from bus_web.tree import tree_of
 
-__all__ = ["Socket", "Viewer"]
+__all__ = ["PageSession"]
 
-ROSOUT = "/rosout"
 _VALUE_S = 0.05
 """At most 20 values of a topic in a second."""
 _MOST_WAITING = 2 << 20
 """Bytes. A page shows what is now: it may have less in store than a client that records."""
-_LOG_S = 0.2
-_MOST_LINES = 200
 _MOST_OPENED = 100
-
-
-class Socket(Protocol):
-    """A WebSocket, as far as it is used here."""
-
-    async def send(self, message: bytes, *, text: bool) -> None: ...
-
-    async def recv(self) -> str | bytes: ...
 
 
 class _Look:
@@ -42,7 +32,7 @@ class _Look:
         self.timer: asyncio.TimerHandle | None = None
 
 
-class Viewer(Watcher):
+class PageSession(Watcher):
     """Speaks `busd.page.v1` on `socket` until that ends (`run`)."""
 
     def __init__(self, hub: Hub, socket: Socket, bus: str) -> None:
@@ -50,20 +40,16 @@ class Viewer(Watcher):
         self._socket = socket
         self._bus = bus
         self._loop = asyncio.get_running_loop()
-        self._outbox = Outbox(_MOST_WAITING)
-        self._ready = asyncio.Event()
+        self._sender = Sender(socket, Outbox(_MOST_WAITING))
         self._sent = protocol.Sent()
         self._is_graph_due = self._is_first = True
         self._looks: dict[str, _Look] = {}
-        self._lines: deque[list[Any]] = deque(maxlen=_MOST_LINES)
-        self._lines_left_out = 0
-        self._lines_timer: asyncio.TimerHandle | None = None
-        self._has_log = False
+        self._log = PageLog(hub.subscriptions, self._sender)
 
     async def run(self) -> None:
         """Raises Mistake for what the page can't mean, and what the socket raises when it ends."""
         self._notify("hello", release=RELEASE, bus=self._bus, most_hz=round(1 / _VALUE_S))
-        sending = self._loop.create_task(self._send())
+        sending = self._loop.create_task(self._sender.run())
         try:
             async with self._hub.watching(self):
                 if self._hub.is_lost:
@@ -75,42 +61,37 @@ class Viewer(Watcher):
         finally:
             sending.cancel()
             self._look_at({})
-            self._show_log(on=False)
+            self._log.show(on=False)
             await asyncio.gather(sending, return_exceptions=True)
 
     # --- of the hub
 
     def looked(self, *, is_new: bool) -> None:
         self._is_graph_due |= is_new
-        if self._outbox.notices:  # it has not read the last look yet: the next it gets is newer
+        if self._sender.notices:  # it has not read the last look yet: the next it gets is newer
             return
         model = self._hub.model
         if self._is_graph_due:
             self._is_graph_due = False
-            self._put(protocol.graph(model))
+            self._sender.notify(protocol.graph(model))
             if self._is_first:
                 self._is_first = False
-                self._put(protocol.history(model.topics(hidden=True)))
-        self._put(self._sent.rates(model))
+                self._sender.notify(protocol.history(model.topics(hidden=True)))
+        self._sender.notify(self._sent.rates(model))
         if self._looks:
-            self._put(protocol.detail([end for topic in self._looks for end in model.endpoints(topic)]))
-        if self._outbox.dropped:
-            self._notify("status", dropped=dict(self._outbox.dropped))
-            self._outbox.dropped.clear()
+            self._tell_details()
+        if dropped := self._sender.take_dropped():
+            self._notify("status", dropped=dropped)
 
     def lost(self, text: str) -> None:
-        if not self._outbox.notices:
+        if not self._sender.notices:
             self._notify("bus", is_up=False, text=text)
 
-    # --- of the taps
+    # --- of the subscriptions
 
     def hear(self, topic: str, heard: Heard) -> None:
-        if topic == ROSOUT and self._has_log:
-            self._add_line(heard)
-        look = self._looks.get(topic)
-        if look is None:
-            return
-        self._await_turn(topic, look, heard)
+        if (look := self._looks.get(topic)) is not None:
+            self._await_turn(topic, look, heard)
 
     def _await_turn(self, topic: str, look: _Look, heard: Heard) -> None:
         look.waiting = heard
@@ -123,8 +104,7 @@ class Viewer(Watcher):
 
     def hear_fault(self, topic: str, text: str) -> None:
         if topic in self._looks:
-            self._outbox.put(topic, protocol.message("fault", topic=topic, text=text))
-            self._ready.set()
+            self._sender.put(topic, protocol.message("fault", topic=topic, text=text))
 
     # --- of the page
 
@@ -133,7 +113,7 @@ class Viewer(Watcher):
         if isinstance(said, protocol.Look):
             self._look_at(said.topics)
         else:
-            self._show_log(on=said.on)
+            self._log.show(on=said.on)
 
     def _look_at(self, topics: dict[str, list[str]]) -> None:
         for topic in [*self._looks]:
@@ -141,37 +121,20 @@ class Viewer(Watcher):
                 look = self._looks.pop(topic)
                 if look.timer is not None:
                     look.timer.cancel()
-                self._outbox.forget(topic)
-                self._leave(topic)
+                self._sender.forget(topic)
+                self._hub.subscriptions.remove(topic, self)
         for topic, paths in topics.items():
             opened = frozenset(paths[:_MOST_OPENED])
             known = self._looks.get(topic)
             if known is None:
                 self._looks[topic] = _Look(opened)
-                self._hub.taps.add(topic, self)
+                self._hub.subscriptions.add(topic, self)
             elif known.opened != opened:
                 known.opened = opened
                 if known.shown is not None and known.waiting is None:
                     self._await_turn(topic, known, known.shown)
-        if topics and self._hub.has_looked and not self._outbox.notices:
-            self._put(protocol.detail([end for one in topics for end in self._hub.model.endpoints(one)]))
-
-    def _show_log(self, *, on: bool) -> None:
-        if on == self._has_log:
-            return
-        self._has_log = on
-        if on:
-            self._hub.taps.add(ROSOUT, self)
-        else:
-            self._lines.clear()
-            if self._lines_timer is not None:
-                self._lines_timer.cancel()
-                self._lines_timer = None
-            self._leave(ROSOUT)
-
-    def _leave(self, topic: str) -> None:
-        if topic not in self._looks and not (topic == ROSOUT and self._has_log):
-            self._hub.taps.remove(topic, self)
+        if topics and self._hub.has_looked and not self._sender.notices:
+            self._tell_details()
 
     def _show(self, topic: str, look: _Look) -> None:
         look.timer = None
@@ -198,45 +161,13 @@ class Viewer(Watcher):
                 age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
                 tree=tree_of(message, look.opened),
             )
-        self._outbox.put(topic, frame)
-        self._ready.set()
-
-    def _add_line(self, heard: Heard) -> None:
-        try:
-            line = heard.message
-            at_s = line.stamp.sec + line.stamp.nanosec / 1e9
-            text = [round(at_s * 1000), line.level, line.name, line.msg[:2000]]
-        except Exception:  # /rosout of some other type
-            return
-        if len(self._lines) == _MOST_LINES:
-            self._lines_left_out += 1
-        self._lines.append(text)
-        if self._lines_timer is None:
-            self._lines_timer = self._loop.call_later(_LOG_S, self._tell_lines)
-
-    def _tell_lines(self) -> None:
-        self._lines_timer = None
-        if self._outbox.notices:  # it does not read: tell it later
-            self._lines_timer = self._loop.call_later(_LOG_S, self._tell_lines)
-            return
-        self._notify("log", lines=[*self._lines], left_out=self._lines_left_out)
-        self._lines.clear()
-        self._lines_left_out = 0
+        self._sender.put(topic, frame)
 
     # --- to the page
 
+    def _tell_details(self) -> None:
+        model = self._hub.model
+        self._sender.notify(protocol.detail([one for topic in self._looks for one in model.endpoints(topic)]))
+
     def _notify(self, op: str, **fields: Any) -> None:
-        self._put(protocol.message(op, **fields))
-
-    def _put(self, frame: bytes) -> None:
-        self._outbox.notify(frame)
-        self._ready.set()
-
-    async def _send(self) -> None:
-        while True:
-            frame = self._outbox.take()
-            if frame is None:
-                self._ready.clear()
-                await self._ready.wait()
-            else:
-                await self._socket.send(frame, text=True)
+        self._sender.notify(protocol.message(op, **fields))

@@ -1,0 +1,33 @@
+"""The time of the bus, where somebody publishes it: simulated, or that of a recording."""
+
+from bus.graph import Graph
+from bus_web.shared_subscriptions import Heard
+
+__all__ = ["CLOCK", "Clock"]
+
+CLOCK, _TYPE = "/clock", "rosgraph_msgs/msg/Clock"
+
+
+class Clock:
+    """What `/clock` says, as long as it is there."""
+
+    def __init__(self) -> None:
+        self.is_there = False
+        self.now_ns = 0
+        """0 until it has said something."""
+
+    def follow(self, graph: Graph, *, keep: bool) -> bool:
+        """Returns whether it has come or gone; `keep`: it does not go."""
+        was_there = self.is_there
+        is_published = any(one.type_name == _TYPE for one in graph.publishers_of(CLOCK))
+        self.is_there = is_published or (keep and was_there)
+        return self.is_there != was_there
+
+    def hear(self, heard: Heard) -> bool:
+        """Returns whether it said a time."""
+        try:
+            stamp = heard.message.clock
+            self.now_ns = max(0, stamp.sec) * 1_000_000_000 + stamp.nanosec
+        except Exception:  # bytes of a stranger
+            return False
+        return True

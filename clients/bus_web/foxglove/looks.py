@@ -1,0 +1,36 @@
+"""The topics that one client looks at, for one reason or several."""
+
+from bus_web.shared_subscriptions import Listener, SharedSubscriptions
+
+__all__ = ["Looks"]
+
+
+class Looks:
+    """As long as there is a reason, the `listener` hears what comes on a topic."""
+
+    def __init__(self, subscriptions: SharedSubscriptions, listener: Listener) -> None:
+        self._subscriptions = subscriptions
+        self._listener = listener
+        self._reasons: dict[str, set[str]] = {}
+
+    def add(self, topic: str, reason: str) -> None:
+        reasons = self._reasons.setdefault(topic, set())
+        reasons.add(reason)
+        if len(reasons) == 1:
+            self._subscriptions.add(topic, self._listener, is_last_wanted=False)
+
+    def remove(self, topic: str, reason: str) -> None:
+        """Nothing happens where that was none."""
+        reasons = self._reasons.get(topic)
+        if reasons is None:
+            return
+        reasons.discard(reason)
+        if not reasons:
+            del self._reasons[topic]
+            self._subscriptions.remove(topic, self._listener)
+
+    def close(self) -> None:
+        """Look at nothing."""
+        while self._reasons:
+            topic, _ = self._reasons.popitem()
+            self._subscriptions.remove(topic, self._listener)

@@ -1,0 +1,72 @@
+"""From an outbox to a WebSocket: what one client is sent, as fast as it reads."""
+
+import asyncio
+from typing import Protocol
+
+from bus_web.outbox import Outbox
+
+__all__ = ["Sender", "Socket"]
+
+
+class Socket(Protocol):
+    """A WebSocket, as far as it is used here."""
+
+    async def send(self, message: bytes, *, text: bool) -> None: ...
+
+    async def recv(self) -> str | bytes: ...
+
+
+class Sender:
+    """Frames wait in an `outbox` until `run` has sent them.
+
+    One that begins with a brace is JSON, and goes as a text; no binary frame of ours begins so.
+    """
+
+    def __init__(self, socket: Socket, outbox: Outbox) -> None:
+        self._socket = socket
+        self._outbox = outbox
+        self._is_filled = asyncio.Event()
+        self._is_drained = asyncio.Event()
+        self._is_drained.set()
+
+    @property
+    def notices(self) -> int:
+        """How many frames wait that are of no topic. They are never dropped: look before adding more."""
+        return self._outbox.notices
+
+    def notify(self, frame: bytes) -> None:
+        """A frame that is of no topic."""
+        self._outbox.notify(frame)
+        self._is_drained.clear()
+        self._is_filled.set()
+
+    def put(self, topic: str, frame: bytes) -> None:
+        """A message of a topic; older ones are dropped where there is no room."""
+        self._outbox.put(topic, frame)
+        self._is_filled.set()
+
+    def forget(self, topic: str) -> None:
+        """Its messages need not be sent any more."""
+        self._outbox.forget(topic)
+
+    def take_dropped(self) -> dict[str, int]:
+        """How many messages of each topic were dropped since this was asked last."""
+        dropped = dict(self._outbox.dropped)
+        self._outbox.dropped.clear()
+        return dropped
+
+    async def drain(self) -> None:
+        """Wait until all frames that are of no topic have been sent."""
+        await self._is_drained.wait()
+
+    async def run(self) -> None:
+        """Until cancelled. Raises what the socket raises when it ends."""
+        while True:
+            frame = self._outbox.take()
+            if frame is None:
+                self._is_filled.clear()
+                await self._is_filled.wait()
+                continue
+            await self._socket.send(frame, text=frame.startswith(b"{"))
+            if not self._outbox.notices:
+                self._is_drained.set()

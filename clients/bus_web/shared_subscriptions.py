@@ -1,0 +1,233 @@
+"""What pages look at: one subscription for each topic, however many look, as long as one does.
+
+Best effort, with room for five: who looks holds nobody up. Messages come encoded; who wants values decodes
+those it shows.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any, Protocol
+
+from bus.errors import BusError
+from bus.graph import Graph
+from bus.node import Node
+from bus.qos import Durability, QoSProfile, Reliability
+from bus.schema import MessageSchema, support_of
+from bus.subscription import MessageInfo, Subscription
+
+__all__ = ["Heard", "Listener", "SharedSubscriptions", "TypeKind"]
+
+TypeKind = tuple[str, str]
+"""A type's name and hash."""
+
+_DEPTHS = {"/rosout": 200}
+"""Of a log, its last lines are of interest."""
+_DEPTH = 5
+_MOST_AT_ONCE = 200
+
+
+class Heard:
+    """A message of a topic; decoded when the first asks, for all that ask."""
+
+    __slots__ = ("_decode", "_message", "frames", "info", "number", "payload", "schema", "type_name")
+
+    def __init__(
+        self,
+        schema: MessageSchema,
+        decode: Callable[[Any], Any],
+        payload: bytes,
+        info: MessageInfo,
+        number: int,
+    ) -> None:
+        self.schema = schema
+        self.type_name = schema.type_name
+        self.payload = payload
+        self.info = info
+        self.number = number
+        """How many have come since the first looked."""
+        self.frames: dict[object, Any] = {}
+        """What was made of it for some who look, to be had by others."""
+        self._decode = decode
+        self._message: Any = self
+
+    @property
+    def message(self) -> Any:
+        """Raises BusError, or ValueError and its like, for bytes that are no message of the type."""
+        if self._message is self:
+            self._message = self._decode(self.payload)
+        return self._message
+
+
+class Listener(Protocol):
+    """Who looks at a topic."""
+
+    def hear(self, topic: str, heard: Heard) -> None:
+        """A message has come. Must not raise."""
+
+    def hear_fault(self, topic: str, text: str) -> None:
+        """Why nothing can come."""
+
+
+class _Shared:
+    """The subscription of one topic, of the type that this has just now; `close` it in the end."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self.listeners: dict[Listener, None] = {}
+        self._node = node
+        self._topic = topic
+        self._kind: TypeKind | None = None
+        self._depths: Mapping[bytes, int] = {}
+        """Of publishers that keep messages for late joiners, by gid."""
+        self._kept: dict[bytes, deque[Heard]] = {}
+        """What they have published last, for those who look later than others."""
+        self._last: Heard | None = None
+        self._count = 0
+        self._is_other_type = asyncio.Event()
+        self._task = asyncio.get_running_loop().create_task(self._run())
+
+    def follow(self, kind: TypeKind | None, depths: Mapping[bytes, int]) -> None:
+        """The type of the topic now, None where nobody has it; and how much which publishers keep."""
+        self._depths = depths
+        self._kept = {gid: kept for gid, kept in self._kept.items() if gid in depths}
+        if kind != self._kind:
+            self._kind = kind
+            self._is_other_type.set()
+
+    def recent(self, *, is_last_wanted: bool) -> list[Heard]:
+        """For one who looks later than others."""
+        kept = sorted((one for those in self._kept.values() for one in those), key=lambda one: one.number)
+        if not kept and is_last_wanted and self._last is not None:
+            return [self._last]
+        return kept
+
+    def close(self) -> asyncio.Task[None]:
+        """Returns what is done once the subscription has ended."""
+        self._task.cancel()
+        return self._task
+
+    async def _run(self) -> None:
+        subscription: Subscription[Any] | None = None
+        kind: TypeKind | None = None
+        try:
+            while True:
+                self._is_other_type.clear()
+                wanted = self._kind
+                if wanted is not None and (wanted != kind or subscription is None):
+                    if subscription is not None:
+                        await subscription.close()
+                        subscription = None
+                        self._last = None
+                        self._kept.clear()
+                    kind = wanted
+                    try:
+                        subscription = await self._subscribe(kind)
+                    except BusError as error:
+                        for listener in [*self.listeners]:
+                            listener.hear_fault(self._topic, str(error))
+                await self._is_other_type.wait()
+        finally:
+            if subscription is not None:
+                with suppress(BusError):
+                    await subscription.close()
+
+    async def _subscribe(self, kind: TypeKind) -> Subscription[Any]:
+        schema = await self._node.get_schema(*kind)
+        decode = _decoder(schema)
+
+        def hear(payload: bytes, info: MessageInfo) -> None:
+            self._count += 1
+            heard = self._last = Heard(schema, decode, payload, info, self._count)
+            if depth := self._depths.get(info.publisher_gid):
+                self._kept.setdefault(info.publisher_gid, deque(maxlen=depth)).append(heard)
+            for listener in [*self.listeners]:
+                listener.hear(self._topic, heard)
+
+        at_once = sum(self._depths.values())  # of all at the beginning
+        profile = QoSProfile(
+            max(_depth_of(self._topic), min(at_once, _MOST_AT_ONCE)),
+            reliability=Reliability.BEST_EFFORT,
+            durability=Durability.BEST_AVAILABLE,
+        )
+        return await self._node.create_subscription(schema, self._topic, profile, hear, raw=True)
+
+
+class SharedSubscriptions:
+    """The subscriptions of `node`. `follow` each graph with it, so that it knows which types topics have."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._shared: dict[str, _Shared] = {}
+        self._kinds: dict[str, TypeKind] = {}
+        self._depths: dict[str, dict[bytes, int]] = {}
+        self._ending: set[asyncio.Task[None]] = set()
+
+    @property
+    def kinds(self) -> Mapping[str, TypeKind]:
+        """Of each topic, the type that is looked at."""
+        return self._kinds
+
+    def follow(self, graph: Graph) -> None:
+        """Types of topics have come or gone, or publishers that keep messages for late joiners."""
+        kinds: dict[str, TypeKind] = {}
+        self._depths = {}
+        for one in (*graph.publishers, *graph.subscriptions):
+            if one.node.name != self._node.name:
+                kinds.setdefault(one.topic, (one.type_name, one.type_hash))
+            if one.kind == "publisher" and one.qos.durability is Durability.TRANSIENT_LOCAL:
+                self._depths.setdefault(one.topic, {})[one.gid] = min(one.qos.depth, _depth_of(one.topic))
+        self._kinds = kinds
+        for topic in self._shared:
+            self._follow(topic)
+
+    def add(self, topic: str, listener: Listener, *, is_last_wanted: bool = True) -> None:
+        """From now on it hears; first, what publishers keep for late joiners, or the last message, where
+        others have had one and it `is_last_wanted`."""
+        if topic not in self._shared:
+            self._shared[topic] = _Shared(self._node, topic)
+            self._follow(topic)
+        shared = self._shared[topic]
+        shared.listeners[listener] = None
+        for heard in shared.recent(is_last_wanted=is_last_wanted):
+            listener.hear(topic, heard)
+
+    def remove(self, topic: str, listener: Listener) -> None:
+        """It hears no more; where it was the last, the subscription ends."""
+        shared = self._shared.get(topic)
+        if shared is None:
+            return
+        shared.listeners.pop(listener, None)
+        if not shared.listeners:
+            self._end(self._shared.pop(topic))
+
+    async def close(self) -> None:
+        """End all of them."""
+        while self._shared:
+            self._end(self._shared.popitem()[1])
+        while self._ending:
+            await asyncio.wait([*self._ending])
+
+    def _follow(self, topic: str) -> None:
+        self._shared[topic].follow(self._kinds.get(topic), self._depths.get(topic, {}))
+
+    def _end(self, shared: _Shared) -> None:
+        task = shared.close()
+        self._ending.add(task)
+        task.add_done_callback(self._ending.discard)
+
+
+def _depth_of(topic: str) -> int:
+    return _DEPTHS.get(topic, _DEPTH)
+
+
+def _decoder(schema: MessageSchema) -> Callable[[Any], Any]:
+    """A class is made when the first message is looked at: Foxglove needs none."""
+    made: list[Callable[[Any], Any]] = []
+
+    def decode(payload: Any) -> Any:
+        if not made:
+            made.append(support_of(schema, raw=False).decode)
+        return made[0](payload)
+
+    return decode
