@@ -246,13 +246,21 @@ def _is_daily(item: pytest.Item) -> bool:
 def _is_in_half(item: pytest.Item) -> bool:
     """Of the four combinations of loop and route each test has two, in which each loop and each route is.
 
-    Which two hangs on its name, so that all tests together have all four.
+    Which two hangs on its name, so that all tests together have all four. So it is with loop and distribution of
+    ROS 2. What is marked `either_loop` and has neither has one loop.
     """
     ids = item.callspec.id.split("-") if hasattr(item, "callspec") else []
-    if not ("asyncio" in ids) ^ ("uvloop" in ids) or not ("shm" in ids) ^ ("socket" in ids):
+    if not ("asyncio" in ids) ^ ("uvloop" in ids):
         return True
+    for one, other in (("shm", "socket"), ("jazzy", "kilted")):
+        if (one in ids) ^ (other in ids):
+            break
+    else:
+        if item.get_closest_marker("either_loop") is None:
+            return True
+        one = "asyncio or uvloop"
     name = item.nodeid.partition("[")[0]
-    return ("asyncio" in ids) ^ ("shm" in ids) ^ bool(crc32(name.encode()) & 1)
+    return ("asyncio" in ids) ^ (one in ids) ^ bool(crc32(name.encode()) & 1)
 
 
 def bounded(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., Coroutine[Any, Any, None]]:

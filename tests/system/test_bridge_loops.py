@@ -4,6 +4,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 import bus
 from bridging import Running, world
 from bus.msg.std_msgs import Int32, String
@@ -11,6 +13,8 @@ from bus_bridge.core.rules import TopicRule
 from semantics import until
 
 __all__ = ["world"]
+
+pytestmark = pytest.mark.either_loop
 
 Made = Callable[[], Any]
 
