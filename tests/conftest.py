@@ -246,8 +246,8 @@ def _is_daily(item: pytest.Item) -> bool:
 def _is_in_half(item: pytest.Item) -> bool:
     """Of the four combinations of loop and route each test has two, in which each loop and each route is.
 
-    Which two hangs on its name, so that all tests together have all four. So it is with loop and distribution of
-    ROS 2. What is marked `either_loop` and has neither has one loop.
+    Which two hangs on its name, so that all tests together have all four. So it is with loop and distribution
+    of ROS 2. What is marked `either_loop` and has neither has one loop.
     """
     ids = item.callspec.id.split("-") if hasattr(item, "callspec") else []
     if not ("asyncio" in ids) ^ ("uvloop" in ids):

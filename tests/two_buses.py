@@ -1,7 +1,6 @@
 """Two buses on this machine, for tests of programs that join them."""
 
 import os
-import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,15 +10,7 @@ from bus_cli.query import Query
 from cli import Running, start
 from neighbours import wait_until
 
-__all__ = ["bridge", "free_port", "script_on", "wait_for_graph_of"]
-
-
-def free_port() -> int:
-    """A port of loopback at which nobody listens just now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+__all__ = ["bridge", "script_on", "wait_for_graph_of"]
 
 
 @contextmanager

@@ -28,8 +28,9 @@ from typing import NamedTuple
 
 import bus
 import netns
-from bridged_world import BACK_S, Stream, World
+from bridged_world import Stream, World
 from bus.runner import loop_factory
+from conftest import WAIT_S
 
 QUALITIES = {
     "reliable": bus.QoSProfile(1000),
@@ -41,6 +42,8 @@ _HZ = 50.0
 _PER_ROUND = 4
 _NO_BUSD = "no busd listens on"
 _AWAY_S, _BETWEEN_S = (0.0, 1.5), (0.0, 1.0)
+_BACK_S = 5.0 * WAIT_S / 20
+"""So long after the end of a fault at the latest messages flow again."""
 
 
 class Deed(NamedTuple):
@@ -129,7 +132,7 @@ class Storms:
 
     async def _accounts(self, name: str, missing: int, before: int) -> None:
         """What is missing was counted. What the bridges tell in the graph is some tenths of a second old."""
-        end = time.monotonic() + BACK_S
+        end = time.monotonic() + _BACK_S
         while (counted := self._counted()[name] - before) < missing:
             if time.monotonic() > end:
                 raise Broken(f"{name}: {missing} are missing, {counted} are counted")
@@ -147,9 +150,11 @@ class Storms:
 
     async def _flows(self, stream: Stream) -> float:
         try:
-            return await stream.flows(BACK_S)
+            return await stream.flows(_BACK_S)
         except AssertionError as error:
-            raise Broken(f"{stream.topic} does not flow {BACK_S:g} s after the last fault: {error}") from None
+            raise Broken(
+                f"{stream.topic} does not flow {_BACK_S:g} s after the last fault: {error}"
+            ) from None
 
     async def _do(self, deed: Deed) -> None:
         side = self._world[deed.who]

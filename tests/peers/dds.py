@@ -31,8 +31,9 @@ from bus_bridge.engine import (
     Writer,
 )
 from conftest import WAIT_S
+from ports import own_domain
 
-DOMAIN = 60 + int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+DOMAIN = own_domain()
 STRING = MessageSchema.of(String)
 NODE = LocalNode(1, "busd_node", "/robot")
 LATCHED = QoSProfile(1, durability=Durability.TRANSIENT_LOCAL)
@@ -95,14 +96,16 @@ async def until(holds: Callable[[], Any], what: str = "") -> Any:
 class Bridge:
     """An engine, and the half of a bridge that it needs."""
 
-    def __init__(self, options: DdsOptions = OPTIONS) -> None:
+    def __init__(self, options: DdsOptions = OPTIONS, patience_s: float = 0.05) -> None:
         self.far = Far()
+        self._patience_s = patience_s
         self.engine = DdsEngine("robot-1a2b3c4d", options)
         self.heard: list[str] = []
         self.numbers = 0
 
     async def open(self) -> None:
         await self.engine.open(self.far)
+        self.engine._graph._patience_s = self._patience_s  # for nodes that programs of DDS alone don't have
         self.engine.announce_node(NODE)
 
     def publish(

@@ -1,13 +1,11 @@
 """`bus bridge`, as users run it: two buses joined by zenoh, mistakes, the end, what it tells of itself."""
 
 import json
-import os
 import re
 import shlex
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,10 +17,10 @@ from cli import LISTENER, TALKER, Running, bus, start
 from conftest import Daemon
 from forks import Forks
 from pages import ROOT, console, shape
-from two_buses import bridge, free_port, script_on, wait_for_graph_of
+from ports import free_port, own_domain
+from two_buses import bridge, script_on, wait_for_graph_of
 
-END_S = 2.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
-"""Alone on a machine it takes 0.2 s."""
+DOMAIN = str(own_domain())
 
 needs_zenoh = pytest.mark.skipif(find_spec("zenoh") is None, reason="needs eclipse-zenoh")
 
@@ -100,7 +98,7 @@ class TestTwoBuses:
             told = json.loads(bus("bridge", "status", "--json").out)
             assert not [one for one in told["routes"] if "get_status" in one["topic"]]
             (route,) = (one for one in told["routes"] if one["topic"] == "/topic")
-            assert told["bus"], told["buses"] == ("here", ["there"])
+            assert (told["bus"], told["buses"]) == ("here", ["there"])
             assert (route["direction"], route["bus"]) == ("in", "there")
             dropped = sum(route["dropped"].values()) - route["dropped"].get("lost_on_the_way", 0)
             assert route["taken"] == route["sent"] + route["waiting"] + dropped
@@ -122,13 +120,11 @@ class TestTwoBuses:
     def test_the_end(
         self, daemon: Daemon, far: Daemon, joined: tuple[Running, Running], number: int, name: str
     ) -> None:
-        """Soon, without a traceback; and what came from the far side has gone."""
+        """Without a traceback; and what came from the far side has gone."""
         here, there = joined
         with script_on(far.path, LISTENER):
             wait_for_graph_of(daemon.path, shows("/minimal_subscriber"))
-            began_s = time.monotonic()
             result = here.end(number)
-            assert time.monotonic() - began_s < END_S
             assert result.code == -number
             assert "Traceback" not in result.err and "ERROR" not in result.err
             wait_for_graph_of(daemon.path, lacks("/minimal_subscriber", "/bridge_zenoh"))
@@ -155,15 +151,12 @@ class TestTwoBuses:
 @pytest.mark.skipif(find_spec("cyclonedds") is None, reason="needs cyclonedds")
 def test_ros_2_begins_tells_and_ends(daemon: Daemon) -> None:
     """With nobody there; tests with rclpy have what crosses."""
-    domain = str(100 + os.getpid() % 100)
-    with bridge(daemon.path, "ros2", "--domain-id", domain) as running:
-        running.error_line_with(f"in domain {domain} of DDS, this machine alone")
+    with bridge(daemon.path, "ros2", "--domain-id", DOMAIN) as running:
+        running.error_line_with(f"in domain {DOMAIN} of DDS, this machine alone")
         result = bus("bridge", "status")
         assert (result.err, result.code) == ("", 0)
         assert result.out.startswith("/bridge_ros2: ros2, this bus is ")
-        began_s = time.monotonic()
         ended = running.end(signal.SIGINT)
-        assert time.monotonic() - began_s < END_S
         assert ended.code == -signal.SIGINT
         assert "Traceback" not in ended.err and "WARN" not in ended.err
     wait_for_graph_of(daemon.path, lacks("/bridge_ros2"))

@@ -61,6 +61,8 @@ def alone(bridge: Bridge) -> Iterator[Alone]:
     made.close()
 
 
+pytestmark = pytest.mark.either_loop
+
 _LATCHED = (Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1))
 
 

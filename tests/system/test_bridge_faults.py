@@ -35,7 +35,8 @@ async def exchange(publisher: Any, subscription: Any) -> None:
     """Publish numbers until they arrive, and see that each comes once."""
     await publisher.wait_for_subscriptions()
     await subscription.wait_for_publishers()
-    said, heard = 0, []
+    said = 0
+    heard: list[int] = []
     async with asyncio.timeout(WAIT_S):
         while not heard or heard[-1] != said:
             if not heard:  # what was said before the way was there may be lost

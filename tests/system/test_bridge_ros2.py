@@ -12,10 +12,11 @@ import msgspec
 import pytest
 
 import bus
-from bridged_world import BACK_S, END_S, Bridge, Side, World, on_one_loop, until
+from bridged_world import Bridge, Side, World, on_one_loop, until
 from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import Header, String
+from conftest import WAIT_S
 from forks import Forks
 from peers import peer
 from peers.peer import Peer
@@ -95,8 +96,8 @@ async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro
             both = ["/robot/busd_node", "/ros/ros_node"]
             assert await answers(ros, "nodes", lambda found: {*both} <= {*found})
             assert "/bridge_ros2" not in await ask(ros, "nodes")
-            (types,) = {*(await ask(ros, "topics"))["/robot/cmd_vel"]}
-            assert types == "geometry_msgs/msg/Twist"
+            topics = await answers(ros, "topics", lambda found: "/robot/cmd_vel" in found)
+            assert {*topics["/robot/cmd_vel"]} == {"geometry_msgs/msg/Twist"}
             published, heard = await answers(
                 ros, "of_node", lambda found: all(found), name="busd_node", namespace="/robot"
             )
@@ -114,8 +115,8 @@ async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro
             out = (await asyncio.to_thread(side.bus, "topic", "info", "-v", "/ros/chatter")).out
             assert "ros_node" in out and "std_msgs/msg/String" in out
         await answers(ros, "nodes", lambda found: found == ["/ros/ros_node"])
-        assert bridge.end() < END_S
-        assert not side.names()
+        bridge.end()
+        await until(lambda: not side.names())
 
 
 # --- messages
@@ -153,7 +154,7 @@ async def test_string_twist_and_image_cross_both_ways(world: World, distro: peer
                 await until(lambda: heard)
                 assert heard.pop() == message
                 info = infos.pop()
-                assert 0 < info.received_timestamp - info.source_timestamp < 5e9
+                assert 0 < info.received_timestamp - info.source_timestamp < WAIT_S * 1e9
                 assert info.publisher_gid == subscription.matches[0].gid
 
 
@@ -250,9 +251,8 @@ async def test_whoever_is_killed_and_comes_back_all_flows_again(
                 await asyncio.sleep(0.5)
                 killed.restart()
             now, count = sent, len(heard)
-            within_s = 20.0 if victim == "ros" else BACK_S
-            await until(lambda: len(heard) > count + 5, "it is heard again", within_s)
-            await until(lambda: _last(ros) > now, "it hears again", within_s)
+            await until(lambda: len(heard) > count + 5, "it is heard again")
+            await until(lambda: _last(ros) > now, "it hears again")
             talking.cancel()
             await ask(ros, "stop", topic="/back")
             numbers = [int(one["data"]) for one in ros.heard["/there"]]

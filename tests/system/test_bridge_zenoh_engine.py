@@ -22,6 +22,9 @@ from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.routes import ZenohReader, ZenohWriter
 from certificates import Certificates, make_certificates
 from conftest import WAIT_S, open_descriptors
+from ports import free_port
+
+pytestmark = pytest.mark.either_loop
 
 SCHEMA = MessageSchema.of(String)
 GID = bytes(range(16))
@@ -37,12 +40,6 @@ def zenoh_runtime() -> None:
             await one.far.until(lambda: one.far.buses)
 
     asyncio.run(meet())
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Far:
@@ -361,7 +358,7 @@ async def test_a_bus_that_lies_is_not_heard_again() -> None:
         assert [one.text for one in laptop.engine.links() if one.state == "refused"] == ["too many nodes"]
 
 
-async def test_a_bridge_that_starts_anew_is_found_within_seconds() -> None:
+async def test_a_bridge_that_starts_anew_is_found() -> None:
     where = f"tcp/127.0.0.1:{free_port()}"
     robot, laptop = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))
     async with opened(b=(laptop, "laptop")) as (other,):
@@ -416,7 +413,7 @@ async def test_without_addresses_no_socket_is_opened() -> None:
             for kind in ("tcp", "udp", "tcp6", "udp6")
         ]
         inodes = {line.split()[9] for table in tables for line in table}
-        own = {str(entry.readlink()) for entry in Path("/proc/self/fd").iterdir() if entry.exists()}
+        own = {*open_descriptors().values()}
         return {inode for inode in inodes if f"socket:[{inode}]" in own}
 
     before = sockets()
@@ -424,7 +421,7 @@ async def test_without_addresses_no_socket_is_opened() -> None:
         assert side.far.warnings == [
             "none of --listen, --connect and --router is given: nobody can be reached"
         ]
-        assert sockets() == before
+        assert sockets() <= before
 
 
 async def test_a_port_that_is_taken_is_named() -> None:

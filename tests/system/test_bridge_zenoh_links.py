@@ -20,8 +20,6 @@ from conftest import WAIT_S
 
 _PROGRAM = Path(__file__).parents[1] / "zenoh_side.py"
 _LEASE_S = 10.0
-_BACK_S = 5.0
-"""From the cause's end until messages flow."""
 
 pytestmark = pytest.mark.skipif(bool(netns.why_not()), reason=netns.why_not() or "-")
 
@@ -88,12 +86,12 @@ def world(qos: str, size: int, rate_hz: int) -> Iterator[World]:
 
 
 @pytest.mark.parametrize("qos", ["rk1000v", "rav"], ids=["reliable", "lossless"])
-def test_a_cable_that_is_out_for_four_seconds_loses_nothing(qos: str) -> None:
-    with world(qos, 1000, 200) as one:
+def test_a_cable_that_is_out_for_seconds_loses_nothing(qos: str) -> None:
+    with world(qos, 1000, 100) as one:
         with one.cable.pulled():
-            time.sleep(4)
+            time.sleep(2)
         last = one.laptop.tell()["last"]
-        one.laptop.until(lambda told: told["last"] > last, _BACK_S)
+        one.laptop.until(lambda told: told["last"] > last)
         sent = one.robot.tell()["sent"]
         told = one.laptop.until(lambda told: told["last"] >= sent)
         assert (told["first"], told["missing"], told["repeated"]) == (1, 0, 0)
@@ -108,7 +106,7 @@ def test_a_cable_that_is_out_for_longer_than_the_lease_comes_back(how: str) -> N
             one.robot.until(lambda told: not told["buses"], _LEASE_S + WAIT_S)
             one.laptop.until(lambda told: not told["buses"], WAIT_S)
         last = one.laptop.tell()["last"]
-        told = one.laptop.until(lambda told: told["last"] > last, _BACK_S)
+        told = one.laptop.until(lambda told: told["last"] > last)
         assert told["repeated"] == 0 and told["buses"] == ["robot"]
 
 
@@ -123,23 +121,24 @@ def test_a_far_side_that_hangs_is_let_go_and_memory_stays(qos: str) -> None:
         assert told["slowest_s"] < 0.5
         os.kill(one.laptop.process.pid, signal.SIGCONT)
         last = one.laptop.tell()["last"]
-        assert one.laptop.until(lambda told: told["last"] > last + 50, _BACK_S)["repeated"] == 0
+        assert one.laptop.until(lambda told: told["last"] > last + 50)["repeated"] == 0
 
 
 def test_either_side_is_killed_and_comes_back() -> None:
     with world("rk1000v", 64, 100) as one:
         one.laptop.kill()
-        one.robot.until(lambda told: not told["buses"], _BACK_S)
+        one.robot.until(lambda told: not told["buses"])
         one.laptop = one.start_laptop()
         told = one.laptop.until(lambda told: told["count"] > 20)
         assert (told["missing"], told["repeated"]) == (0, 0)
         one.robot.kill()
-        one.laptop.until(lambda told: not told["buses"], _BACK_S)
+        one.laptop.until(lambda told: not told["buses"])
         one.robot = one.start_robot()
         count = one.laptop.tell()["count"]
-        one.laptop.until(lambda told: told["count"] > count + 20, _BACK_S + WAIT_S)
+        one.laptop.until(lambda told: told["count"] > count + 20)
 
 
+@pytest.mark.nightly
 def test_a_slow_link_holds_up_nobody() -> None:
     with world("bk10v", 1_000_000, 30) as one:
         one.machines["robot"].run(

@@ -3,7 +3,6 @@
 import ast
 import inspect
 import signal
-import socket
 import time
 import urllib.error
 import urllib.request
@@ -14,6 +13,7 @@ import pytest
 
 from conftest import WAIT_S, Daemon
 from pages import BLOCK, FILE, ROOT, Start, check, console
+from ports import free_port
 
 PAGE = "".join((ROOT / "docs" / name).read_text() for name in ("patterns.md", "any-type.md", "cdr.md"))
 SCRIPTS = dict(FILE.findall(PAGE))
@@ -50,13 +50,6 @@ def test_in_pytest(tmp_path: Path, start: Start) -> None:
     for name in TESTS:
         (tmp_path / name).write_text(SCRIPTS[name])
     check(start(f"{shown.command} -p no:cacheprovider", tmp_path), shown)
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-        return port
 
 
 def ask(url: str, method: str = "GET") -> str:
