@@ -144,7 +144,11 @@ class Silent:
     def say(self, op: str, **fields: Any) -> None:
         data = json.dumps({"op": op, **fields}).encode()
         assert len(data) < 126
-        self._socket.sendall(struct.pack("!BBI", 0x81, 0x80 | len(data), 0) + data)  # masked with zeros
+        self.send(struct.pack("!BBI", 0x81, 0x80 | len(data), 0) + data)  # masked with zeros
+
+    def send(self, octets: bytes) -> None:
+        """Of frames, well made or not."""
+        self._socket.sendall(octets)
 
     def hear_of_missed(self, least: int) -> None:
         """Now it reads, until it is told that so many messages were left out for it."""

@@ -12,7 +12,8 @@ from bus_web.place import Place
 
 __all__ = ["ListenError", "listening"]
 
-_BACKLOG = 64
+_BACKLOG = 256
+_PROBE_S = 1.0
 
 
 class ListenError(Exception):
@@ -38,14 +39,15 @@ def listening(place: Place) -> Iterator[tuple[socket.socket, Place]]:
             is_taken = error.errno == errno.EADDRINUSE and place.path is None
             hint = "; choose another port with --listen" if is_taken else ""
             raise ListenError(f"can't listen on {place}: {error.strerror}{hint}") from None
+        made = place.path.lstat() if place.path is not None else None
         try:
             yield (
                 listener,
                 place if place.path is not None else place._replace(port=listener.getsockname()[1]),
             )
         finally:
-            if place.path is not None:
-                place.path.unlink(missing_ok=True)
+            if place.path is not None and made is not None:
+                _take_away(place.path, made)
 
 
 def _family(place: Place) -> socket.AddressFamily:
@@ -71,10 +73,20 @@ def _clear(path: Path) -> None:
     if not stat.S_ISSOCK(kind):
         raise ListenError(f"can't listen on unix:{path}: there is something else")
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.settimeout(_PROBE_S)
         try:
             probe.connect(str(path))
+        except (TimeoutError, BlockingIOError):  # so many wait for an answer that we may not even wait
+            pass
         except ConnectionRefusedError:
             with suppress(FileNotFoundError):
                 path.unlink()
             return
     raise ListenError(f"can't listen on unix:{path}: another process does")
+
+
+def _take_away(path: Path, made: os.stat_result) -> None:
+    """Our socket; not what somebody has put in its place."""
+    with suppress(OSError):
+        if os.path.samestat(path.lstat(), made):
+            path.unlink()

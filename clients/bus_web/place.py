@@ -1,6 +1,7 @@
 """Where a server may listen: on loopback or a unix socket, and nowhere that other machines can reach."""
 
 import ipaddress
+import os
 from argparse import ArgumentTypeError
 from hashlib import sha256
 from pathlib import Path
@@ -44,7 +45,7 @@ class Place(NamedTuple):
         Servers on any port share a few names, or a browser would send more of them than one header holds.
         """
         if self.path is not None:
-            return f"busd_{sha256(str(self.path).encode()).hexdigest()[:8]}"
+            return f"busd_{sha256(os.fsencode(self.path)).hexdigest()[:8]}"
         return f"busd_{self.port % _COOKIES}"
 
     def __str__(self) -> str:
@@ -68,7 +69,7 @@ def parse_address(text: str, default: Place, why: str, *, or_path: bool = False)
     Its text says `why` no other address will do, and that a path would (`or_path`).
     """
     host, colon, port = text.rpartition(":")
-    is_number = port.isascii() and port.isdigit() and int(port[:6]) < 65536
+    is_number = port.isascii() and port.isdigit() and len(port) < 6 and int(port) < 65536
     if not colon or not host or not is_number:
         wanted = f"address:port, such as {default}"
         raise ArgumentTypeError(
@@ -89,8 +90,11 @@ def parse_address(text: str, default: Place, why: str, *, or_path: bool = False)
 def _checked_path(text: str) -> Path:
     if not text:
         raise ArgumentTypeError("unix: without a path; say unix:PATH")
-    path = Path(text).expanduser().absolute()
-    length = len(str(path).encode())
+    try:
+        path = Path(text).expanduser().absolute()
+    except RuntimeError:
+        raise ArgumentTypeError(f"unix:{text}: there is no such user") from None
+    length = len(os.fsencode(path))
     if "\0" in text or length > _MOST_PATH_BYTES:
         raise ArgumentTypeError(
             f"a unix socket's path has {_MOST_PATH_BYTES} bytes at most; this one has {length}"

@@ -5,16 +5,15 @@ import logging
 import socket
 from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
-from weakref import WeakSet
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, NegotiationError
 from websockets.http11 import Request, Response
-from websockets.protocol import State
 from websockets.typing import Subprotocol
 
+from bus_web.connection import Connections
 from bus_web.files import File, security_headers
 from bus_web.gate import Ask, Enter, Gate, Redirect, Refuse
 from bus_web.page_protocol import Mistake
@@ -48,24 +47,17 @@ class Server:
         self._most_frame_bytes = most_frame_bytes
         self._server: WebSocketServer | None = None
         self._clients = 0
-        self._connections: WeakSet[ServerConnection] = WeakSet()
+        self._connections = Connections()
 
     async def open(self, listening: socket.socket) -> None:
         """Answer whoever connects to `listening`, until `close`, which closes that too."""
-        connections = self._connections
-
-        class Connection(ServerConnection):
-            def connection_made(self, transport: asyncio.BaseTransport) -> None:
-                super().connection_made(transport)
-                connections.add(self)
-
         self._server = await serve(
             self._serve,
             sock=listening,
             subprotocols=[Subprotocol(name) for name in self._handlers],
             select_subprotocol=self._choose,
             process_request=self._answer,
-            create_connection=Connection,
+            create_connection=self._connections.connection_class(),
             server_header=None,
             compression=None,
             max_size=self._most_frame_bytes,
@@ -79,9 +71,7 @@ class Server:
     async def close(self) -> None:
         """End all connections: clients are told that the server goes."""
         if self._server is not None:
-            for connection in self._connections:
-                if connection.state is State.CONNECTING:  # it would be waited for until it has asked
-                    connection.transport.abort()
+            self._connections.cut_off_those_who_ask()
             self._server.close()
             await self._server.wait_closed()
 
@@ -112,7 +102,7 @@ class Server:
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """None lets it through to its handler."""
         headers = request.headers
-        is_socket = "websocket" in headers.get("Upgrade", "").lower()
+        is_socket = "websocket" in ",".join(headers.get_all("Upgrade")).lower()
         ask = Ask(
             target=request.path,
             method=getattr(request, "method", "GET"),  # before websockets 16 there was no other
@@ -121,6 +111,8 @@ class Server:
             cookie=headers.get_all("Cookie"),
         )
         decision = self._gate.judge(ask, is_socket=is_socket)
+        if isinstance(decision, Enter):
+            self._connections.let_in(connection)
         match decision:
             case Refuse(status, text):
                 return _response(status, "localhost", File("text/plain; charset=utf-8", f"{text}\n".encode()))

@@ -5,8 +5,9 @@ import re
 import signal
 import socket
 import stat
+import struct
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing, suppress
 from http.client import HTTPResponse
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 from cli import LISTENER, TALKER, bus, script, start, wait_for_graph
-from conftest import Daemon
+from conftest import WAIT_S, Daemon
 from neighbours import wait_until
 from rows import for_each
 
@@ -115,6 +116,27 @@ class TestGettingIn:
             assert server.get("/", {"Cookie": server.cookie()}).status == 200
             assert server.running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
 
+    def test_strangers_who_say_nothing_keep_nobody_out(self, daemon: Daemon) -> None:
+        """Of many connections that ask nothing the oldest go, so that descriptors are left for others."""
+        with serving(is_fresh=True) as server, ExitStack() as strangers:
+            folder = Path(f"/proc/{server.running.process.pid}/fd")
+            before = len([*folder.iterdir()])
+            oldest, *_ = [
+                strangers.enter_context(socket.create_connection((server.host, server.port), WAIT_S))
+                for _ in range(300)
+            ]
+            with suppress(ConnectionResetError):
+                assert oldest.recv(1) == b""
+            assert server.get("/", {"Cookie": server.cookie()}).status == 200
+            wait_until(lambda: len([*folder.iterdir()]) - before < 150)
+            assert server.running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
+
+    def test_two_headers_that_ask_for_a_websocket(self, daemon: Daemon) -> None:
+        with serving() as server, socket.create_connection((server.host, server.port), WAIT_S) as asking:
+            lines = ("GET / HTTP/1.1", f"Host: localhost:{server.port}", "Upgrade: a", "Upgrade: b")
+            asking.sendall("\r\n".join((*lines, "", "")).encode())
+            assert asking.recv(12) == b"HTTP/1.1 403"
+
 
 class TestWhatIsTold:
     def test_the_graph_rates_and_values(self, daemon: Daemon, route: str) -> None:
@@ -210,6 +232,19 @@ class TestMistakes:
                 viewer.hear("never")
             assert ended.value.rcvd is not None
             assert ended.value.rcvd.code == 1009
+
+    def test_pings_without_end(self, daemon: Daemon) -> None:
+        """Who does not read the answers is cut off before many of them wait."""
+        ping = struct.pack("!BBI", 0x89, 0x80 | 125, 0) + bytes(125)
+        with serving(is_fresh=True) as server, server.viewer() as viewer, closing(Silent(server)) as pinging:
+            viewer.hear("hello")
+            before = own_bytes(server.running.process.pid)
+            with pytest.raises(OSError, match=r"reset|Broken pipe"):
+                for _ in range(500):
+                    pinging.send(1000 * ping)
+            assert own_bytes(server.running.process.pid) - before < 8 * MIB
+            with server.viewer() as other:
+                other.hear("hello")
 
     @pytest.mark.parametrize("said", ["{", '{"op":"publish"}', b"\x01"])
     def test_what_makes_no_sense(self, daemon: Daemon, said: str | bytes) -> None:
@@ -362,10 +397,31 @@ class TestUnixSocket:
         with start("web", "--listen", f"unix:{path}", "--json") as running:
             assert json.loads(running.line()).keys() == {"page", "foxglove", "forwarding"}
         path.unlink(missing_ok=True)
+        with socket.socket(socket.AF_UNIX) as hanging, ExitStack() as waiting:
+            hanging.bind(str(path))
+            hanging.listen(0)
+            for _ in range(2):  # so many that nobody may even wait
+                one = waiting.enter_context(socket.socket(socket.AF_UNIX))
+                one.setblocking(False)
+                with suppress(BlockingIOError):
+                    one.connect(str(path))
+            again = bus("web", "--listen", f"unix:{path}")
+            assert (again.code, again.err) == (1, f"can't listen on unix:{path}: another process does\n")
+        path.unlink()
         path.write_text("precious")
         result = bus("web", "--listen", f"unix:{path}")
         assert (result.code, result.err) == (1, f"can't listen on unix:{path}: there is something else\n")
         assert path.read_text() == "precious"
+
+    def test_what_is_there_in_the_end_is_of_another(self, daemon: Daemon, tmp_path: Path) -> None:
+        path = tmp_path / "web.sock"
+        with start("web", "--listen", f"unix:{path}", "--json") as running:
+            running.line()
+            path.unlink()
+            with socket.socket(socket.AF_UNIX) as other:
+                other.bind(str(path))
+                assert running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
+        assert path.is_socket()
 
 
 class TestEnd:

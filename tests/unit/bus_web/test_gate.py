@@ -98,6 +98,25 @@ def test_without_the_token_nothing_is_had(target: str, cookie: tuple[str, ...]) 
         assert status(judge(target, cookie=cookie, is_socket=is_socket)) == 403
 
 
+@for_each(
+    "others",
+    [
+        'state={"a":1}',
+        "a[0]=1",
+        'a="unfinished',
+        "=",
+        "no value",
+        "busd_1=of an earlier start",
+        "ü=ü",
+        "a=,b=1",
+    ],
+)
+def test_cookies_of_other_servers_keep_nobody_out(others: str) -> None:
+    """Browsers send the cookies of all ports of this machine."""
+    for cookie in (f"{others}; busd_1={TOKEN}", f"busd_1={TOKEN}; {others}", f"busd_1={TOKEN};{others}"):
+        assert judge(cookie=(cookie,)) == Enter("/", HOST[0])
+
+
 @for_each("target", ["//[", "/?" + "&".join(["a=1"] * 50)])
 def test_what_is_no_address(target: str) -> None:
     assert status(judge(target)) in (400, 403)

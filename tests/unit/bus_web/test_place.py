@@ -17,6 +17,7 @@ from rows import for_each
         ("[::1]:65535", Place("::1", 65535), "[::1]:65535"),
         ("127.3.2.1:80", Place("127.3.2.1", 80), "127.3.2.1:80"),
         ("unix:/run/x.sock", Place(path=Path("/run/x.sock")), "127.0.0.1:8765"),
+        ("unix:/run/\udcff", Place(path=Path("/run/\udcff")), "127.0.0.1:8765"),
     ],
 )
 def test_places(text: str, place: Place, authority: str) -> None:
@@ -31,6 +32,7 @@ def test_places(text: str, place: Place, authority: str) -> None:
         ("", "neither"),
         (":8765", "neither"),
         ("localhost:65536", "neither"),
+        ("localhost:00000099999", "neither"),
         ("localhost:-1", "neither"),
         ("localhost:", "neither"),
         ("example.org:80", "'example.org' is no address of loopback"),
@@ -40,6 +42,7 @@ def test_places(text: str, place: Place, authority: str) -> None:
         ("unix:", "say unix:PATH"),
         ("unix:/" + "x" * 107, "107 bytes at most; this one has 108"),
         ("unix:/a\0b", "107 bytes at most"),
+        ("unix:~nobody-of-this-name/x", "unix:~nobody-of-this-name/x: there is no such user"),
     ],
 )
 def test_what_is_no_place(text: str, says: str) -> None:
