@@ -169,6 +169,18 @@ class Publisher(Endpoint[M]):
             return self._put(head, in_bytes(payload))
         return self._write(payload)
 
+    def publish_packed(self, data: Buffer, start: int = 0) -> int:
+        """Publish the messages that stand in a `Pack`'s data from byte `start` on, each with its source time.
+
+        For bridges: readers are woken once for all of them. Returns how many, from the front, were published:
+        as many as can be without more ado, which may be none. `publish_encoded` takes the next one, or says
+        why not.
+        """
+        count, is_report_due = self._sender.publish_packed(data, start)
+        if is_report_due:
+            self._link.report(self)
+        return count
+
     def loan(self, message: M, field: str, size: int) -> "Loan | None":
         """A buffer of `size` bytes, to be filled by the caller: the field `field` of `message`.
 

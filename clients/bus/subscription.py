@@ -69,6 +69,23 @@ class MessageInfo(NamedTuple):
     """Whose it is: the `gid` of its publisher."""
 
 
+class Pack(NamedTuple):
+    """Messages of one publisher, back to back; made by `Subscription.take_packed`."""
+
+    publisher_gid: bytes
+    data: bytes
+    """Of each message its number (u64), its source time (i64, nanoseconds of the wall clock), its size (u32),
+    and the message; little-endian."""
+    messages: int
+    payload_bytes: int
+    last_at: int
+    """Where the last one's number stands."""
+    is_consecutive: bool
+    """Whether none is missing between the first and the last."""
+    has_more: bool
+    """Whether more waits."""
+
+
 class Subscription(Endpoint[M]):
     """Receives messages of one type on one topic; made by `Node.create_subscription`.
 
@@ -170,6 +187,16 @@ class Subscription(Endpoint[M]):
             )
             for message, stamp_ns, seq, proxy, received_ns in batch
         ]
+
+    def take_packed(self, most_bytes: int, longest: int) -> Pack | None:
+        """What waits of one publisher, in one buffer of at most `most_bytes`; never blocks.
+
+        For bridges, which pass it on by `Publisher.publish_packed`: a message costs a tenth of what it costs
+        in `take_many`. None where that has to take the next message: one of `longest` bytes or more, one that
+        came by socket, any without the native core.
+        """
+        found = self._receiver.take_packed(most_bytes, longest, self._link.wall_offset_ns)
+        return None if found is None else Pack(found[0].shown_gid, *found[1:])
 
     def set_arrival_callback(self, callback: Callable[[], object] | None) -> None:
         """Have `callback` called on the event loop when messages have come, once for all that came together.

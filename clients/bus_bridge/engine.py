@@ -14,6 +14,8 @@ from bus.qos import QoSProfile
 from bus.schema import MessageSchema
 
 __all__ = [
+    "ALONE_BYTES",
+    "PACK_BYTES",
     "Engine",
     "FarBus",
     "FarEndpoint",
@@ -32,6 +34,12 @@ Kind = Literal["publisher", "subscription"]
 Priority = Literal[
     "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"
 ]
+
+
+PACK_BYTES = 60 << 10
+"""What messages that go together take at most, with what stands in front of each."""
+ALONE_BYTES = 16 << 10
+"""From this size on a message goes alone: to copy it costs more than that it is one more."""
 
 
 class Sample(NamedTuple):
@@ -97,7 +105,7 @@ class Writer(Protocol):
     def write(self, samples: Sequence[Sample]) -> int:
         """Send `samples`, in order; never blocks. Returns how many of them, from the front, have gone.
 
-        The rest waits with the caller until `on_change`, or is lost there and counted.
+        They may be `Packed`. The rest waits with the caller until `on_change`, or is lost there and counted.
         """
 
     def close(self) -> None:

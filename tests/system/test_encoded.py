@@ -284,6 +284,56 @@ class TestArrivals:
             subscription.set_arrival_callback(lambda: None)
 
 
+class TestPacks:
+    """By socket, and of what is long, there are none: the other ways are there for these."""
+
+    @pytest.mark.parametrize("qos", [50, KEEP_ALL], ids=["keep last", "keep all"])
+    async def test_they_are_passed_on_as_single_messages_are(
+        self, node: bus.Node, route: str, qos: Any
+    ) -> None:
+        near = await node.create_publisher(Wheel, "near", qos)
+        far = await node.create_publisher(Wheel, "far", qos)
+        tap = await node.create_subscription(None, "near", qos, raw=True)
+        listener = await node.create_subscription(None, "far", qos, raw=True)
+        await near.wait_for_subscriptions()
+        await far.wait_for_subscriptions()
+        sent = [(encoded(size), THEN_NS + number) for number, size in enumerate((5, 9, 5000, 20_000, 3, 4))]
+        for payload, then_ns in sent:
+            assert near.publish_encoded(payload, source_time_ns=then_ns)
+        await until(lambda: tap.statistics().queued == len(sent))
+        packs = 0
+        while tap.statistics().queued:
+            pack = tap.take_packed(60_000, 10_000)
+            if pack is None:
+                for payload, info in tap.take_many(1):
+                    assert far.publish_encoded(payload, source_time_ns=info.source_timestamp)
+                continue
+            packs += 1
+            assert pack.publisher_gid == near.gid and pack.has_more is bool(tap.statistics().queued)
+            assert far.publish_packed(pack.data) == pack.messages
+        assert (packs > 0) is (route == "shm")
+        await until(lambda: listener.statistics().queued == len(sent))
+        batch = listener.take_many(100)
+        assert [(payload, info.source_timestamp) for payload, info in batch] == sent
+        assert [info.publication_sequence_number for _, info in batch] == [*range(1, len(sent) + 1)]
+        assert far.publish_packed(b"") == 0
+        for one in (tap, listener):
+            assert one.statistics().delivered == len(sent) and not one.statistics().dropped
+        assert far.statistics().published == len(sent)
+
+    async def test_there_may_be_no_room(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Wheel, "t", KEEP_ALL)
+        subscription = await node.create_subscription(None, "t", KEEP_ALL, raw=True)
+        await publisher.wait_for_subscriptions()
+        record = (1).to_bytes(8, "little") + bytes(8) + len(encoded()).to_bytes(4, "little") + encoded()
+        done = 0
+        while (last := publisher.publish_packed(record * 2000)) or publisher.publish_encoded(encoded()):
+            done += last or 1
+        assert done > 2000
+        await until(lambda: subscription.statistics().queued == done)
+        assert len(subscription.take_many(1 << 20)) == done
+
+
 THEN_NS = 1_234_567_890_123_456_789
 
 

@@ -37,6 +37,10 @@ Taken: TypeAlias = tuple[M, int, int, Any, int]
 A stamp below 0 is the time that the message's source gave it: on the wall clock, with its sign changed."""
 
 
+TakenPack: TypeAlias = tuple[PublisherProxy, bytes, int, int, int, bool, bool]
+"""See `shm.native.Reader.take_packed`."""
+
+
 class Receiver(Generic[M]):
     """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
 
@@ -239,6 +243,18 @@ class Receiver(Generic[M]):
                 ahead.clear()
             else:
                 found += [ahead.popleft() for _ in range(left - 1)]
+        return found
+
+    def take_packed(self, most_bytes: int, longest: int, offset_ns: int) -> TakenPack | None:
+        """As `Reader.take_packed`, where nothing else comes before what is in the rings."""
+        reader = self.reader
+        if reader is None or self.ahead or self._queue.runs:
+            return None
+        found = reader.take_packed(most_bytes, longest, offset_ns)
+        if found is not None:
+            self.stamp_ns = monotonic_ns()
+            if not reader.is_report_due:
+                self.note()
         return found
 
     def take_messages(self, limit: int) -> list[M]:

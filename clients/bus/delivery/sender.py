@@ -35,6 +35,8 @@ if TYPE_CHECKING:  # few programs lend
 EndLoan: TypeAlias = "Callable[[Loan, bool], bool]"
 LendField: TypeAlias = "Callable[[Any, int, int, type[Loan], EndLoan], Loan | bool | int]"
 
+PublishPacked: TypeAlias = Callable[[Buffer, int], tuple[int, bool]]
+
 _LOOK_S = 1.0
 """How often a waiting publisher looks whether the processes that it waits for still live."""
 
@@ -92,6 +94,8 @@ class Sender:
         """Learns which quick way there is."""
         self.write: Callable[[Any], bool | int] = _no_quick_way
         """The quick way for an encoded sample. True or REPORT_DUE: done; anything else: ask `put`."""
+        self.publish_packed: PublishPacked = _no_packs
+        """The quick way for many encoded samples."""
         self.lend_field: LendField = _no_quick_way
         """The quick way for a loan, to be ended by `end_loan`; anything but a Loan: ask `lend`."""
         self._choose_routes()
@@ -391,6 +395,7 @@ class Sender:
                 ring.writer.publish if ring.can_publish else None,
                 ring.writer.write,
                 lend_field=ring.writer.lend_field,
+                publish_packed=ring.writer.publish_packed,
                 spares_turns=not ring.is_read_here,
             )
 
@@ -400,12 +405,14 @@ class Sender:
         write: Callable[[Any], bool | int] | None = None,
         *,
         lend_field: "LendField | None" = None,
+        publish_packed: PublishPacked | None = None,
         spares_turns: bool = False,
     ) -> None:
         """The quick ways from now on; `spares_turns`: see `Sends`."""
         self.publish = publish or _no_quick_way
         self.write = write or _no_quick_way
         self.lend_field = lend_field or _no_quick_way
+        self.publish_packed = publish_packed or _no_packs
         if self.sends is not None:
             self.sends.publish = self.publish
             self.sends.spares_turns = spares_turns
@@ -521,3 +528,7 @@ class Sender:
 def _no_quick_way(*_: object) -> Literal[False]:
     """Stands for a quick way that is switched off."""
     return False
+
+
+def _no_packs(*_: object) -> tuple[int, bool]:
+    return 0, False

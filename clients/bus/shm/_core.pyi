@@ -160,6 +160,9 @@ class Writer:
 
         `force` gives up depth instead of SHORT.
         """
+    def publish_packed(self, data: Buffer, start: int, /) -> tuple[int, bool]:
+        """Publish the records of a pack (see `scan_packed`) from `start` on, each with its time, as far as
+        that is simple: how many, and whether the counters are to be reported (REPORT_DUE)."""
     def lend(self, size: int, *, force: bool = False) -> memoryview | int:
         """A place for a payload of `size` bytes, to be filled and published; or why there is none.
 
@@ -318,6 +321,15 @@ class Reader(Generic[S]):
         """
     def messages(self, limit: int, decode: Callable[[Any], M]) -> list[M]:
         """As `take`, the messages alone."""
+    def take_packed(
+        self, most_bytes: int, longest: int, offset_ns: int, /
+    ) -> tuple[S, Bytes, int, int, int, bool, bool] | None:
+        """What waits of the source whose sample is the oldest, packed (see `scan_packed`) into `most_bytes`
+        at most, up to the first sample of `longest` bytes or more; None where there is nothing.
+
+        Source, pack, samples, bytes of payload, where the last record begins, whether numbers are
+        consecutive, whether more waits. `offset_ns` makes the wall clock's time of a stamp.
+        """
     def wait(
         self,
         decode: Callable[[Any], M],
@@ -392,6 +404,9 @@ def run_samples(
     /,
 ) -> tuple[list[tuple[M, int, int, Any, int]], int] | None:
     """As `run_messages`: (message, stamp ns, seq, source, time of receipt in ns) in place of each message."""
+
+def scan_packed(data: Buffer, start: int, limit: int, /) -> tuple[int, int, int, int, int, bool]:
+    """What `bus_bridge.packed.scan` says."""
 
 def forget_pins() -> None:
     """In the child of a fork: views that it inherited must not release the parent's pins."""

@@ -24,11 +24,18 @@ enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, WRONG_THREAD, HELD };
 
 /* What a payload begins with where its source has given it a time: bus.wire.source_time says it. */
 enum { SOURCE_BYTES = 16 };
+#define SOURCE_MARK "\xc7\x0d\x54\0\0\0\0\0"
+
+static inline void core_write_source_time(unsigned char *head, int64_t source_ns)
+{
+    memcpy(head, SOURCE_MARK, 8);
+    memcpy(head + 8, &source_ns, 8);
+}
 
 /* `head`: the first SOURCE_BYTES of a payload. True: they are none of the message, but the time. */
 static inline bool core_source_time(const unsigned char *head, int64_t *source_ns)
 {
-    if (memcmp(head, "\xc7\x0d\x54\0\0\0\0\0", 8) != 0)
+    if (memcmp(head, SOURCE_MARK, 8) != 0)
         return false;
     memcpy(source_ns, head + 8, 8);
     return *source_ns > 0;
@@ -320,11 +327,62 @@ static inline void feed_step(struct feed *feed)
 /* py_reader.c */
 int reader_leave(Reader *self, struct feed *feed, const char *reason);
 
+/* py_writer.c */
+
+/* Longer samples go step by step: the copy is what costs, and the memory that they take is seen to there. */
+enum { QUICK_BYTES = 64 << 10 };
+
+/* Whether it may be written to now. False: *outcome says why not, or is NULL with an error set. */
+static inline bool writer_is_open(const Writer *self, PyObject **outcome)
+{
+    const int is_mine = is_home(&self->home);
+    if (is_mine == 1 && self->forks == core_forks && !self->is_closed)
+        return true;
+    *outcome = NULL;
+    if (is_mine >= 0 && self->is_closed)
+        PyErr_SetString(PyExc_ValueError, "writer is closed");
+    else if (is_mine >= 0)
+        *outcome = PyLong_FromLong(WRONG_THREAD);
+    return false;
+}
+
+/* A quick way is refused: the slow way, which comes next, must get HELD again. */
+static inline void writer_is_refused(Writer *self, enum ring_status status)
+{
+    if (status == RING_HELD)
+        self->ring.asked = 0;
+}
+
+static inline uint64_t writer_next_stamp(Writer *self, uint64_t stamp_ns)
+{
+    if (stamp_ns > self->stamp_ns)
+        self->stamp_ns = stamp_ns;
+    return self->stamp_ns;
+}
+
 /* py_take.c */
+#define RING_IS_BROKEN "its ring contradicts itself"
+
+/* Looks at all rings, leaves those that are done with, and passes over what is beyond the depth. */
+int reader_poll(Reader *self);
+/* The feed whose next record is the oldest of all. NULL: nothing waits, or an error is set. */
+struct feed *reader_oldest(Reader *self);
+/* Samples were taken or passed over. */
+void reader_show(Reader *self);
+bool reader_has_more(const Reader *self);
+/* Goes past the time that the source gave, where it did; its bytes count once the record is found intact. */
+void pass_source_time(struct ring_record *record, int64_t *source_ns);
+/* A sample was taken; `now_ns` 0: the clock was not read. */
+void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns);
 PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
 PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
 bool reader_is_ready(const Reader *self);
 int reader_deliver(Reader *self);
 PyObject *reader_wait(PyObject *self, PyObject *const *args, Py_ssize_t count);
+
+/* py_pack.c */
+PyObject *reader_take_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
+PyObject *writer_publish_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
+PyObject *core_scan_packed(PyObject *module, PyObject *const *args, Py_ssize_t count);
 
 #endif

@@ -421,6 +421,7 @@ static PyMethodDef methods[] = {
     {"forget_callback", reader_forget_callback, METH_NOARGS, NULL},
     {"take", (PyCFunction)(void (*)(void))reader_take, FAST_KEYWORDS, NULL},
     {"messages", (PyCFunction)(void (*)(void))reader_messages, FAST_KEYWORDS, NULL},
+    {"take_packed", (PyCFunction)(void (*)(void))reader_take_packed, METH_FASTCALL, NULL},
     {"wait", (PyCFunction)(void (*)(void))reader_wait, METH_FASTCALL, NULL},
     {"pop_rejected", reader_pop_rejected, METH_NOARGS, NULL},
     {"pop_left", reader_pop_left, METH_NOARGS, NULL},

@@ -14,10 +14,7 @@
 enum { SHORT_BYTES = 4096, BATCH_BYTES = 256 << 10, MAX_REJECTED = 64 };
 enum { AGES_AT_ONCE = 64, AGES_EACH = 32 }; /* bus.delivery.ages does likewise */
 
-static const char BROKEN[] = "its ring contradicts itself";
-
-/* The feed whose next record is the oldest of all. NULL: nothing waits, or an error is set. */
-static struct feed *oldest_feed(Reader *self)
+struct feed *reader_oldest(Reader *self)
 {
     struct feed *oldest = NULL;
     for (size_t i = 0; i < self->count; i++) {
@@ -26,7 +23,7 @@ static struct feed *oldest_feed(Reader *self)
             continue;
         const enum ring_status status = feed_look(feed, self->bound);
         if (status == RING_CORRUPT) {
-            if (reader_leave(self, feed, BROKEN) < 0)
+            if (reader_leave(self, feed, RING_IS_BROKEN) < 0)
                 return NULL;
             oldest = NULL;
             i = (size_t)-1; /* begin again */
@@ -37,8 +34,7 @@ static struct feed *oldest_feed(Reader *self)
     return oldest;
 }
 
-/* Looks at all rings, leaves those that are done with, and passes over what is beyond the depth. */
-static int poll_feeds(Reader *self)
+int reader_poll(Reader *self)
 {
     uint64_t waiting = 0;
     for (size_t i = 0; i < self->count; i++) {
@@ -46,7 +42,7 @@ static int poll_feeds(Reader *self)
         feed_poll(feed, self->bound);
         const bool is_sound = feed_is_sound(feed);
         if (!is_sound || (feed->finishing != 0 && feed->waiting == 0)) {
-            if (reader_leave(self, feed, is_sound ? "" : BROKEN) < 0)
+            if (reader_leave(self, feed, is_sound ? "" : RING_IS_BROKEN) < 0)
                 return -1;
             waiting = 0;
             i = (size_t)-1; /* begin again */
@@ -57,7 +53,7 @@ static int poll_feeds(Reader *self)
     if (waiting == 0)
         self->bound = self->depth;
     while (self->bound != 0 && waiting > self->bound) {
-        struct feed *feed = oldest_feed(self);
+        struct feed *feed = reader_oldest(self);
         if (feed == NULL)
             return PyErr_Occurred() ? -1 : 0;
         feed_skip(feed, 1);
@@ -68,8 +64,7 @@ static int poll_feeds(Reader *self)
     return 0;
 }
 
-/* Goes past the time that the source gave, where it did; its bytes count once the record is found intact. */
-static void pass_source_time(struct ring_record *record, int64_t *source_ns)
+void pass_source_time(struct ring_record *record, int64_t *source_ns)
 {
     unsigned char head[SOURCE_BYTES];
     if (record->size <= SOURCE_BYTES)
@@ -139,9 +134,8 @@ static int reject(Reader *self, uint64_t size)
     return status;
 }
 
-/* A sample was taken; `now_ns` 0: the clock was not read. One reading costs a tenth of a take, so where there are
- * many, most do without. */
-static inline void note_age(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
+/* One reading of the clock costs a tenth of a take, so where there are many, most do without. */
+void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
 {
     if (ages->count >= AGES_AT_ONCE && ++ages->passed < AGES_EACH)
         return;
@@ -180,7 +174,7 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
         } else {
             self->samples++;
             self->bytes += record.size;
-            note_age(&self->ages, record.stamp_ns, now_ns);
+            ages_note(&self->ages, record.stamp_ns, now_ns);
             if (has_origin)
                 *item = core_with_origin(*item,
                                          source_ns != 0 ? PyLong_FromLongLong(-source_ns)
@@ -193,8 +187,7 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
     return taken;
 }
 
-/* Samples were taken or passed over. */
-static void show(Reader *self)
+void reader_show(Reader *self)
 {
     for (size_t i = 0; i < self->count; i++) {
         readers_watch_anew(self->readers, self->feeds[i]);
@@ -220,9 +213,9 @@ static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyO
     if (list == NULL)
         return NULL;
     const uint64_t now_ns = core_now_ns(), end_bytes = self->bytes + BATCH_BYTES;
-    int status = poll_feeds(self);
+    int status = reader_poll(self);
     while (status >= 0 && left > 0 && self->bytes < end_bytes) {
-        struct feed *feed = oldest_feed(self);
+        struct feed *feed = reader_oldest(self);
         if (feed == NULL) {
             status = PyErr_Occurred() ? -1 : 0;
             break;
@@ -234,7 +227,7 @@ static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyO
             status = -1;
         Py_XDECREF(item);
     }
-    show(self);
+    reader_show(self);
     if (status < 0)
         Py_CLEAR(list);
     return list;
@@ -265,15 +258,15 @@ bool reader_is_ready(const Reader *self)
 static int take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject **item)
 {
     *item = NULL;
-    int status = poll_feeds(self);
-    struct feed *feed = status < 0 ? NULL : oldest_feed(self);
+    int status = reader_poll(self);
+    struct feed *feed = status < 0 ? NULL : reader_oldest(self);
     if (feed != NULL) {
         const bool is_timed = has_origin || feed->lifespan_ns != 0;
         status = take_one(self, feed, decode, is_timed ? core_now_ns() : 0, has_origin, item);
     } else if (status == 0 && PyErr_Occurred()) {
         status = -1;
     }
-    show(self);
+    reader_show(self);
     return status;
 }
 
@@ -288,7 +281,7 @@ static bool has_lost(Reader *self)
     return is_due;
 }
 
-static bool has_more(const Reader *self)
+bool reader_has_more(const Reader *self)
 {
     for (size_t i = 0; i < self->count; i++)
         if (feed_newest(self->feeds[i]) >= self->feeds[i]->ring.next)
@@ -347,7 +340,7 @@ int reader_deliver(Reader *self)
         if (status == 0 && answer == NULL)
             status = handle(on_error);
         if (status == 0)
-            status = !is_due && !has_more(self);
+            status = !is_due && !reader_has_more(self);
         Py_XDECREF(answer);
     }
     self->is_busy = 0;
@@ -487,11 +480,11 @@ PyObject *reader_wait(PyObject *object, PyObject *const *args, Py_ssize_t count)
         }
         if (!may_sleep || !may_wait(self))
             break;
-        if (has_more(self))
+        if (reader_has_more(self))
             continue;
         if (!fall_asleep(self))
             break;
-        if (has_more(self))
+        if (reader_has_more(self))
             continue; /* the bell may ring for it: a turn of the loop for nothing */
         may_sleep = sleep_by(readers, (int)epoll, until_ns, &is_rung);
         if (PyErr_Occurred())

@@ -53,20 +53,6 @@ static void writer_dealloc(PyObject *object)
 
 /* --- writing */
 
-/* Whether it may be written to now. False: *outcome says why not, or is NULL with an error set. */
-static inline bool is_open(const Writer *self, PyObject **outcome)
-{
-    const int is_mine = is_home(&self->home);
-    if (is_mine == 1 && self->forks == core_forks && !self->is_closed)
-        return true;
-    *outcome = NULL;
-    if (is_mine >= 0 && self->is_closed)
-        PyErr_SetString(PyExc_ValueError, "writer is closed");
-    else if (is_mine >= 0)
-        *outcome = PyLong_FromLong(WRONG_THREAD);
-    return false;
-}
-
 static PyObject *refused(enum ring_status status)
 {
     switch (status) {
@@ -83,11 +69,9 @@ static PyObject *refused(enum ring_status status)
     }
 }
 
-/* A quick way is refused: the slow way, which comes next, must get HELD again. */
 static PyObject *refused_for_now(Writer *self, enum ring_status status)
 {
-    if (status == RING_HELD)
-        self->ring.asked = 0;
+    writer_is_refused(self, status);
     return refused(status);
 }
 
@@ -102,18 +86,11 @@ static inline PyObject *published(Writer *self, uint64_t size)
     return PyLong_FromLong(REPORT_DUE);
 }
 
-static inline uint64_t next_stamp(Writer *self, uint64_t stamp_ns)
-{
-    if (stamp_ns > self->stamp_ns)
-        self->stamp_ns = stamp_ns;
-    return self->stamp_ns;
-}
-
 static inline PyObject *put(Writer *self, const void *bytes, Py_ssize_t size)
 {
     if ((uint64_t)size > self->ring.max_payload || (uint64_t)size > self->most)
         return PyLong_FromLong(TOO_LARGE);
-    const enum ring_status status = ring_write(&self->ring, bytes, (uint32_t)size, next_stamp(self, core_now_ns()), 0,
+    const enum ring_status status = ring_write(&self->ring, bytes, (uint32_t)size, writer_next_stamp(self, core_now_ns()), 0,
                                               false);
     return status == RING_OK ? published(self, (uint64_t)size) : refused_for_now(self, status);
 }
@@ -121,7 +98,7 @@ static inline PyObject *put(Writer *self, const void *bytes, Py_ssize_t size)
 static PyObject *write_payload(Writer *self, PyObject *payload, uint64_t most)
 {
     PyObject *outcome;
-    if (!is_open(self, &outcome))
+    if (!writer_is_open(self, &outcome))
         return outcome;
     if (PyBytes_Check(payload)) {
         const Py_ssize_t size = PyBytes_Size(payload);
@@ -135,15 +112,12 @@ static PyObject *write_payload(Writer *self, PyObject *payload, uint64_t most)
     return outcome;
 }
 
-/* Longer samples go step by step: the copy is what costs, and the memory that they take is seen to there. */
-enum { QUICK_BYTES = 64 << 10 };
-
 /* The quick way of an encoded sample. False: nothing was done. */
 static PyObject *writer_write(PyObject *object, PyObject *payload)
 {
     Writer *self = (Writer *)object;
     PyObject *outcome;
-    if (!is_open(self, &outcome))
+    if (!writer_is_open(self, &outcome))
         return outcome;
     if (self->is_lent)
         Py_RETURN_FALSE;
@@ -168,7 +142,7 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
         unsigned char bytes[PLAN_BYTES];
         const Py_ssize_t size = plan_encode(encoder->plan, message, bytes, sizeof bytes);
         if (size >= 0)
-            return is_open(self, &outcome) ? put(self, bytes, size) : outcome;
+            return writer_is_open(self, &outcome) ? put(self, bytes, size) : outcome;
     }
     PyObject *payload = encoder_encode(encoder, message);
     if (payload == NULL)
@@ -197,7 +171,7 @@ static PyObject *put_parts(Writer *self, const Py_buffer *parts, Py_ssize_t coun
         copy_to_shared(place, parts[i].buf, (uint64_t)parts[i].len);
         place += parts[i].len;
     }
-    ring_publish(&self->ring, (uint32_t)size, next_stamp(self, stamp_ns != 0 ? stamp_ns : core_now_ns()), 0);
+    ring_publish(&self->ring, (uint32_t)size, writer_next_stamp(self, stamp_ns != 0 ? stamp_ns : core_now_ns()), 0);
     return published(self, size);
 }
 
@@ -241,7 +215,7 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
     while (held < length && get_part(PyTuple_GetItem(parts, held), &buffers[held]))
         held++;
     if (held == length)
-        outcome = is_open(self, &outcome) ? put_parts(self, buffers, length, force, stamp_ns) : outcome;
+        outcome = writer_is_open(self, &outcome) ? put_parts(self, buffers, length, force, stamp_ns) : outcome;
     while (held > 0)
         PyBuffer_Release(&buffers[--held]);
     if (buffers != few)
@@ -278,7 +252,7 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
         return NULL;
     }
     PyObject *outcome;
-    if (!is_open(self, &outcome))
+    if (!writer_is_open(self, &outcome))
         return outcome;
     if ((uint64_t)size > self->most)
         return PyLong_FromLong(TOO_LARGE);
@@ -314,7 +288,7 @@ static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_s
                                                  &gap);
     if (around < 0)
         Py_RETURN_FALSE;
-    if (!is_open(self, &outcome))
+    if (!writer_is_open(self, &outcome))
         return outcome;
     const uint64_t whole = (uint64_t)(around + size);
     if (whole > self->most)
@@ -346,7 +320,7 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
 {
     Writer *self = (Writer *)object;
     PyObject *outcome;
-    if (!is_open(self, &outcome))
+    if (!writer_is_open(self, &outcome))
         return outcome;
     if (self->ring.loan == 0) {
         PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
@@ -355,7 +329,7 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
     if (self->lent > self->most) /* which is less than it was */
         return PyLong_FromLong(TOO_LARGE);
     self->is_lent = 0;
-    ring_publish(&self->ring, self->lent, next_stamp(self, core_now_ns()), 0);
+    ring_publish(&self->ring, self->lent, writer_next_stamp(self, core_now_ns()), 0);
     return published(self, self->lent);
 }
 
@@ -550,6 +524,7 @@ static PyMethodDef methods[] = {
     {"write", writer_write, METH_O, NULL},
     {"prepare", writer_prepare, METH_VARARGS, NULL},
     {"publish", writer_publish, METH_O, NULL},
+    {"publish_packed", (PyCFunction)(void (*)(void))writer_publish_packed, METH_FASTCALL, NULL},
     {"write_parts", (PyCFunction)(void (*)(void))writer_write_parts, FAST_KEYWORDS, NULL},
     {"lend", (PyCFunction)(void (*)(void))writer_lend, FAST_KEYWORDS, NULL},
     {"lend_field", (PyCFunction)(void (*)(void))writer_lend_field, METH_FASTCALL, NULL},

@@ -10,6 +10,7 @@ from bus.qos import History, QoSProfile
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import RouteRule, Sample, Writer
+from bus_bridge.packed import payload_bytes
 from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED
 
 __all__ = ["Export"]
@@ -153,5 +154,5 @@ class Export:
         sent = writer.write(samples)
         account = self.account
         account.sent += sent
-        account.bytes += sum([len(sample[0]) for sample in samples[:sent]])
+        account.bytes += payload_bytes(samples if sent == len(samples) else samples[:sent])
         return sent

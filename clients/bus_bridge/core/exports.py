@@ -4,7 +4,7 @@ There are taps for a topic and type while a far subscription is shown here. Owns
 """
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -19,7 +19,8 @@ from bus.subscription import Subscription
 from bus_bridge.core.export import Export
 from bus_bridge.core.local_graph import Shown
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import RouteRule, Sample, Writer
+from bus_bridge.engine import ALONE_BYTES, PACK_BYTES, RouteRule, Sample, Writer
+from bus_bridge.packed import Packed
 
 __all__ = ["Exports", "Kind", "TopicRoute"]
 
@@ -143,6 +144,12 @@ class TopicRoute:
         """Something has come, or may be taken now."""
         if tap.qos.is_lossless and any(one.is_full for one in self.exports.values()):
             return  # so its publishers wait, until there is room
+        pack = tap.take_packed(PACK_BYTES, ALONE_BYTES)
+        if pack is not None:
+            if pack.has_more:
+                self._take_on(tap)  # others have their turn first
+            self._put(tap, pack.publisher_gid, Packed.taken(pack))
+            return
         batch = tap.take_many(_BATCH)
         if not batch:
             return
@@ -157,12 +164,15 @@ class TopicRoute:
                 add = groups.setdefault(gid, []).append
             add(_new_sample(Sample, (payload, info[2], info[0])))
         for gid, samples in groups.items():
-            export = self.exports.get(gid) or self._early(gid, is_lossless=tap.qos.is_lossless)
-            if export is not None:
-                try:
-                    export.put(samples)
-                except Exception as error:  # one way out must not end the others
-                    self._on_trouble(f"'{self.kind[0]}': {type(error).__name__}: {error}")
+            self._put(tap, gid, samples)
+
+    def _put(self, tap: Subscription[Any], gid: bytes, samples: Sequence[Sample]) -> None:
+        export = self.exports.get(gid) or self._early(gid, is_lossless=tap.qos.is_lossless)
+        if export is not None:
+            try:
+                export.put(samples)
+            except Exception as error:  # one way out must not end the others
+                self._on_trouble(f"'{self.kind[0]}': {type(error).__name__}: {error}")
 
     def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
         if self._hides(gid):  # one that is to be seen may not be shown yet

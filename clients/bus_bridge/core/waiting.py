@@ -1,10 +1,12 @@
 """Messages that wait for their way, bounded in number and bytes, and the rates that rules allow. Pure."""
 
 from collections import deque
-from collections.abc import Iterable, Sequence
-from itertools import islice
+from collections.abc import Sequence
+from itertools import islice, takewhile
+from typing import cast
 
 from bus_bridge.engine import Sample
+from bus_bridge.packed import Packed, payload_bytes
 
 __all__ = ["RateLimit", "Waiting"]
 
@@ -15,52 +17,71 @@ _SLACK = 0.05
 
 
 class Waiting:
-    """At most `max_bytes`, but always room for one message."""
+    """At most `max_bytes`, but always room for one message. What came packed waits so."""
 
     def __init__(self, max_bytes: int) -> None:
         self._max_bytes = max_bytes
-        self._samples: deque[Sample] = deque()
+        self._parts: deque[Sample | Packed] = deque()
+        self._count = 0
         self._bytes = 0
 
     def __len__(self) -> int:
-        return len(self._samples)
+        return self._count
 
     @property
     def bytes(self) -> int:
         return self._bytes
 
-    def put(self, samples: Iterable[Sample], depth: int | None) -> tuple[int, int]:
+    def put(self, samples: Sequence[Sample], depth: int | None) -> tuple[int, int]:
         """Put them behind the others; the oldest beyond the bounds go. `depth` None: as many as there are.
 
         Returns how many went because of the depth, and how many because of the bytes.
         """
-        waiting = self._samples
-        for sample in samples:
-            waiting.append(sample)
-            self._bytes += len(sample.payload)
-        replaced = 0 if depth is None else max(0, len(waiting) - depth)
-        for _ in range(replaced):
-            self._bytes -= len(waiting.popleft().payload)
+        if not samples:
+            return 0, 0
+        if isinstance(samples, Packed):
+            self._parts.append(samples)
+        else:
+            self._parts += samples
+        self._count += len(samples)
+        self._bytes += payload_bytes(samples)
+        replaced = 0 if depth is None else max(0, self._count - depth)
+        self.remove(replaced)
         over = 0
-        while self._bytes > self._max_bytes and len(waiting) > 1:
-            self._bytes -= len(waiting.popleft().payload)
+        while self._bytes > self._max_bytes and self._count > 1:
+            self.remove(1)
             over += 1
         return replaced, over
 
-    def first(self, limit: int) -> list[Sample]:
-        """Up to `limit` of the oldest; they stay."""
-        return list(islice(self._samples, limit))
+    def first(self, limit: int) -> Sequence[Sample]:
+        """Some of the oldest, `limit` at most if they are not packed; they stay."""
+        first = self._parts[0] if self._parts else None
+        if isinstance(first, Packed):
+            return first
+        alone = takewhile(lambda part: not isinstance(part, Packed), self._parts)
+        return cast("list[Sample]", list(islice(alone, limit)))
 
     def remove(self, count: int) -> None:
         """The oldest `count` have gone on."""
-        for _ in range(count):
-            self._bytes -= len(self._samples.popleft().payload)
+        self._count -= count
+        while count:
+            part = self._parts.popleft()
+            if not isinstance(part, Packed):
+                self._bytes -= len(part.payload)
+                count -= 1
+                continue
+            gone = min(count, len(part))
+            rest = part.after(gone)
+            self._bytes -= part.payload_bytes - rest.payload_bytes
+            if rest:
+                self._parts.appendleft(rest)
+            count -= gone
 
     def clear(self) -> int:
         """Returns how many waited."""
-        count = len(self._samples)
-        self._samples.clear()
-        self._bytes = 0
+        count = self._count
+        self._parts.clear()
+        self._count = self._bytes = 0
         return count
 
 

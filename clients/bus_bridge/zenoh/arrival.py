@@ -12,7 +12,7 @@ __all__ = ["HELD_BYTES", "Arrival"]
 
 HELD_BYTES = 16 << 20
 """That may wait for what is missing: more than is ever under way."""
-_PART, _MESSAGE = 256, 128  # bytes that one costs besides its payload
+_PART = 256  # bytes that one costs besides its payload
 
 
 class Arrival:
@@ -60,7 +60,7 @@ class Arrival:
                 self._newest = max(self._newest, number)
                 return [content, *self._flush()] if self._held else [content]
         self._newest = max(self._newest, number)
-        size += _PART + (_MESSAGE * len(content) if isinstance(content, list) else 0)
+        size += _PART
         if number in self._held or self._held_bytes + size > HELD_BYTES:
             return []  # it is asked for
         if self._room.take(size):

@@ -17,7 +17,8 @@ from collections.abc import Iterator, Sequence
 from struct import Struct
 from typing import NamedTuple
 
-from bus_bridge.engine import Sample
+from bus_bridge.engine import ALONE_BYTES, PACK_BYTES, Sample
+from bus_bridge.packed import RECORD, Packed
 
 __all__ = [
     "MAX_MESSAGE_BYTES",
@@ -37,16 +38,14 @@ __all__ = [
     "write_pair",
 ]
 
-PART_BYTES = 60 << 10
+PART_BYTES = PACK_BYTES
 """With its key and zenoh's own heads a part fits into one of zenoh's batches of 64 KiB."""
 WHOLE_BYTES = 2 * PART_BYTES
 """Up to here a message goes by one put, which zenoh cuts itself: pieces cost two copies and a put more."""
-_ALONE_BYTES = 16 << 10  # from here on, the copy into a batch costs more than a put
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
 """Of a message: a million a second for nine years. Higher ones are lies, and would break counters."""
 
-_RECORD = Struct("<QqI")
 _HEAD = Struct("<cQ")
 _WHOLE = Struct("<cQQq")
 _PIECE = Struct("<cQQqQQ")
@@ -77,21 +76,24 @@ class Probe(NamedTuple):
     """No message."""
 
 
-Content = list[Sample] | Piece | Probe
+Content = Sequence[Sample] | Piece | Probe
 
 
 def pack(samples: Sequence[Sample], number: int) -> Iterator[Part]:
     """The parts that carry `samples`; the first one has that number."""
-    record, parts, size = _RECORD.pack, list[bytes](), 0
+    if isinstance(samples, Packed):  # a batch already
+        yield Part(samples.data, number, _HEAD.pack(_BATCH_KIND, number))
+        return
+    record, parts, size = RECORD.pack, list[bytes](), 0
     for sample in samples:
         payload, message, source_time_ns = sample
         length = len(payload)
-        if parts and (length >= _ALONE_BYTES or size + length + _RECORD.size > PART_BYTES):
+        if parts and (length >= ALONE_BYTES or size + length + RECORD.size > PART_BYTES):
             yield Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number))
             parts, size, number = [], 0, number + 1
-        if length < _ALONE_BYTES:
+        if length < ALONE_BYTES:
             parts += (record(message, source_time_ns, length), payload)
-            size += length + _RECORD.size
+            size += length + RECORD.size
         elif length <= WHOLE_BYTES:
             yield Part(payload, number, _WHOLE.pack(_WHOLE_KIND, number, message, source_time_ns))
             number += 1
@@ -126,8 +128,8 @@ def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
         return None
     number: int = _HEAD.unpack_from(head)[1]
     if kind == _BATCH_KIND and size == _HEAD.size:
-        found = _records(payload)
-        return (number, found) if found else None
+        found = Packed.read(payload, MAX_NUMBER)
+        return None if found is None else (number, found)
     if kind == _WHOLE_KIND and size == _WHOLE.size:
         _, _, message, source_time_ns = _WHOLE.unpack(head)
         return None if message > MAX_NUMBER else (number, [Sample(payload, message, source_time_ns)])
@@ -141,20 +143,6 @@ def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
     if kind == _PROBE_KIND and size == _HEAD.size and not payload:
         return number, Probe()
     return None
-
-
-def _records(payload: bytes) -> list[Sample] | None:
-    head, start, end, found = _RECORD.unpack_from, 0, len(payload), list[Sample]()
-    last_head = end - _RECORD.size
-    while start <= last_head:
-        number, source_time_ns, size = head(payload, start)
-        if number > MAX_NUMBER:
-            return None
-        start += _RECORD.size
-        stop = start + size
-        found.append(Sample(payload[start:stop], number, source_time_ns))
-        start = stop
-    return found if start == end else None
 
 
 class Room:

@@ -8,11 +8,12 @@ from functools import partial
 from bus.qos import Durability, Reliability
 from bus.qos import History as Kept
 from bus_bridge.engine import FarEndpoint, LocalEndpoint, RouteRule, Sample
+from bus_bridge.packed import Packed, payload_bytes
 from bus_bridge.reasons import LINK_FULL
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.arrival import Arrival
 from bus_bridge.zenoh.presence import Interest
-from bus_bridge.zenoh.records import Assembler, Content, Part, Piece, Room
+from bus_bridge.zenoh.records import Assembler, Content, Part, Piece, Probe, Room
 from bus_bridge.zenoh.session import Outlet, Query, Session
 from bus_bridge.zenoh.window import History, Window
 
@@ -193,6 +194,8 @@ class ZenohWriter:
     def _fitting(self, samples: Sequence[Sample]) -> int:
         """How many of them may be written now."""
         room = 0 if self._rest else self._window.room
+        if isinstance(samples, Packed):  # one part
+            return len(samples) if room > 0 else 0
         for index, sample in enumerate(samples):
             if room <= 0:
                 return index
@@ -279,7 +282,7 @@ class ZenohReader:
         self._assembler = Assembler(room)
         self._kept_last = 0
         """Number of the last message that was kept over there before this way began."""
-        self._arrived: list[Sample] = []
+        self._arrived: list[Sequence[Sample]] = []
         self._asked_for: set[int] = set()
         """Missing parts that are on their way here, as answers."""
         self._ask_most = _ASK_FIRST
@@ -345,7 +348,7 @@ class ZenohReader:
             self._on_broken(f"a message on {self._topic} can't be read")
             return
         number, content = found
-        self._is_asked |= isinstance(content, records.Probe)
+        self._is_asked |= isinstance(content, Probe)
         self._unpack(self._arrival.arrive(number, content, len(put[0])))
 
     def _unpack(self, contents: Sequence[Content]) -> None:
@@ -355,19 +358,24 @@ class ZenohReader:
             samples = self._samples(content)
             if samples and samples[0].number <= self._kept_last:
                 samples = [one for one in samples if one.number > self._kept_last]
-            self._arrived += samples
-            if self._is_lossless:
-                self._untaken.append((number, sum([len(one[0]) for one in samples])))
+            self._keep(number, samples)
 
-    def _samples(self, content: Content) -> list[Sample]:
-        if isinstance(content, list):
-            return content
-        whole = self._assembler.add(content) if isinstance(content, Piece) else None
-        return [] if whole is None else [whole]
+    def _keep(self, number: int, samples: Sequence[Sample]) -> None:
+        """They are to be given on, of the part with that number."""
+        if samples:
+            self._arrived.append(samples)
+        if self._is_lossless:
+            self._untaken.append((number, payload_bytes(samples)))
+
+    def _samples(self, content: Content) -> Sequence[Sample]:
+        if isinstance(content, Piece):
+            whole = self._assembler.add(content)
+            return [] if whole is None else [whole]
+        return [] if isinstance(content, Probe) else content
 
     def _give(self) -> None:
-        samples, self._arrived = self._arrived, []
-        if samples:
+        arrived, self._arrived = self._arrived, []
+        for samples in arrived:
             self._on_samples(samples)
         if self._is_closed:
             return
@@ -413,9 +421,7 @@ class ZenohReader:
         samples = [one for one in self._samples(found[1]) if one.number > self._kept_last]
         if samples:
             self._kept_last = samples[-1].number
-            self._arrived += samples
-            if self._is_lossless:
-                self._untaken.append((0, sum([len(one[0]) for one in samples])))
+            self._keep(0, samples)
         elif not self._assembler.size:
             return False  # it would be asked for ever
         self._ask()
@@ -445,7 +451,7 @@ class ZenohReader:
         if found is None:
             self._go_on(is_right=False)
             return
-        if not isinstance(found[1], records.Probe):
+        if not isinstance(found[1], Probe):
             self._unpack(self._arrival.arrive(*found, len(payload)))
         elif number == self._arrival.last + 1:
             self._unpack(self._arrival.skip())

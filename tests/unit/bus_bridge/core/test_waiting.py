@@ -1,5 +1,11 @@
+from collections.abc import Sequence
+
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import Sample
+from bus_bridge.packed import RECORD, Packed
 from rows import for_each
 
 _S = 1_000_000_000
@@ -7,6 +13,15 @@ _S = 1_000_000_000
 
 def samples(*numbers: int, size: int = 1) -> list[Sample]:
     return [Sample(bytes(size), number, number) for number in numbers]
+
+
+def packed(some: Sequence[Sample]) -> Packed:
+    data = b"".join(
+        RECORD.pack(one.number, one.source_time_ns, len(one.payload)) + one.payload for one in some
+    )
+    found = Packed.read(data, 1 << 62)
+    assert found is not None
+    return found
 
 
 def numbers(waiting: Waiting) -> list[int]:
@@ -44,6 +59,46 @@ def test_what_has_gone_on_is_forgotten() -> None:
     assert (numbers(waiting), waiting.bytes) == ([3], 10)
     assert waiting.clear() == 1
     assert (len(waiting), waiting.bytes) == (0, 0)
+
+
+class Model:
+    """Each message by itself."""
+
+    def __init__(self, max_bytes: int) -> None:
+        self.max_bytes = max_bytes
+        self.kept: list[Sample] = []
+
+    def put(self, some: Sequence[Sample], depth: int | None) -> tuple[int, int]:
+        if not some:
+            return 0, 0
+        self.kept += some
+        replaced = 0 if depth is None else max(0, len(self.kept) - depth)
+        del self.kept[:replaced]
+        over = 0
+        while sum(len(one.payload) for one in self.kept) > self.max_bytes and len(self.kept) > 1:
+            del self.kept[0]
+            over += 1
+        return replaced, over
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 9), st.booleans(), st.sampled_from([None, 1, 5, 20]), st.integers(0, 9))
+    )
+)
+def test_what_came_packed_waits_as_what_did_not(steps: list[tuple[int, bool, int | None, int]]) -> None:
+    waiting, model, number = Waiting(100), Model(100), 0
+    for count, is_packed, depth, gone in steps:
+        some = [Sample(bytes(one), number + one, one) for one in range(1, count + 1)]
+        number += count
+        assert waiting.put(packed(some) if is_packed and some else some, depth) == model.put(some, depth)
+        first = waiting.first(4)
+        assert list(first) == model.kept[: len(first)] and bool(first) is bool(model.kept)
+        gone = min(gone, len(model.kept))
+        waiting.remove(gone)
+        del model.kept[:gone]
+        assert len(waiting) == len(model.kept)
+        assert waiting.bytes == sum(len(one.payload) for one in model.kept)
 
 
 @for_each(

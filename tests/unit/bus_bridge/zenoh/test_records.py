@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
+from bus_bridge.packed import Packed
 from bus_bridge.zenoh import records
 from bus_bridge.zenoh.records import (
     MAX_NUMBER,
@@ -39,7 +40,7 @@ def unpack(parts: list[Part]) -> list[Sample]:
             whole = assembler.add(read[1])
             found += [] if whole is None else [whole]
         else:
-            assert isinstance(read[1], list)
+            assert not isinstance(read[1], Probe)
             found += read[1]
     return found
 
@@ -58,6 +59,14 @@ def test_small_messages_share_a_part_and_a_large_one_is_not_copied() -> None:
     parts = list(records.pack(samples, 1))
     assert len(parts) == 3
     assert parts[1].payload is large
+
+
+def test_what_is_a_batch_already_goes_as_it_is() -> None:
+    (part,) = records.pack([Sample(b"a", 1, 5), Sample(b"bc", 2, 6)], 1)
+    read = records.read_part(part.payload, part.head)
+    assert read is not None and isinstance(read[1], Packed)
+    assert list(records.pack(read[1], 1)) == [part]
+    assert unpack(list(records.pack(read[1][1:], 9))) == [Sample(b"bc", 2, 6)]
 
 
 def test_pieces_that_go_on_nowhere_are_dropped() -> None:

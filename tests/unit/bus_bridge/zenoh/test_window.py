@@ -1,7 +1,7 @@
 """What a publisher's way out keeps, and for how long."""
 
 from bus_bridge.engine import Sample
-from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, Room, read_part
+from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, Probe, Room, read_part
 from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, History, Window
 
 SIZE = 1000
@@ -129,8 +129,8 @@ def read(history: History) -> list[int]:
             whole = assembler.add(content[1])
             samples = [] if whole is None else [whole]
         else:
-            assert isinstance(content[1], list)
-            samples = content[1]
+            assert not isinstance(content[1], Probe)
+            samples = list(content[1])
         found += [one.number for one in samples]
         after = found[-1] if found else 0
     return found

@@ -1,0 +1,221 @@
+/* Many samples in one buffer, as bridges pass them on: taken out of rings, looked through, and published, by one call
+ * each. A record of it is number u64, source time i64 (ns of the wall clock; 0: none), size u32, payload; they stand
+ * back to back, little-endian. bus_bridge.packed reads them too.
+ */
+#include "py.h"
+
+#include <string.h>
+
+enum { PACKED_HEAD = 20 };
+
+struct packed_head {
+    uint64_t number;
+    int64_t time_ns;
+    uint32_t size;
+};
+
+static inline struct packed_head read_head(const unsigned char *at)
+{
+    struct packed_head head;
+    memcpy(&head.number, at, 8);
+    memcpy(&head.time_ns, at + 8, 8);
+    memcpy(&head.size, at + 16, 4);
+    return head;
+}
+
+static inline void write_head(unsigned char *at, struct packed_head head)
+{
+    memcpy(at, &head.number, 8);
+    memcpy(at + 8, &head.time_ns, 8);
+    memcpy(at + 16, &head.size, 4);
+}
+
+/* What was packed; `source` is held. */
+struct pack {
+    PyObject *source;
+    unsigned char *bytes;
+    size_t size, last_at;
+    uint64_t count, payload_bytes, first, last;
+};
+
+/* Packs what waits in one feed, until a sample is too long, or the pack full. -1: an error is set. */
+static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t most, size_t longest, int64_t offset_ns)
+{
+    const uint64_t now_ns = core_now_ns();
+    enum ring_status status;
+    while ((status = feed_look(feed, self->bound)) == RING_OK) {
+        struct ring_record record = feed->head;
+        const uint32_t whole = record.size; /* with its source's time */
+        int64_t source_ns = 0;
+        if (feed->lifespan_ns != 0 && now_ns > record.stamp_ns && now_ns - record.stamp_ns > feed->lifespan_ns) {
+            feed_step(feed);
+            self->expired++;
+            continue;
+        }
+        if (whole >= longest || pack->size + PACKED_HEAD + whole > most)
+            break;
+        unsigned char *at = pack->bytes + pack->size;
+        feed->has_head = false;
+        pass_source_time(&record, &source_ns);
+        if (ring_copy_out(&feed->ring, &record, at + PACKED_HEAD) != RING_OK) {
+            feed_poll(feed, self->bound); /* it was overrun */
+            continue;
+        }
+        feed_step(feed);
+        const int64_t time_ns = source_ns != 0 ? source_ns : (int64_t)(record.stamp_ns + (uint64_t)offset_ns);
+        write_head(at, (struct packed_head){record.seq, time_ns, record.size});
+        if (pack->count++ == 0)
+            pack->first = record.seq;
+        pack->last = record.seq;
+        pack->last_at = pack->size;
+        pack->size += PACKED_HEAD + record.size;
+        pack->payload_bytes += record.size;
+        self->samples++;
+        self->bytes += whole;
+        ages_note(&self->ages, record.stamp_ns, now_ns);
+    }
+    return status == RING_CORRUPT ? reader_leave(self, feed, RING_IS_BROKEN) : 0;
+}
+
+PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t count)
+{
+    Reader *self = (Reader *)object;
+    if (count != 3) {
+        PyErr_SetString(PyExc_TypeError, "most_bytes, longest and offset_ns are needed");
+        return NULL;
+    }
+    const size_t most = PyLong_AsSize_t(args[0]), longest = PyLong_AsSize_t(args[1]);
+    const int64_t offset_ns = PyLong_AsLongLong(args[2]);
+    if (PyErr_Occurred())
+        return NULL;
+    int status = reader_poll(self);
+    struct feed *feed = status < 0 ? NULL : reader_oldest(self);
+    if (feed == NULL) {
+        if (!PyErr_Occurred())
+            reader_show(self);
+        return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
+    }
+    struct pack pack = {.source = feed->source, .bytes = PyMem_Malloc(most)};
+    if (pack.bytes == NULL)
+        return PyErr_NoMemory();
+    Py_INCREF(pack.source);
+    status = pack_feed(self, feed, &pack, most, longest, offset_ns);
+    reader_show(self);
+    PyObject *found = NULL;
+    if (status >= 0 && pack.count == 0)
+        found = Py_NewRef(Py_None);
+    else if (status >= 0)
+        found = Py_BuildValue("(Oy#KKKOO)", pack.source, pack.bytes, (Py_ssize_t)pack.size,
+                              (unsigned long long)pack.count, (unsigned long long)pack.payload_bytes,
+                              (unsigned long long)pack.last_at,
+                              pack.last - pack.first == pack.count - 1 ? Py_True : Py_False,
+                              reader_has_more(self) ? Py_True : Py_False);
+    PyMem_Free(pack.bytes);
+    Py_DECREF(pack.source);
+    return found;
+}
+
+/* The buffer and the offset that a call begins with. False: an error is set, and no buffer is held. */
+static bool get_packed(PyObject *const *args, Py_ssize_t count, Py_ssize_t wanted, Py_buffer *buffer, size_t *start)
+{
+    if (count != wanted) {
+        PyErr_Format(PyExc_TypeError, "%zd arguments are needed", wanted);
+        return false;
+    }
+    *start = PyLong_AsSize_t(args[1]);
+    if (PyErr_Occurred() || PyObject_GetBuffer(args[0], buffer, PyBUF_SIMPLE) < 0)
+        return false;
+    if (*start <= (size_t)buffer->len)
+        return true;
+    PyBuffer_Release(buffer);
+    PyErr_SetString(PyExc_ValueError, "start is behind the end");
+    return false;
+}
+
+PyObject *core_scan_packed(PyObject *Py_UNUSED(module), PyObject *const *args, Py_ssize_t count)
+{
+    Py_buffer buffer;
+    size_t at, last_at = 0;
+    if (!get_packed(args, count, 3, &buffer, &at))
+        return NULL;
+    const uint64_t most = PyLong_AsUnsignedLongLong(args[2]);
+    const size_t end = (size_t)buffer.len;
+    uint64_t found = 0, payload_bytes = 0, highest = 0, next = 0;
+    bool is_consecutive = true;
+    while (found < most && end - at >= PACKED_HEAD) {
+        const struct packed_head head = read_head((const unsigned char *)buffer.buf + at);
+        if (head.size > end - at - PACKED_HEAD)
+            break;
+        is_consecutive = is_consecutive && (found == 0 || head.number == next);
+        next = head.number + 1;
+        highest = head.number > highest ? head.number : highest;
+        last_at = at;
+        at += PACKED_HEAD + head.size;
+        payload_bytes += head.size;
+        found++;
+    }
+    PyBuffer_Release(&buffer);
+    if (PyErr_Occurred())
+        return NULL;
+    return Py_BuildValue("(KKKKKO)", (unsigned long long)found, (unsigned long long)at,
+                         (unsigned long long)payload_bytes, (unsigned long long)highest, (unsigned long long)last_at,
+                         is_consecutive ? Py_True : Py_False);
+}
+
+/* Writes one of them. False: it is to go the slow way. */
+static bool write_one(Writer *self, struct packed_head head, const unsigned char *payload, uint64_t now_ns)
+{
+    unsigned char time[SOURCE_BYTES];
+    const uint64_t before = head.time_ns > 0 ? SOURCE_BYTES : 0, size = before + head.size;
+    unsigned char *place;
+    if (size > QUICK_BYTES || size > self->most || size > self->ring.max_payload)
+        return false;
+    const enum ring_status status = ring_reserve(&self->ring, size, false, (void **)&place);
+    if (status != RING_OK) {
+        writer_is_refused(self, status);
+        return false;
+    }
+    if (before != 0) {
+        core_write_source_time(time, head.time_ns);
+        copy_to_shared(place, time, SOURCE_BYTES);
+    }
+    copy_to_shared(place + before, payload, head.size);
+    ring_publish(&self->ring, (uint32_t)size, writer_next_stamp(self, now_ns), 0);
+    self->samples++;
+    self->bytes += size;
+    return true;
+}
+
+/* How many records from the front were published, and whether a report is due: those after them go one by one. Readers
+ * are woken once, for all. */
+PyObject *writer_publish_packed(PyObject *object, PyObject *const *args, Py_ssize_t count)
+{
+    Writer *self = (Writer *)object;
+    Py_buffer buffer;
+    size_t at;
+    PyObject *outcome;
+    if (!writer_is_open(self, &outcome)) {
+        Py_XDECREF(outcome);
+        return outcome == NULL ? NULL : Py_BuildValue("(iO)", 0, Py_False);
+    }
+    if (!get_packed(args, count, 2, &buffer, &at))
+        return NULL;
+    const uint64_t now_ns = core_now_ns();
+    const size_t end = (size_t)buffer.len;
+    uint64_t done = 0;
+    while (!self->is_lent && end - at >= PACKED_HEAD) {
+        const unsigned char *record = (const unsigned char *)buffer.buf + at;
+        const struct packed_head head = read_head(record);
+        if (head.size > end - at - PACKED_HEAD || !write_one(self, head, record + PACKED_HEAD, now_ns))
+            break;
+        at += PACKED_HEAD + head.size;
+        done++;
+    }
+    PyBuffer_Release(&buffer);
+    const bool is_report_due = done != 0 && !self->is_report_due;
+    if (done != 0) {
+        self->is_report_due = 1;
+        writer_ring_bells(self, false);
+    }
+    return Py_BuildValue("(KO)", (unsigned long long)done, is_report_due ? Py_True : Py_False);
+}

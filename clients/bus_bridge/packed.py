@@ -1,0 +1,136 @@
+"""Many small messages of one publisher in one buffer, as they are taken, sent and published. Pure.
+
+What would cost more than all else is to make an object of each message: so they stay together from the tap to
+zenoh and from zenoh to the mirror, as long as nothing has to be done with single ones.
+"""
+
+from collections.abc import Iterator, Sequence
+from struct import Struct
+from typing import NamedTuple, overload
+
+from bus import shm
+from bus.subscription import Pack
+from bus_bridge.engine import Sample
+
+__all__ = ["RECORD", "Packed", "payload_bytes", "scan"]
+
+RECORD = Struct("<QqI")
+"""In front of each message: its number, its source time, its size."""
+_ALL = 1 << 62
+_LARGEST = (1 << 64) - 1
+
+
+class Scan(NamedTuple):
+    """What stands in a buffer of records."""
+
+    records: int
+    stop: int
+    """Where the last one ends."""
+    payload_bytes: int
+    highest: int
+    """Number."""
+    last_at: int
+    """Where the last one begins."""
+    is_consecutive: bool
+    """Whether each has the number behind that of the one before it."""
+
+
+class Packed(Sequence[Sample]):
+    """Behaves as the list of its samples, and is never changed."""
+
+    __slots__ = ("_count", "_last_at", "_whole", "is_consecutive", "payload_bytes", "start")
+
+    def __init__(
+        self, whole: bytes, start: int, count: int, payload_bytes: int, last_at: int, is_consecutive: bool
+    ) -> None:
+        self._whole = whole
+        self.start = start
+        self._count = count
+        self.payload_bytes = payload_bytes
+        self._last_at = last_at
+        self.is_consecutive = is_consecutive
+
+    @classmethod
+    def taken(cls, pack: Pack) -> "Packed":
+        return cls(pack.data, 0, pack.messages, pack.payload_bytes, pack.last_at, pack.is_consecutive)
+
+    @classmethod
+    def read(cls, data: bytes, most_number: int) -> "Packed | None":
+        """None where that is not records and nothing else, or a number is higher."""
+        found = scan(data, 0, _ALL)
+        if not found.records or found.stop != len(data) or found.highest > most_number:
+            return None
+        return cls(data, 0, found.records, found.payload_bytes, found.last_at, found.is_consecutive)
+
+    @property
+    def whole(self) -> bytes:
+        """The buffer; the samples begin at byte `start` of it."""
+        return self._whole
+
+    @property
+    def data(self) -> bytes:
+        """The records."""
+        return self._whole[self.start :] if self.start else self._whole
+
+    def after(self, count: int) -> "Packed":
+        """All but the first `count`."""
+        if not count:
+            return self
+        gone = scan(self._whole, self.start, count)
+        left, size = self._count - count, self.payload_bytes - gone.payload_bytes
+        return Packed(self._whole, gone.stop, left, size, self._last_at, self.is_consecutive)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Sample]:
+        whole, at, head, size = self._whole, self.start, RECORD.unpack_from, RECORD.size
+        for _ in range(self._count):
+            number, source_time_ns, length = head(whole, at)
+            at += size
+            yield Sample(whole[at : at + length], number, source_time_ns)
+            at += length
+
+    @overload
+    def __getitem__(self, which: int) -> Sample: ...
+    @overload
+    def __getitem__(self, which: slice) -> Sequence[Sample]: ...
+
+    def __getitem__(self, which: int | slice) -> Sample | Sequence[Sample]:
+        if isinstance(which, slice):
+            start, stop, step = which.indices(self._count)
+            return self.after(start) if (stop, step) == (self._count, 1) else list(self)[which]
+        if which in (0, -1) and self._count:
+            at = self._last_at if which else self.start
+            number, source_time_ns, length = RECORD.unpack_from(self._whole, at)
+            at += RECORD.size
+            return Sample(self._whole[at : at + length], number, source_time_ns)
+        return list(self)[which]
+
+
+def scan(data: bytes, start: int, limit: int) -> Scan:
+    """Look through the first `limit` records from byte `start` on; ends before what is none."""
+    if shm.has_core():
+        return Scan(*shm.native.scan_packed(data, start, limit))
+    return scan_here(data, start, limit)
+
+
+def scan_here(data: bytes, start: int, limit: int) -> Scan:
+    """As `scan`, without the native core."""
+    at, end, count, size, highest, last_at, due = start, len(data), 0, 0, 0, 0, None
+    is_consecutive = True
+    while count < limit and end - at >= RECORD.size:
+        number, _, length = RECORD.unpack_from(data, at)
+        if length > end - at - RECORD.size:
+            break
+        is_consecutive &= due in (None, number)
+        due, highest, last_at = number + 1 & _LARGEST, max(highest, number), at
+        at += RECORD.size + length
+        size += length
+        count += 1
+    return Scan(count, at, size, highest, last_at, is_consecutive)
+
+
+def payload_bytes(samples: Sequence[Sample]) -> int:
+    """Of all of them together."""
+    return samples.payload_bytes if isinstance(samples, Packed) else sum([len(one[0]) for one in samples])
