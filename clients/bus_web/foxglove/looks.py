@@ -14,10 +14,10 @@ class Looks:
         self._reasons: dict[str, set[str]] = {}
 
     def add(self, topic: str, reason: str) -> None:
-        reasons = self._reasons.setdefault(topic, set())
-        reasons.add(reason)
-        if len(reasons) == 1:
+        if topic not in self._reasons:
+            self._reasons[topic] = set()
             self._subscriptions.add(topic, self._listener, is_last_wanted=False)
+        self._reasons[topic].add(reason)
 
     def remove(self, topic: str, reason: str) -> None:
         """Nothing happens where that was none."""

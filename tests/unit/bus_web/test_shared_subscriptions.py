@@ -1,0 +1,96 @@
+"""One subscription for each topic that is looked at."""
+
+from typing import Any
+
+from bus.msg.std_msgs import Int32, String
+from bus.qos import Durability, QoSProfile, Reliability
+from bus_web.shared_subscriptions import Heard
+from web_world import WebWorld, turns
+
+LATCHED = QoSProfile(2, durability=Durability.TRANSIENT_LOCAL)
+
+
+class Listener:
+    def __init__(self) -> None:
+        self.heard: list[Heard] = []
+        self.faults: list[str] = []
+
+    def hear(self, topic: str, heard: Heard) -> None:
+        self.heard.append(heard)
+
+    def hear_fault(self, topic: str, text: str) -> None:
+        self.faults.append(text)
+
+    @property
+    def values(self) -> list[Any]:
+        return [one.message.data for one in self.heard]
+
+
+async def test_as_long_as_somebody_looks() -> None:
+    world = WebWorld()
+    subscriptions = world.hub.subscriptions
+    chatter = world.add("publisher", "/talker", "/chatter", String)
+    first, second = Listener(), Listener()
+    subscriptions.add("/chatter", first)
+    await turns()
+    assert world.node.subscriptions == {}, "nobody knows its type yet"
+    world.look()
+    await turns()
+    (made,) = world.node.subscriptions["/chatter"]
+    assert (made.profile.depth, made.profile.reliability) == (5, Reliability.BEST_EFFORT)
+    world.publish(chatter, String(data="a"))
+    subscriptions.add("/chatter", second)
+    subscriptions.add("/chatter", third := Listener(), is_last_wanted=False)
+    world.publish(chatter, String(data="b"))
+    assert [one.values for one in (first, second, third)] == [["a", "b"], ["a", "b"], ["b"]]
+    assert first.heard[1] is second.heard[1], "decoded once"
+    for one in (first, second, third):
+        assert not made.is_closed
+        subscriptions.remove("/chatter", one)
+    subscriptions.remove("/chatter", first)
+    await turns()
+    assert made.is_closed
+    await world.close()
+
+
+async def test_a_topic_of_another_type_now() -> None:
+    world = WebWorld()
+    world.add("publisher", "/talker", "/x", String)
+    world.look()
+    world.hub.subscriptions.add("/x", listener := Listener())
+    await turns()
+    world.remove("/x")
+    world.look()
+    await turns()
+    assert not world.node.subscriptions["/x"][0].is_closed, "it may come back"
+    number = world.add("publisher", "/talker", "/x", Int32)
+    world.look()
+    await turns()
+    assert [one.is_closed for one in world.node.subscriptions["/x"]] == [True, False]
+    world.publish(number, Int32(data=5))
+    assert listener.values == [5]
+    await world.close()
+
+
+async def test_a_type_that_nobody_describes() -> None:
+    world = WebWorld()
+    world.add("publisher", "/talker", "/x", type_name="a/msg/B", type_hash="h")
+    world.look()
+    world.hub.subscriptions.add("/x", listener := Listener())
+    await turns()
+    assert listener.faults == ["no endpoint has a/msg/B any more"]
+    await world.close()
+
+
+async def test_who_looks_later_gets_what_publishers_keep() -> None:
+    world = WebWorld()
+    one = world.add("publisher", "/one", "/tf_static", String, LATCHED)
+    other = world.add("publisher", "/other", "/tf_static", String, LATCHED)
+    world.look()
+    world.hub.subscriptions.add("/tf_static", first := Listener())
+    await turns()
+    for text, publisher in (("a", one), ("b", other), ("c", one), ("d", one)):
+        world.publish(publisher, String(data=text))
+    world.hub.subscriptions.add("/tf_static", late := Listener(), is_last_wanted=False)
+    assert (first.values, late.values) == (["a", "b", "c", "d"], ["b", "c", "d"])
+    await world.close()
