@@ -3,7 +3,7 @@
 Pure: graphs and times come in, rows go out. `bus top` and the page both show them.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -161,19 +161,8 @@ class Sums(msgspec.Struct, frozen=True):
     lost: int
 
 
-_Ends = tuple[list[GraphEndpoint], list[GraphEndpoint]]
-_NO_ENDS: _Ends = ([], [])
-
-
 def _depth(qos: QoSProfile) -> int | None:
     return qos.depth if qos.history is History.KEEP_LAST else None
-
-
-def _ages(told: list[tuple[int, int, int, int]]) -> Ages | None:
-    if not told:
-        return None
-    number = sum(count for _, count, _, _ in told)
-    return Ages(sum(sum_ns for _, _, sum_ns, _ in told) / number / _NS, max(most for *_, most in told) / _NS)
 
 
 def _identity(graph: Graph) -> tuple[int, int]:
@@ -181,39 +170,124 @@ def _identity(graph: Graph) -> tuple[int, int]:
 
 
 class _Counters:
-    """Of one endpoint, from look to look."""
+    """Of one endpoint, from look to look: `endpoint` and its `statistics` are of the newest."""
 
-    __slots__ = ("ages", "losses", "lost_per_s", "meter", "rates")
+    __slots__ = (
+        "aged",
+        "endpoint",
+        "looked_ns",
+        "losses",
+        "lost",
+        "lost_per_s",
+        "meter",
+        "rates",
+        "statistics",
+    )
 
     def __init__(self) -> None:
-        self.ages: tuple[int, int, int, int] | None = None  # when they were told; how many, sum, most
+        self.endpoint: GraphEndpoint
+        self.statistics = _NOTHING
+        self.aged: EndpointStatistics | None = None
+        """The newest in which ages were told, of late."""
         self.meter = Meter()
-        self.losses: list[tuple[int, int]] = []  # when, and how many in all: of the last seconds
         self.rates: tuple[float, ...] | None = None
+        self.losses: list[tuple[int, int]] = []  # when, and how many in all: of the last seconds
+        self.lost = -1
         self.lost_per_s = 0.0
+        self.looked_ns = 0
 
-    def take(self, statistics: EndpointStatistics, now_ns: int) -> None:
+    def take(self, endpoint: GraphEndpoint, now_ns: int) -> None:
+        self.endpoint = endpoint
+        self.statistics = statistics = endpoint.statistics or _NOTHING
         self.meter.add(statistics.at_ns, statistics.samples, statistics.bytes)
         self.rates = self.meter.rates(now_ns)
         if statistics.age_count:
-            self.ages = (
-                statistics.at_ns, statistics.age_count, statistics.age_sum_ns, statistics.age_max_ns,
-            )  # fmt: skip
-        elif self.ages is not None and now_ns - self.ages[0] > _NOW_NS:
-            self.ages = None
-        losses = self.losses
+            self.aged = statistics
+        elif self.aged is not None and now_ns - self.aged.at_ns > _NOW_NS:
+            self.aged = None
         lost = sum(statistics.dropped.values()) if statistics.dropped else 0
+        if lost != self.lost or len(self.losses) != 1:
+            self._lose(lost, now_ns)
+        self.looked_ns = now_ns
+
+    def _lose(self, lost: int, now_ns: int) -> None:
+        losses, self.lost = self.losses, lost
         if losses and losses[0][1] == lost:
             losses[:] = [(max(losses[0][0], now_ns - _NOW_NS), lost)]
             self.lost_per_s = 0.0
             return
         if losses and lost < losses[-1][1]:
             losses.clear()
+        if len(losses) == 1:  # as many until the last look
+            losses[0] = max(losses[0][0], self.looked_ns - _NOW_NS), losses[0][1]
         losses.append((now_ns, lost))
         while len(losses) > 2 and losses[1][0] <= now_ns - _NOW_NS:
             del losses[0]
         span_ns = now_ns - losses[0][0]
         self.lost_per_s = (lost - losses[0][1]) * _NS / span_ns if span_ns else 0.0
+
+
+def _ages(counters: Iterable[_Counters]) -> Ages | None:
+    number = sum_ns = most_ns = 0
+    for one in counters:
+        if (aged := one.aged) is not None:
+            number += aged.age_count
+            sum_ns += aged.age_sum_ns
+            most_ns = max(most_ns, aged.age_max_ns)
+    return Ages(sum_ns / number / _NS, most_ns / _NS) if number else None
+
+
+class _Group:
+    """The endpoints of a topic, or of a node, and what they count together."""
+
+    __slots__ = ("bytes_per_s", "fixed", "history", "hz", "is_hidden", "publishers", "subscriptions")
+
+    def __init__(self, history: Seconds, *, is_hidden: bool) -> None:
+        self.publishers: list[_Counters] = []
+        self.subscriptions: list[_Counters] = []
+        self.is_hidden = is_hidden
+        self.history = history
+        self.hz: float | None = None
+        self.bytes_per_s: float | None = None
+        self.fixed: dict[str, Any] | None = None
+        """Of its row, what is the same as long as the graph is."""
+
+    @property
+    def ends(self) -> list[GraphEndpoint]:
+        return [one.endpoint for one in (*self.publishers, *self.subscriptions)]
+
+    def add(self, now_ns: int) -> None:
+        """Its endpoints have been looked at."""
+        hz = bytes_per_s = None
+        for one in self.publishers:
+            if (rates := one.rates) is not None:
+                hz, bytes_per_s = (hz or 0.0) + rates[0], (bytes_per_s or 0.0) + rates[1]
+        self.hz, self.bytes_per_s = hz, bytes_per_s
+        if hz is not None or self.history:  # what is not known yet is not nothing
+            self.history.add(now_ns, hz or 0.0)
+
+    def counted(self) -> dict[str, Any]:
+        """The fields that rows have in common and that change with every look."""
+        dropped: dict[str, int] = {}
+        queued, most, depth, lost_per_s = 0, -1, None, 0.0
+        for one in self.subscriptions:
+            counters = one.statistics
+            for reason, count in counters.dropped.items():
+                dropped[reason] = dropped.get(reason, 0) + count
+            queued += counters.queued
+            if counters.queued > most:
+                most, depth = counters.queued, _depth(one.endpoint.qos)
+            lost_per_s += one.lost_per_s
+        return {
+            "hz": self.hz,
+            "bytes_per_s": self.bytes_per_s,
+            "history": self.history.values,
+            "queued": queued,
+            "depth": depth,
+            "age": _ages(self.subscriptions),
+            "lost_per_s": lost_per_s,
+            "dropped": dropped,
+        }
 
 
 class Model:
@@ -227,16 +301,15 @@ class Model:
         self._own = frozenset(own)
         self._describe = describe
         self._graph: Graph | None = None
-        self._ends: dict[str, _Ends] = {}
-        self._by_node: dict[int, _Ends] = {}
-        self._counters: dict[bytes, _Counters] = {}
-        self._histories: dict[str | int, Seconds] = {}
-        """Of topics by name, and of nodes by their id."""
+        self._gids: list[bytes] = []
+        self._counters: list[_Counters | None] = []
+        """Of each endpoint of the graph; None for those of `own` that are hidden."""
+        self._topics: dict[str, _Group] = {}
+        self._nodes: dict[int, _Group] = {}
+        """By their ids in the graph."""
         self._matches: dict[int, list[GraphMatch]] = {}
         """By the ids of both ends."""
         self._pairs: dict[str, tuple[Pair, ...]] = {}
-        self._fixed: dict[str | int, dict[str, Any]] = {}
-        """Of rows, by name or id: what is the same as long as the graph is."""
 
     @property
     def has_graph(self) -> bool:
@@ -255,85 +328,96 @@ class Model:
         Returns whether nodes, endpoints or matches are others than at the look before.
         """
         before, self._graph = self._graph, graph
-        is_new = before is None or _identity(before) != _identity(graph)
+        ends = (*graph.publishers, *graph.subscriptions)
+        gids = [one.gid for one in ends]
+        is_new = before is None or _identity(before) != _identity(graph) or gids != self._gids
         if is_new:
-            self.forget_pairs()
-            self._matches = {}
-            for match in graph.matches:
-                self._matches.setdefault(match.publisher, []).append(match)
-                self._matches.setdefault(match.subscription, []).append(match)
-        ends: dict[str, _Ends] = {}
-        by_node: dict[int, _Ends] = {}
-        counters = {}
-        for number, endpoints in enumerate((graph.publishers, graph.subscriptions)):
-            for one in endpoints:
-                if one.node.pid in self._own and is_hidden_node(one.node.name):
-                    continue
-                mine = counters[one.gid] = self._counters.get(one.gid) or _Counters()
-                mine.take(one.statistics or _NOTHING, now_ns)
-                ends.setdefault(one.topic, ([], []))[number].append(one)
-                by_node.setdefault(one.node.id, ([], []))[number].append(one)
-        self._counters, self._ends = counters, {topic: ends[topic] for topic in sorted(ends)}
-        self._by_node = by_node
-        histories: dict[str | int, Seconds] = {}
-        together: list[tuple[str | int, _Ends]] = [*self._ends.items(), *by_node.items()]
-        for key, (publishers, _) in together:
-            history = histories[key] = self._histories.get(key) or Seconds()
-            rate = self._rate(publishers, 0)
-            if rate is not None or history.values:  # what is not known yet is not nothing
-                history.add(now_ns, rate or 0.0)
-        self._histories = histories
+            self._arrange(ends, gids)
+        for one, mine in zip(ends, self._counters, strict=True):
+            if mine is not None:
+                mine.take(one, now_ns)
+        for group in self._topics.values():
+            group.add(now_ns)
+        for group in self._nodes.values():
+            group.add(now_ns)
         return is_new
+
+    def _arrange(self, ends: Sequence[GraphEndpoint], gids: list[bytes]) -> None:
+        """Which endpoints are together, and what each of them and each group was before."""
+        counters = dict(zip(self._gids, self._counters, strict=True))
+        topics: dict[str, _Group] = {}
+        nodes: dict[int, _Group] = {}
+        self._gids, self._counters = gids, []
+        for one in ends:
+            if one.node.pid in self._own and is_hidden_node(one.node.name):
+                self._counters.append(None)
+                continue
+            mine = counters.get(one.gid) or _Counters()
+            self._counters.append(mine)
+            if (topic := topics.get(one.topic)) is None:
+                topic = topics[one.topic] = _Group(
+                    known.history if (known := self._topics.get(one.topic)) else Seconds(),
+                    is_hidden=is_hidden_topic(one.topic),
+                )
+            if (node := nodes.get(one.node.id)) is None:
+                node = nodes[one.node.id] = _Group(
+                    known.history if (known := self._nodes.get(one.node.id)) else Seconds(),
+                    is_hidden=is_hidden_node(one.node.name),
+                )
+            for group in (topic, node):
+                (group.publishers if one.kind == "publisher" else group.subscriptions).append(mine)
+        self._topics, self._nodes = {name: topics[name] for name in sorted(topics)}, nodes
+        self._pairs = {}
+        self._matches = {}
+        for match in self.graph.matches:
+            self._matches.setdefault(match.publisher, []).append(match)
+            self._matches.setdefault(match.subscription, []).append(match)
 
     def forget_pairs(self) -> None:
         """`describe` knows more than when it was asked."""
         self._pairs = {}
-        self._fixed = {}
+        for group in (*self._topics.values(), *self._nodes.values()):
+            group.fixed = None
 
     def topics(self, *, hidden: bool = False) -> list[TopicRow]:
         """A row for each topic, sorted by name; `hidden` ones too."""
         return [
-            self._topic(name, *ends)
-            for name, ends in self._ends.items()
-            if hidden or not is_hidden_topic(name)
+            self._topic(name, group) for name, group in self._topics.items() if hidden or not group.is_hidden
         ]
 
     def topic(self, name: str) -> TopicRow | None:
         """The row of one topic, by its full name; None where it is not there."""
-        ends = self._ends.get(name)
-        return None if ends is None else self._topic(name, *ends)
+        group = self._topics.get(name)
+        return None if group is None else self._topic(name, group)
 
     def nodes(self, *, hidden: bool = False) -> list[NodeRow]:
         """A row for each node that has endpoints, sorted by name; `hidden` ones too."""
         nodes = sorted(self.graph.nodes, key=lambda one: (one.full_name, one.id))
         return [
-            NodeRow(
-                node=one.full_name,
-                id=one.id,
-                pid=one.pid,
-                **self._fixed_of(one.id, ends),
-                **self._counted(one.id, ends),
-            )
+            NodeRow(node=one.full_name, id=one.id, pid=one.pid, **self._fixed(group), **group.counted())
             for one in nodes
-            if (hidden or not is_hidden_node(one.name)) and (ends := self._by_node.get(one.id)) is not None
+            if (group := self._nodes.get(one.id)) is not None and (hidden or not group.is_hidden)
         ]
 
     def endpoints_of_node(self, number: int) -> list[EndpointRow]:
         """The publishers of a node, by its id in the graph, then its subscriptions; sorted by topic."""
+        if (group := self._nodes.get(number)) is None:
+            return []
         return [
             self._endpoint(one)
-            for ends in self._by_node.get(number, _NO_ENDS)
-            for one in sorted(ends, key=lambda one: one.topic)
+            for ends in (group.publishers, group.subscriptions)
+            for one in sorted(ends, key=lambda one: one.endpoint.topic)
         ]
 
     def endpoints(self, topic: str) -> list[EndpointRow]:
         """The publishers of a topic, then its subscriptions; none where it is not there."""
-        publishers, subscriptions = self._ends.get(topic, _NO_ENDS)
-        return [self._endpoint(one) for one in (*publishers, *subscriptions)]
+        if (group := self._topics.get(topic)) is None:
+            return []
+        return [self._endpoint(one) for one in (*group.publishers, *group.subscriptions)]
 
     def all_endpoints(self) -> list[EndpointRow]:
         """Those of all topics, hidden ones too."""
-        return [row for topic in self._ends for row in self.endpoints(topic)]
+        return [row for topic in self._topics for row in self.endpoints(topic)]
 
     def pairs(self, topic: str) -> tuple[Pair, ...]:
         """Each publisher of a topic with each subscription, where they match or it is known why not.
@@ -357,66 +441,38 @@ class Model:
             lost=sum(row.lost for row in shown),
         )
 
-    def _topic(
-        self, name: str, publishers: list[GraphEndpoint], subscriptions: list[GraphEndpoint]
-    ) -> TopicRow:
-        ends = (publishers, subscriptions)
-        return TopicRow(topic=name, **self._fixed_of(name, ends), **self._counted(name, ends))
+    def _topic(self, name: str, group: _Group) -> TopicRow:
+        return TopicRow(topic=name, **self._fixed(group, name), **group.counted())
 
-    def _fixed_of(self, key: str | int, ends: _Ends) -> dict[str, Any]:
-        """The fields of a topic's or a node's row that change with the graph only."""
-        if (known := self._fixed.get(key)) is not None:
+    def _fixed(self, group: _Group, topic: str = "") -> dict[str, Any]:
+        """The fields of a row of a `topic`, or of a node, that change with the graph only."""
+        if (known := group.fixed) is not None:
             return known
-        publishers, subscriptions = ends
-        found: dict[str, Any] = {"publishers": len(publishers), "subscriptions": len(subscriptions)}
-        if isinstance(key, str):
-            found["types"] = tuple(sorted({one.type_name for one in (*publishers, *subscriptions)}))
-            found["mismatches"] = sum(not pair.route for pair in self.pairs(key))
-            matched = subscriptions
+        found: dict[str, Any] = {
+            "publishers": len(group.publishers),
+            "subscriptions": len(group.subscriptions),
+        }
+        ends = group.ends
+        if topic:
+            found["types"] = tuple(sorted({one.type_name for one in ends}))
+            found["mismatches"] = sum(not pair.route for pair in self.pairs(topic))
+            ends = [one.endpoint for one in group.subscriptions]  # a publisher has matches of others, too
         else:
             found["mismatches"] = self._mismatches_of(ends)
-            matched = [*publishers, *subscriptions]
-        found["routes"] = tuple(sorted({route for one in matched for route in self._routes(one)}))
-        self._fixed[key] = found
+        found["routes"] = tuple(sorted({route for one in ends for route in self._routes(one)}))
+        group.fixed = found
         return found
 
-    def _counted(self, key: str | int, ends: _Ends) -> dict[str, Any]:
-        """The fields that rows have in common and that change with every look."""
-        publishers, subscriptions = ends
-        dropped: dict[str, int] = {}
-        queued, most, depth, lost_per_s = 0, -1, None, 0.0
-        ages = []
-        for one in subscriptions:
-            counters, mine = one.statistics or _NOTHING, self._counters[one.gid]
-            for reason, count in counters.dropped.items():
-                dropped[reason] = dropped.get(reason, 0) + count
-            queued += counters.queued
-            if counters.queued > most:
-                most, depth = counters.queued, _depth(one.qos)
-            lost_per_s += mine.lost_per_s
-            if mine.ages is not None:
-                ages.append(mine.ages)
-        return {
-            "hz": self._rate(publishers, 0),
-            "bytes_per_s": self._rate(publishers, 1),
-            "history": self._histories[key].values,
-            "queued": queued,
-            "depth": depth,
-            "age": _ages(ages),
-            "lost_per_s": lost_per_s,
-            "dropped": dropped,
-        }
-
-    def _mismatches_of(self, ends: _Ends) -> int:
-        mine = {one.id for some in ends for one in some}
+    def _mismatches_of(self, ends: Sequence[GraphEndpoint]) -> int:
+        mine = {one.id for one in ends}
         return sum(
             not pair.route and (pair.publisher in mine or pair.subscription in mine)
-            for topic in {one.topic for some in ends for one in some}
+            for topic in {one.topic for one in ends}
             for pair in self.pairs(topic)
         )
 
-    def _endpoint(self, one: GraphEndpoint) -> EndpointRow:
-        counters, mine = one.statistics or _NOTHING, self._counters[one.gid]
+    def _endpoint(self, mine: _Counters) -> EndpointRow:
+        one, counters = mine.endpoint, mine.statistics
         hz, bytes_per_s = mine.rates or (None, None)
         return EndpointRow(
             id=one.id,
@@ -436,20 +492,17 @@ class Model:
             dropped=counters.dropped,
             lost_per_s=mine.lost_per_s,
             routes=tuple(sorted(self._routes(one))),
-            age=_ages([mine.ages] if mine.ages is not None else []),
+            age=_ages([mine]),
         )
 
     def _routes(self, one: GraphEndpoint) -> set[str]:
         return {match.route for match in self._matches.get(one.id, ())}
 
-    def _rate(self, publishers: Iterable[GraphEndpoint], which: int) -> float | None:
-        known = [rates[which] for one in publishers if (rates := self._counters[one.gid].rates) is not None]
-        return sum(known) if known else None
-
     def _find_pairs(self, topic: str) -> Iterator[Pair]:
-        publishers, subscriptions = self._ends.get(topic, _NO_ENDS)
-        if not publishers or not subscriptions:
+        if (group := self._topics.get(topic)) is None or not group.publishers or not group.subscriptions:
             return
+        publishers = [one.endpoint for one in group.publishers]
+        subscriptions = [one.endpoint for one in group.subscriptions]
         here = {one.id for one in subscriptions}
         routes = {
             (match.publisher, match.subscription): match.route

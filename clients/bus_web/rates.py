@@ -1,6 +1,7 @@
 """Rates out of counters that are told now and then. Pure: times come in as arguments."""
 
 from collections import deque
+from operator import lt
 
 __all__ = ["HISTORY_S", "Meter", "Seconds"]
 
@@ -34,7 +35,7 @@ class Meter:
             if at_ns <= last_ns:
                 return
             self._rates = None
-            if any(new < old for new, old in zip(counters, last, strict=True)):
+            if any(map(lt, counters, last)):
                 told.clear()  # another process has them now, or another busd
         elif not at_ns:
             return
@@ -75,6 +76,9 @@ class Seconds:
         self._last_ns = self._last_ns + passed * _NS if self._last_ns else now_ns
         self._values.extend([value] * min(passed, HISTORY_S))
         return True
+
+    def __len__(self) -> int:
+        return len(self._values)
 
     @property
     def values(self) -> tuple[float, ...]:
