@@ -292,10 +292,10 @@ class Receiver(Generic[M]):
             return []
         proxy.last_seq += 1
         self.tracker.received += 1
-        self._samples += 1
+        samples = self._samples = self._samples + 1
         size = found[1] - RECORD_HEAD_BYTES
         self._bytes += size
-        if self._samples >= self._age_due:
+        if samples >= self._age_due:
             self._look_at_age(_unpack_record(run.body)[1])
         if self.is_lossless:
             run.origin = proxy

@@ -9,7 +9,7 @@ from typing import Any
 
 from msgspec import structs, to_builtins
 
-from bus.errors import ConnectionClosed
+from bus.errors import BrokerUnavailable, ConnectionClosed
 from bus_cli.output import complain
 from bus_cli.query import Query
 from bus_cli.top.table import BY_TOPIC, sums_text
@@ -24,10 +24,17 @@ _LOOKS_FOR_RATES = 3
 def looks(path: Path, delay_s: float, *, is_once: bool) -> Iterator[Model]:
     """The bus every `delay_s` seconds, first when rates are known; `is_once`: then no more.
 
-    Goes on over a restart of busd. Raises what `Query` raises.
+    Goes on over a restart of busd, however long that takes. Raises what `Query` raises at the beginning.
     """
+
+    def describe(name: str, number: str) -> bytes | None:
+        try:
+            return query.description(name, number)
+        except ConnectionClosed:  # the next look says so
+            return None
+
     query = Query(path)
-    model = Model({os.getpid()}, lambda name, number: query.description(name, number))
+    model = Model({os.getpid()}, describe)
     number = 0
     due_s = monotonic()
     try:
@@ -37,7 +44,7 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Iterator[Model]:
             except ConnectionClosed as error:
                 complain(f"{error}; looking for it again")
                 query.close()
-                query = Query(path)
+                query = _find_again(path, delay_s)
                 continue
             model.take(graph, monotonic_ns())
             number += 1
@@ -49,6 +56,14 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Iterator[Model]:
             time.sleep(max(0.0, due_s - monotonic()))
     finally:
         query.close()
+
+
+def _find_again(path: Path, delay_s: float) -> Query:
+    while True:
+        try:
+            return Query(path)
+        except BrokerUnavailable:
+            time.sleep(delay_s)
 
 
 def report(model: Model, by: str, width: int | None, *, hidden: bool) -> str:
