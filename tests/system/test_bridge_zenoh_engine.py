@@ -17,6 +17,7 @@ from bus.qos import QoSProfile
 from bus.schema import MessageSchema
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule, Sample
 from bus_bridge.errors import BridgeError
+from bus_bridge.zenoh import presence
 from bus_bridge.zenoh.engine import ZenohEngine
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.routes import ZenohReader, ZenohWriter
@@ -356,6 +357,32 @@ async def test_a_bus_that_lies_is_not_heard_again() -> None:
         assert laptop.far.reasons == ["too many nodes"]
         await publisher.wanted(False)
         assert [one.text for one in laptop.engine.links() if one.state == "refused"] == ["too many nodes"]
+
+
+async def test_one_that_claims_the_id_of_another_bus_does_it_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "_PATIENCE", 1)
+    here = f"tcp/127.0.0.1:{free_port()}"
+    listen, connect = ZenohOptions(listen=(here,)), ZenohOptions(connect=(here,))
+    async with opened(a=(listen, "laptop"), b=(connect, "robot")) as (laptop, robot):
+        publisher, taken = Publisher(robot, RELIABLE), Taken()
+        endpoint = await laptop.far.endpoint()
+        read(laptop, endpoint, taken)
+        await publisher.wanted()
+        await publisher.send(3)
+        async with opened(c=(connect, "robot")) as (liar,):
+            Publisher(liar, RELIABLE, GID[::-1])
+            await liar.far.until(lambda: liar.far.buses)
+            (text,) = await laptop.far.until(lambda: laptop.far.warnings)
+            assert text.startswith("two buses have the id 'robot', and the one that came first is heard")
+            for run in (liar.engine._run, "0"):
+                liar.engine._opened().token(f"@busd/1/robot/N/{run}/1/bad%00name/%2F/,")
+            assert await laptop.engine.find_schema(endpoint) == SCHEMA
+            await publisher.send(3)
+            await taken.until(6)
+            assert [one.text for one in laptop.engine.links() if one.state == "refused"] == [
+                "another bus has the id 'robot', and came first"
+            ]
+        assert list(laptop.far.endpoints.values()) == [endpoint] and not laptop.far.reasons
 
 
 async def test_a_bridge_that_starts_anew_is_found() -> None:

@@ -32,7 +32,6 @@ _ASK_SCHEMA_TIMES = 3
 _MAX_QUERIES = 10_000
 _UNFINISHED_BYTES = 512 << 20
 """Of all far publishers together, that may wait for what belongs before or behind it."""
-_DOUBLE_S = 15.0  # longer than what is left of a bridge that was killed
 
 
 class ZenohEngine:
@@ -61,8 +60,7 @@ class ZenohEngine:
         self._readers: dict[tuple[bytes, str], ZenohReader] = {}
         """By gid and bus."""
         self._room = records.Room(_UNFINISHED_BYTES)
-        self._crowd: set[str] = set()
-        self._doubles: dict[str, float] = {}
+        self._crowd: set[tuple[str, str]] = set()
         self._looking: asyncio.Task[None] | None = None
 
     async def open(self, far: FarSide) -> None:
@@ -246,10 +244,14 @@ class ZenohEngine:
             self._presence.went(key)
 
     def _lose_token(self, news: tuple[str, bool]) -> None:  # in zenoh's thread
-        bus = keys.token_bus(news[0])
-        if bus not in self._crowd and len(self._crowd) < 1000 and self._session is not None:
-            self._crowd.add(bus)
-            self._session.call(self.refuse, bus, "it shows more tokens at once than can be read")
+        whose = keys.token_bus(news[0]), keys.token_run(news[0])
+        if whose not in self._crowd and len(self._crowd) < 1000 and self._session is not None:
+            self._crowd.add(whose)
+            self._session.call(self._refuse_crowd, *whose)
+
+    def _refuse_crowd(self, bus: str, run: str) -> None:
+        assert self._presence is not None
+        self._presence.refuse(bus, "it shows more tokens at once than can be read", run)
 
     def _see_interests(self, gid: bytes) -> None:
         assert self._presence is not None
@@ -278,7 +280,7 @@ class ZenohEngine:
             query.reply(known[0])
 
     async def _look(self) -> None:
-        assert self._links is not None and self._session is not None
+        assert self._links is not None and self._session is not None and self._presence is not None
         heard = seen = self._session.link_changes
         while True:
             await asyncio.sleep(_LOOK_S)
@@ -291,20 +293,9 @@ class ZenohEngine:
                     declared.renew()
             for writer in list(self._writers.values()):
                 writer.look()
-            self._look_at_doubles()
+            links = self._session.links()
+            self._presence.look(None if self._options.router else {link.zenoh_id for link in links})
             await self._links.look()
-
-    def _look_at_doubles(self) -> None:
-        """Another bus with our id: at once where it is the later one, else when it can't be what is left of
-        us."""
-        assert self._presence is not None and self._far is not None
-        now, doubles = asyncio.get_running_loop().time(), self._presence.doubles
-        self._doubles = {run: self._doubles.get(run, now) for run in doubles}
-        if any(run > self._run or now - since > _DOUBLE_S for run, since in self._doubles.items()):
-            self._far.warn(
-                f"another bus has the id '{self._bus}' too, so neither sees the other: give one of them "
-                "another by --id"
-            )
 
     def _opened(self) -> Session:
         if self._session is None:

@@ -47,6 +47,7 @@ __all__ = [
     "parse_token",
     "parse_type",
     "token_bus",
+    "token_run",
     "type_key",
     "type_keys",
     "word_key",
@@ -102,6 +103,7 @@ class Broken(NamedTuple):
     """A token of this protocol that can't be read."""
 
     bus: str
+    run: str
     reason: str
 
 
@@ -146,11 +148,17 @@ def token_bus(key: str) -> str:
     return parts[2] if len(parts) > 3 else ""
 
 
+def token_run(key: str) -> str:
+    """As `token_bus`, the run."""
+    parts = key.split("/", 5)
+    return parts[4] if len(parts) > 4 else ""
+
+
 def parse_token(key: str) -> Token:
     """What a liveliness token says."""
     parts = key.split("/")
     if len(parts) < 5 or parts[0] != "@busd":
-        return Broken(_shown(token_bus(key)), f"its token {_shown(key)} is too short")
+        return Broken(_shown(token_bus(key)), "", f"its token {_shown(key)} is too short")
     bus = unquote(parts[2])
     if parts[1] != str(VERSION):
         return OtherVersion(_shown(bus), _shown(parts[1]))
@@ -160,7 +168,7 @@ def parse_token(key: str) -> Token:
             raise ValueError(f"is longer than {_MAX_KEY} characters, or a part of it than {_MAX_PART}")
         return _parse(bus, parts[3], parts[4], parts[5:])
     except ValueError as error:
-        return Broken(_shown(bus), f"its token {_shown(key)} {error}")
+        return Broken(_shown(bus), _shown(parts[4]), f"its token {_shown(key)} {error}")
 
 
 def _parse(bus: str, kind: str, run: str, rest: list[str]) -> Token:

@@ -1,10 +1,13 @@
 """Which buses there are, and what is on them: out of tokens, which come and go in any order. Pure.
 
-Tells a FarSide, in an order that it can follow: a bus, its nodes, its subscriptions, its publishers. Of a bus
-whose bridge has started anew only the newer run counts.
+Tells a FarSide, in an order that it can follow: a bus, its nodes, its subscriptions, its publishers.
+
+Anybody who is let in may write any token, and nobody can see whose it is. So whoever has the id of a bus
+keeps it until it goes: a bridge that has started anew waits for what is left of the one that it was, and one
+that claims the id of another bus waits in vain. What is wrong with a run is held against that run alone.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from typing import NamedTuple
 
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, FarSide
@@ -20,6 +23,9 @@ from bus_bridge.zenoh.keys import (
 )
 
 __all__ = ["MAX_RUNS", "MAX_TOKENS", "Interest", "Presence"]
+
+_PATIENCE = 15
+"""So many looks after it came, a run can't be what is left of a bridge that was killed, nor wait for that."""
 
 MAX_TOKENS = 100_000
 """Of one bus. Far above what the bridge takes from it; here it bounds memory."""
@@ -65,8 +71,10 @@ class Presence:
         """Of each bus, the run that is told of."""
         self._node_bus: dict[str, _Run] = {}
         self._interests: dict[bytes, set[Interest]] = {}
-        self.doubles: set[str] = set()
+        self._doubles: set[str] = set()
         """Runs of other bridges that call their bus by our bus' id."""
+        self._looks: dict[tuple[str, str], int] = {}
+        """Of each run whose bus has its id from another one, or from us: how often that was seen."""
 
     def came(self, key: str) -> None:
         """A token is there."""
@@ -78,13 +86,14 @@ class Presence:
                     f"{VERSION}: use the same busd on both sides"
                 )
                 return
-            case Broken(bus, reason):
-                if bus != self._own:
-                    self.refuse(bus, reason)
+            case Broken(bus, name, reason):
+                if (broken := self._runs.get((bus, name))) is not None:
+                    self._refuse(broken, reason)
                 return
         if token.bus == self._own:
-            if isinstance(token, BusToken) and token.run != self._run:
-                self.doubles.add(token.run)
+            is_other = isinstance(token, BusToken) and token.run != self._run
+            if is_other and len(self._doubles) < MAX_RUNS:
+                self._doubles.add(token.run)
             return
         run = self._runs.get((token.bus, token.run))
         if run is None:
@@ -97,7 +106,7 @@ class Presence:
         if run.refusal:
             return
         if run.tokens >= MAX_TOKENS:
-            self.refuse(run.bus, f"it has shown more than {MAX_TOKENS} tokens")
+            self._refuse(run, f"it has shown more than {MAX_TOKENS} tokens")
             return
         match token:
             case BusToken():
@@ -126,7 +135,7 @@ class Presence:
         if isinstance(token, OtherVersion | Broken):
             return
         if token.bus == self._own:
-            self.doubles.discard(token.run)
+            self._doubles.discard(token.run)
             return
         run = self._runs.get((token.bus, token.run))
         if run is None:
@@ -151,9 +160,45 @@ class Presence:
         if not run.tokens and not run.refusal:
             del self._runs[run.bus, run.run]
 
-    def refuse(self, bus: str, reason: str) -> None:
-        """Nothing of this bus is heard again, until another run of its bridge comes."""
-        for run in [one for one in self._runs.values() if one.bus == bus and not one.refusal]:
+    def refuse(self, bus: str, reason: str, run: str = "") -> None:
+        """Nothing of this run of its bridge is heard again; without `run`, of the one that is heard."""
+        known = self._runs.get((bus, run)) if run else self._heard.get(bus)
+        if known is not None:
+            self._refuse(known, reason)
+
+    def look(self, linked: Container[str] | None) -> None:
+        """About once a second: who claims an id that another one has is said. `linked`: the zenoh ids that a
+        link leads to; None where a bridge is reached without."""
+        rivals = [(self._own, run) for run in self._doubles]
+        for run in self._runs.values():
+            if run.token is not None and not run.refusal and not run.is_told:
+                rivals.append((run.bus, run.run))
+        if linked is not None:
+            for bus in {bus for bus, _ in rivals}:
+                self._unhear_unlinked(bus, linked)
+        self._looks = {one: self._looks.get(one, 0) + 1 for one in rivals}
+        for (bus, name), looks in self._looks.items():
+            if bus == self._own:
+                if name > self._run or looks > _PATIENCE:  # at once where it is the later one
+                    self._far.warn(
+                        f"another bus has the id '{bus}' too, so neither sees the other: give one of them "
+                        "another by --id"
+                    )
+            elif looks > _PATIENCE:
+                self._refuse(self._runs[bus, name], f"another bus has the id '{bus}', and came first")
+                self._far.warn(
+                    f"two buses have the id '{bus}', and the one that came first is heard: give the other "
+                    "one another by --id"
+                )
+
+    def _unhear_unlinked(self, bus: str, linked: Container[str]) -> None:
+        run = self._heard.get(bus)
+        if run is not None and run.token is not None and run.token.zenoh_id not in linked:
+            run.token = None
+            self._unhear(run, "no link leads to it any more")
+
+    def _refuse(self, run: _Run, reason: str) -> None:
+        if not run.refusal:
             run.refusal = reason
             self._unhear(run, reason)
             self._clear(run)
@@ -203,13 +248,8 @@ class Presence:
     # --- one bus
 
     def _hear(self, run: _Run) -> None:
-        heard = self._heard.get(run.bus)
-        if heard is run:
+        if run.bus in self._heard:
             return
-        if heard is not None:
-            if heard.run > run.run:
-                return  # what is left of the bridge that was there before
-            self._drop(heard, "its bridge has started anew")
         self._heard[run.bus] = run
         run.is_told = True
         self._far.bus_came(FarBus(run.bus))
@@ -217,16 +257,13 @@ class Presence:
             self._far.node_came(node)
         self._tell_endpoints(one for one in run.endpoints.values() if one.node in run.nodes)
 
-    def _drop(self, run: _Run, reason: str) -> None:
+    def _unhear(self, run: _Run, reason: str) -> None:
+        """Not told of any more; another run that is there takes its place."""
+        if not run.is_told:
+            return
         run.is_told = False
         del self._heard[run.bus]
         self._far.bus_went(run.bus, reason)
-
-    def _unhear(self, run: _Run, reason: str) -> None:
-        """Not told of any more; an earlier run that is still there takes its place."""
-        if not run.is_told:
-            return
-        self._drop(run, reason)
         others = [one for one in self._runs.values() if one.bus == run.bus and one.token and not one.refusal]
         if others:
             self._hear(max(others, key=lambda one: one.run))
