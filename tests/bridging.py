@@ -38,7 +38,7 @@ class Site:
 class Running:
     """A bridge that runs."""
 
-    def __init__(self, site: Site, engine: PairEngine, **options: Any) -> None:
+    def __init__(self, site: Site, engine: Any, **options: Any) -> None:
         self.site = site
         self.engine = engine
         self.bridge: Bridge

@@ -133,6 +133,9 @@ class FarNode(msgspec.Struct, frozen=True):
     namespace: str
     via: tuple[str, ...] = ()
     """Ids of the buses that it came through, its own first, where that is not `bus`: in transit only."""
+    teller: str = ""
+    """Who of its bus tells of it, where several do, each for itself; in words, shown to users. What is wrong
+    is held against that one alone."""
 
 
 class FarEndpoint(msgspec.Struct, frozen=True):
@@ -240,8 +243,8 @@ class Engine(Protocol):
         Raises BridgeError.
         """
 
-    def refuse(self, bus_id: str, reason: str) -> None:
-        """End with that bus: it has lied, or asked for more than it may. It is not heard again until its
-        bridge comes back."""
+    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
+        """End with that bus, or with `teller` of it alone: it has lied, or asked for more than it may. It is
+        not heard again until it, or the bridge of that bus, comes back."""
 
     def links(self) -> Sequence[LinkStatus]: ...

@@ -4,7 +4,7 @@ import asyncio
 import os
 import time
 from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager
+from contextlib import AsyncExitStack, contextmanager
 from typing import Any
 
 import msgspec
@@ -17,6 +17,8 @@ from cyclonedds.idl import make_idl_struct
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
+from bridging import Running, world
+from bus.msg.std_msgs import String
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema
 from bus_bridge.dds import raw
@@ -34,6 +36,7 @@ from peers.dds import (
     LATCHED,
     LOSSLESS,
     NODE,
+    OPTIONS,
     STRING,
     Alone,
     Bridge,
@@ -44,6 +47,8 @@ from peers.dds import (
     taken,
     until,
 )
+
+__all__ = ["world"]
 
 
 @pytest.fixture
@@ -366,6 +371,53 @@ async def test_a_peer_that_hangs_holds_nobody_up(bridge: Bridge) -> None:
         heard = await asyncio.to_thread(far.wait, "/chatter", 1000)
         assert [int(one["data"].split()[0]) for one in heard] == list(range(1, 1001))
         assert writer.lost == {}
+
+
+async def test_a_participant_that_shows_too_much_ends_nothing_of_the_others(world: Any) -> None:
+    async with world() as made, AsyncExitStack() as stack:
+        site = made.site("here")
+        running = Running(site, DdsEngine("here", OPTIONS))
+        stack.push_async_callback(running.stop)
+        await running.start()
+        await until(running.engine.links)
+        honest, liar = Alone(), Alone()
+        stack.callback(honest.close)
+        stack.callback(liar.close)
+        heard: list[str] = []
+        node = await site.node("listener")
+        for topic in ("/chatter", "/lies"):
+            await node.create_subscription(String, topic, 10, lambda message: heard.append(message.data))
+        chatter, lies = honest.writer("/chatter"), liar.writer("/lies")
+        await until(lambda: chatter.get_matched_subscriptions() and lies.get_matched_subscriptions())
+        say(lies, "true as yet")
+        await until(lambda: heard == ["true as yet"])
+        nodes = [NodeEntities("/liars", f"n{number}", (), ()) for number in range(1500)]
+        guid = liar.participant.guid.bytes
+        with info_writer(liar, 16, b"typehash=RIHS01_91a0;") as writer:
+            assert raw.writer_of(writer)(encode(guid, nodes), time.time_ns()) == 0
+            said = (
+                f"participant {guid.hex()} of bus 'dds{DOMAIN}' is refused: its bus has more than 1000 "
+                "nodes, and it has 1000 of them, more than any other"
+            )
+            await until(lambda: said in running.bridge._said)
+            say(lies, "a lie")
+            say(chatter, "go on")
+            await until(lambda: heard[1:] == ["go on"])
+            other = honest.writer("/other")
+            await node.wait_for_graph(lambda graph: bool(graph.publishers_of("/other")))
+            graph = await node.wait_for_graph(lambda graph: not graph.publishers_of("/lies"))
+            assert not [one for one in graph.nodes if one.namespace == "/liars"]
+            (link,) = running.engine.links()
+            assert (link.state, link.text) == ("up", "1 participant, 1 refused")
+        raw.delete(other)
+        liar.close()
+        await until(lambda: running.engine.links()[0].text == "1 participant")
+        liar = Alone()
+        stack.callback(liar.close)
+        lies = liar.writer("/lies")
+        await until(lies.get_matched_subscriptions)
+        say(lies, "true again")
+        await until(lambda: heard[2:] == ["true again"])
 
 
 async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:

@@ -265,7 +265,7 @@ class PairEngine:
                 return reader
         raise BridgeError(f"nobody has '{endpoint.topic}'")
 
-    def refuse(self, bus_id: str, reason: str) -> None:
+    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
         self.refused.append((bus_id, reason))
         for other, link in self.links_to.items():
             if other.bus == bus_id:

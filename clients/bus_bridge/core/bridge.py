@@ -15,7 +15,7 @@ from bus.node import Node
 from bus_bridge.core.announcing import Announcing
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.exports import Exports
-from bus_bridge.core.far_graph import FarGraph
+from bus_bridge.core.far_graph import FarGraph, Wrong
 from bus_bridge.core.local_graph import LocalGraph
 from bus_bridge.core.mirrors import Mirrors
 from bus_bridge.core.naming import Naming
@@ -147,7 +147,7 @@ class Bridge:
 
     def bus_came(self, bus: FarBus) -> None:
         if wrong := self._far.bus_came(bus, self._loop.time()):
-            self._refuse(bus.id, wrong)
+            self._refuse(wrong)
             return
         self._mirrors.bus_came(bus.id)
         self._mirrors.look()
@@ -162,15 +162,13 @@ class Bridge:
         self._mirrors.look()
 
     def node_came(self, node: FarNode) -> None:
-        self._judge(node.bus, self._far.node_came(node, self._loop.time()))
+        self._judge(self._far.node_came(node, self._loop.time()))
 
     def node_went(self, key: str) -> None:
-        bus = self._far.bus_of(key)
-        self._judge(bus, self._far.node_went(key, self._loop.time()))
+        self._judge(self._far.node_went(key, self._loop.time()))
 
     def endpoint_came(self, endpoint: FarEndpoint) -> None:
-        bus = self._far.bus_of(endpoint.node)
-        self._judge(bus, self._far.endpoint_came(endpoint, self._loop.time()))
+        self._judge(self._far.endpoint_came(endpoint, self._loop.time()))
         ways = self._far.ways(endpoint.gid)
         if len(ways) > 1:
             self.warn(
@@ -179,8 +177,7 @@ class Bridge:
             )
 
     def endpoint_went(self, gid: bytes, node: str) -> None:
-        bus = self._far.bus_of(node)
-        self._judge(bus, self._far.endpoint_went(gid, node, self._loop.time()))
+        self._judge(self._far.endpoint_went(gid, node, self._loop.time()))
 
     def warn(self, text: str) -> None:
         if text in self._said:
@@ -193,17 +190,18 @@ class Bridge:
 
     # --- inside
 
-    def _judge(self, bus_id: str, wrong: str) -> None:
+    def _judge(self, wrong: Wrong | None) -> None:
         if wrong:
-            self._refuse(bus_id, wrong)
+            self._refuse(wrong)
         self._mirrors.look()
 
-    def _blame(self, endpoint: FarEndpoint, wrong: str) -> None:
-        if bus_id := self._far.bus_of(endpoint.node):
-            self._refuse(bus_id, wrong)
+    def _blame(self, endpoint: FarEndpoint, reason: str) -> None:
+        if wrong := self._far.wrong(endpoint.node, reason):
+            self._refuse(wrong)
 
-    def _refuse(self, bus_id: str, wrong: str) -> None:
-        self.warn(f"bus '{bus_id}' is refused: {wrong}")
-        self._far.bus_went(bus_id)
+    def _refuse(self, wrong: Wrong) -> None:
+        who = f"{wrong.teller} of bus '{wrong.bus}'" if wrong.teller else f"bus '{wrong.bus}'"
+        self.warn(f"{who} is refused: {wrong.reason}")
+        self._far.forget(wrong)
         self._mirrors.look()
-        self._engine.refuse(bus_id, wrong)
+        self._engine.refuse(wrong.bus, wrong.reason, wrong.teller)

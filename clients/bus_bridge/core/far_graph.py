@@ -4,6 +4,8 @@ Names are those on the wire. Topics outside of the namespace, what no rule lets 
 bus already is known here, but not to be mirrored.
 """
 
+from typing import NamedTuple
+
 import msgspec
 
 from bus_bridge.core.bounds import Bounds, News, wrong_bus, wrong_endpoint, wrong_node
@@ -11,7 +13,7 @@ from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode
 
-__all__ = ["FarGraph", "Mirrored", "MirroredNode"]
+__all__ = ["FarGraph", "Mirrored", "MirroredNode", "Wrong"]
 
 
 class MirroredNode(msgspec.Struct, frozen=True):
@@ -40,20 +42,42 @@ class Mirrored(msgspec.Struct, frozen=True):
     """Its name on this bus."""
 
 
+class Wrong(NamedTuple):
+    """What is wrong with what was told, and who is to be refused for it: `teller`, or without one the bus."""
+
+    bus: str
+    teller: str
+    reason: str
+
+
 class _Bus:
-    def __init__(self, bus: FarBus, news: News) -> None:
+    def __init__(self, bus: FarBus) -> None:
         self.bus = bus
+        self.tellers: dict[str, _Teller] = {}
+        self.nodes = 0
+        self.endpoints = 0
+
+
+class _Teller:
+    """Who tells of nodes: a bus as a whole, or one of those in it that do so each for itself."""
+
+    def __init__(self, bus: _Bus, name: str, news: News) -> None:
+        self.bus = bus
+        self.name = name
         self.news = news
         self.nodes: dict[str, FarNode] = {}
         self.endpoints = 0
         self.types: set[tuple[str, str]] = set()
 
+    def wrong(self, reason: str) -> Wrong:
+        return Wrong(self.bus.bus.id, self.name, reason)
+
 
 class FarGraph:
     """`own_bus` is the id of this bus.
 
-    Methods that take news return what is wrong with them, in words, or "". Where something is, the far bus
-    is to be refused, and to be taken out by `bus_went`.
+    Methods that take news return what is wrong with them. Who is to be refused for it is to be taken out by
+    `forget`. Where a bus shows more than it may, that is the one of its tellers that shows most.
     """
 
     def __init__(self, own_bus: str, bounds: Bounds, rules: Rules, naming: Naming) -> None:
@@ -62,9 +86,10 @@ class FarGraph:
         self._rules = rules
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
-        self._news: dict[str, News] = {}
-        """Of those that have gone, too: who comes and goes all the time has the rate of one that stays."""
-        self._nodes: dict[str, _Bus] = {}
+        self._news: dict[tuple[str, str], News] = {}
+        """By bus and teller, of those that have gone, too: who comes and goes all the time has the rate of
+        one that stays."""
+        self._nodes: dict[str, _Teller] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
         self._known_nodes: dict[str, MirroredNode] = {}  # that may be mirrored
@@ -82,59 +107,71 @@ class FarGraph:
 
     def ways(self, gid: bytes) -> list[str]:
         """The buses by which an endpoint with this gid comes; not this one's own, by a way around."""
-        return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
+        return [
+            self._nodes[key].bus.bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes
+        ]
 
-    def bus_of(self, key: str) -> str:
-        """The bus that told of a node; "" for none that is known."""
+    def wrong(self, key: str, reason: str) -> Wrong | None:
+        """That something is wrong with an endpoint of a node; None where that has gone."""
         known = self._nodes.get(key)
-        return "" if known is None else known.bus.id
+        return None if known is None else known.wrong(reason)
 
-    def bus_came(self, bus: FarBus, now_s: float) -> str:
-        if wrong := wrong_bus(bus):
-            return wrong
+    def bus_came(self, bus: FarBus, now_s: float) -> Wrong | None:
+        wrong = wrong_bus(bus)
         if bus.id == self._own_bus:
-            return (
+            wrong = (
                 f"its bus has the id '{bus.id}', as this one has; choose another with --id, or look whether "
                 "both bridges are on the same bus"
             )
-        if bus.id not in self._buses:
-            if len(self._buses) >= self._bounds.buses:
-                return f"there are {self._bounds.buses} far buses already, the most that this bridge takes"
-            news = self._news.pop(bus.id, None) or News(self._bounds, now_s)
-            self._news[bus.id] = news
-            if len(self._news) > 2 * self._bounds.buses:
-                del self._news[next(one for one in self._news if one not in self._buses and one != bus.id)]
-            if news.is_too_much(now_s):
-                return self._too_much()
-            self._buses[bus.id] = _Bus(bus, news)
-        self._buses[bus.id].bus = bus
-        return ""
+        elif bus.id not in self._buses and len(self._buses) >= self._bounds.buses:
+            wrong = f"there are {self._bounds.buses} far buses already, the most that this bridge takes"
+        if wrong:
+            return Wrong(bus.id, "", wrong)
+        if bus.id in self._buses:
+            self._buses[bus.id].bus = bus
+            return None
+        made = self._buses[bus.id] = _Bus(bus)
+        whole = made.tellers[""] = _Teller(made, "", self._news_of(bus.id, "", now_s))
+        if whole.news.is_too_much(now_s):
+            del self._buses[bus.id]
+            return self._too_much(whole)
+        return None
 
     def bus_went(self, bus_id: str) -> None:
         gone = self._buses.pop(bus_id, None)
         if gone is not None:
-            for key in tuple(gone.nodes):
-                self._forget_node(gone, key)
+            for teller in tuple(gone.tellers.values()):
+                self._forget_teller(teller)
 
-    def node_came(self, node: FarNode, now_s: float) -> str:
+    def forget(self, wrong: Wrong) -> None:
+        """Take out who is refused."""
+        if not wrong.teller:
+            self.bus_went(wrong.bus)
+        elif (bus := self._buses.get(wrong.bus)) is not None and wrong.teller in bus.tellers:
+            self._forget_teller(bus.tellers[wrong.teller])
+
+    def node_came(self, node: FarNode, now_s: float) -> Wrong | None:
         bus = self._buses.get(node.bus)
         if bus is None:
-            return ""
-        if bus.news.is_too_much(now_s):
-            return self._too_much()
+            return None
+        teller = bus.tellers.get(node.teller)
+        if teller is None:
+            teller = _Teller(bus, node.teller, self._news_of(node.bus, node.teller, now_s))
+            bus.tellers[node.teller] = teller
+        if teller.news.is_too_much(now_s):
+            return self._too_much(teller)
         if wrong := wrong_node(node):
-            return wrong
+            return teller.wrong(wrong)
         known = self._nodes.get(node.key)
-        if known is not None and known is not bus:
-            return f"it names a node of '{known.bus.id}' as its own"
-        if bus.nodes.get(node.key) == node:
-            return ""
-        if known is None and len(bus.nodes) >= self._bounds.nodes:
-            return f"it has more than {self._bounds.nodes} nodes"
+        if known is not None and known is not teller:
+            return teller.wrong(f"it names a node of '{known.name or known.bus.bus.id}' as its own")
+        if teller.nodes.get(node.key) == node:
+            return None
         if known is not None:
-            self._forget_node(bus, node.key)
-        bus.nodes[node.key] = node
-        self._nodes[node.key] = bus
+            self._forget_node(teller, node.key)
+        bus.nodes += 1
+        teller.nodes[node.key] = node
+        self._nodes[node.key] = teller
         if self._own_bus not in (node.bus, *node.via):
             namespace = self._naming.namespace_from_wire(node.namespace)
             mirrored = MirroredNode(node.key, node.name, namespace or node.namespace, node.bus, node.via)
@@ -143,56 +180,78 @@ class FarGraph:
                 self.nodes[node.key] = mirrored
             else:
                 self._outside[node.key] = 0
-        return ""
+        if bus.nodes > self._bounds.nodes:
+            most = max(bus.tellers.values(), key=lambda one: len(one.nodes))
+            return most.wrong(_more_than(self._bounds.nodes, "nodes", len(most.nodes)))
+        return None
 
-    def node_went(self, key: str, now_s: float) -> str:
-        bus = self._nodes.get(key)
-        if bus is None:
-            return ""
-        self._forget_node(bus, key)
-        return self._too_much() if bus.news.is_too_much(now_s) else ""
+    def node_went(self, key: str, now_s: float) -> Wrong | None:
+        teller = self._nodes.get(key)
+        if teller is None:
+            return None
+        self._forget_node(teller, key)
+        wrong = self._too_much(teller) if teller.news.is_too_much(now_s) else None
+        if teller.name and not teller.nodes and wrong is None:
+            self._forget_teller(teller)
+        return wrong
 
-    def endpoint_came(self, endpoint: FarEndpoint, now_s: float) -> str:
-        bus = self._nodes.get(endpoint.node)
-        if bus is None:
-            return ""
-        if bus.news.is_too_much(now_s):
-            return self._too_much()
+    def endpoint_came(self, endpoint: FarEndpoint, now_s: float) -> Wrong | None:
+        teller = self._nodes.get(endpoint.node)
+        if teller is None:
+            return None
+        if teller.news.is_too_much(now_s):
+            return self._too_much(teller)
         if wrong := wrong_endpoint(endpoint):
-            return wrong
-        ways = self._endpoints.get(endpoint.gid, {})
-        known = ways.get(endpoint.node)
+            return teller.wrong(wrong)
+        known = self._endpoints.get(endpoint.gid, {}).get(endpoint.node)
         if known == endpoint:
-            return ""
-        if known is None and bus.endpoints >= self._bounds.endpoints:
-            return f"it has more than {self._bounds.endpoints} endpoints"
-        bus.types.add((endpoint.type_name, endpoint.type_hash))
-        if len(bus.types) > self._bounds.types:
-            return f"it has named more than {self._bounds.types} types"
+            return None
+        teller.types.add((endpoint.type_name, endpoint.type_hash))
+        if len(teller.types) > self._bounds.types:
+            return teller.wrong(f"it has named more than {self._bounds.types} types")
         if known is None:
-            bus.endpoints += 1
+            teller.endpoints += 1
+            teller.bus.endpoints += 1
         self._endpoints.setdefault(endpoint.gid, {})[endpoint.node] = endpoint
         self._by_node.setdefault(endpoint.node, {})[endpoint.gid] = None
         self._choose(endpoint.gid)
-        return ""
+        if teller.bus.endpoints > self._bounds.endpoints:
+            most = max(teller.bus.tellers.values(), key=lambda one: one.endpoints)
+            return most.wrong(_more_than(self._bounds.endpoints, "endpoints", most.endpoints))
+        return None
 
-    def endpoint_went(self, gid: bytes, node: str, now_s: float) -> str:
-        bus = self._nodes.get(node)
-        if bus is None or node not in self._endpoints.get(gid, ()):
-            return ""
-        self._forget_endpoint(bus, gid, node)
-        return self._too_much() if bus.news.is_too_much(now_s) else ""
+    def endpoint_went(self, gid: bytes, node: str, now_s: float) -> Wrong | None:
+        teller = self._nodes.get(node)
+        if teller is None or node not in self._endpoints.get(gid, ()):
+            return None
+        self._forget_endpoint(teller, gid, node)
+        return self._too_much(teller) if teller.news.is_too_much(now_s) else None
 
-    def _forget_node(self, bus: _Bus, key: str) -> None:
+    def _news_of(self, bus: str, teller: str, now_s: float) -> News:
+        known = self._news
+        found = known.pop((bus, teller), None) or News(self._bounds, now_s)
+        known[bus, teller] = found
+        if len(known) > 2 * (self._bounds.buses + self._bounds.nodes):
+            here = {(one.bus.id, name) for one in self._buses.values() for name in one.tellers}
+            del known[next(one for one in known if one not in here and one != (bus, teller))]
+        return found
+
+    def _forget_teller(self, teller: _Teller) -> None:
+        for key in tuple(teller.nodes):
+            self._forget_node(teller, key)
+        teller.bus.tellers.pop(teller.name, None)
+
+    def _forget_node(self, teller: _Teller, key: str) -> None:
         for gid in tuple(self._by_node.get(key, ())):
-            self._forget_endpoint(bus, gid, key)
-        bus.nodes.pop(key, None)
+            self._forget_endpoint(teller, gid, key)
+        if teller.nodes.pop(key, None) is not None:
+            teller.bus.nodes -= 1
         self._nodes.pop(key, None)
         self.nodes.pop(key, None)
         self._known_nodes.pop(key, None)
         self._outside.pop(key, None)
 
-    def _forget_endpoint(self, bus: _Bus, gid: bytes, node: str) -> None:
+    def _forget_endpoint(self, teller: _Teller, gid: bytes, node: str) -> None:
         ways = self._endpoints[gid]
         del ways[node]
         if not ways:
@@ -201,7 +260,8 @@ class FarGraph:
         del gids[gid]
         if not gids:
             del self._by_node[node]
-        bus.endpoints -= 1
+        teller.endpoints -= 1
+        teller.bus.endpoints -= 1
         self._choose(gid)
 
     def _choose(self, gid: bytes) -> None:
@@ -238,5 +298,12 @@ class FarGraph:
             return None
         return Mirrored(endpoint, node, topic)
 
-    def _too_much(self) -> str:
-        return f"its nodes and endpoints come and go more than {self._bounds.news_per_s} times in a second"
+    def _too_much(self, teller: _Teller) -> Wrong:
+        rate = self._bounds.news_per_s
+        return teller.wrong(f"its nodes and endpoints come and go more than {rate} times in a second")
+
+
+def _more_than(bound: int, what: str, count: int) -> str:
+    if count > bound:
+        return f"it has more than {bound} {what}"
+    return f"its bus has more than {bound} {what}, and it has {count} of them, more than any other"

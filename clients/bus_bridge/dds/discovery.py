@@ -12,7 +12,7 @@ from bus.errors import ConfigurationError
 from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
 from bus.qos import Durability, Reliability
 from bus_bridge.dds import qos
-from bus_bridge.dds.graph import Came, DomainGraph, Found, News, NodeEntities, Went
+from bus_bridge.dds.graph import Came, DomainGraph, Found, News, NodeEntities, Went, participant_of, teller_of
 from bus_bridge.dds.known_types import KnownTypes
 from bus_bridge.dds.names import (
     is_service_of_each_node,
@@ -65,7 +65,10 @@ class Discovery:
         self.gids: dict[int, bytes] = {}
         """Of all far endpoints that are no busd's, by handle."""
         self.marked: set[int] = set()
-        """Handles of other busds' endpoints."""
+        """Handles of other busds' endpoints, and of those of participants that are refused: nothing is read
+        of them."""
+        self.refused: dict[str, bytes] = {}
+        """Participants that are not heard for as long as they are there, by what the bridge calls them."""
         self.publishers: dict[str, dict[bytes, qos.Kind]] = {}
         """Far publishers by topic and gid."""
         self._unknown: dict[bytes, tuple[int, bytes, Any, Kind]] = {}
@@ -90,8 +93,24 @@ class Discovery:
 
     def nodes_said(self, participant: bytes, nodes: list[NodeEntities]) -> None:
         """A participant's own word on its nodes."""
+        if teller_of(participant) in self.refused:
+            return
         right = [node for node in nodes if self._is_right(node)]
         self._tell(self._graph.nodes_said(participant, right))
+
+    def refuse(self, teller: str) -> None:
+        """End with that participant. May be called while news of it are told."""
+        if teller not in self.refused:
+            self.refused[teller] = participant_of(teller)
+            self._loop.call_soon(self._ignore, self.refused[teller])
+
+    def _ignore(self, participant: bytes) -> None:
+        for gid in self._graph.endpoints_of(participant):
+            if (handle := self.handles.get(gid)) is not None:
+                self._endpoint_went(gid, handle)
+                self.marked.add(handle)
+        self._tell(self._graph.participant_went(participant))
+        self._on_change()
 
     def types_changed(self) -> None:
         """A type has become known: endpoints of it may be told."""
@@ -132,6 +151,7 @@ class Discovery:
             guid = sample.key.bytes
             if what == "DcpsParticipant":
                 if not is_alive:
+                    self.refused.pop(teller_of(guid), None)
                     self._tell(self._graph.participant_went(guid))
             elif not is_alive:
                 self._endpoint_went(guid, sample.sample_info.instance_handle)
@@ -146,7 +166,7 @@ class Discovery:
 
     def _endpoint_came(self, handle: int, participant: bytes, sample: Any, kind: Kind) -> None:
         said = user_data_of(user_data_in(sample.qos))
-        if MARK in said:
+        if MARK in said or teller_of(participant) in self.refused:
             self.marked.add(handle)
             if self.node_info is not None and kind_of(sample.topic_name) == "graph":
                 self.node_info.ignore(handle)
@@ -216,7 +236,8 @@ class Discovery:
         for piece in news:
             match piece:
                 case Came(FarNode() as node):
-                    self._far.node_came(node)
+                    if node.teller not in self.refused:
+                        self._far.node_came(node)
                 case Came(FarEndpoint() as endpoint):
                     self._far.endpoint_came(endpoint)
                 case Went(node, gid) if gid:

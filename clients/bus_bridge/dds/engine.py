@@ -160,8 +160,10 @@ class DdsEngine:
         self._ways.begin(topic_to_dds(endpoint.topic), way)
         return way
 
-    def refuse(self, bus_id: str, reason: str) -> None:
-        if bus_id == self._bus.id and not self._refusal:
+    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
+        if teller:
+            self._discovery.refuse(teller)
+        elif bus_id == self._bus.id and not self._refusal:
             self._refusal = reason
             if (participant := self._end()) is not None:
                 asyncio.get_running_loop().call_later(_LEAVE_S, participant.close)
@@ -173,8 +175,9 @@ class DdsEngine:
             return [LinkStatus(address, "refused", self._bus.id, self._refusal)]
         if self._participant is None:
             return []
-        count = self._graph.participants
-        return [LinkStatus(address, "up", self._bus.id, f"{count} participant{'' if count == 1 else 's'}")]
+        count, refused = self._graph.participants, len(self._discovery.refused)
+        text = f"{count} participant{'' if count == 1 else 's'}"
+        return [LinkStatus(address, "up", self._bus.id, f"{text}, {refused} refused" if refused else text)]
 
     def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: Kind) -> Intake | None:
         """A reader for a subscription of this bus, told to ROS 2; None where all has ended."""

@@ -5,6 +5,7 @@ with what follows of each piece of news. Knows no clock (times come in) and no D
 """
 
 import struct
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
@@ -23,6 +24,8 @@ __all__ = [
     "Went",
     "decode",
     "encode",
+    "participant_of",
+    "teller_of",
 ]
 
 GID_SIZE: Final = 16
@@ -103,6 +106,16 @@ class _Taker:
         return self.bytes(size).rstrip(b"\0").decode()
 
 
+def teller_of(participant: bytes) -> str:
+    """What the bridge calls a participant, which speaks for its own nodes only."""
+    return f"participant {participant.hex()}"
+
+
+def participant_of(teller: str) -> bytes:
+    """The other way."""
+    return bytes.fromhex(teller.rpartition(" ")[2])
+
+
 class Found(NamedTuple):
     """An endpoint as discovery tells it; `endpoint.node` is still empty."""
 
@@ -155,17 +168,19 @@ class DomainGraph:
         """How many of them have nodes or endpoints."""
         return len({*self._nodes, *(found.participant for found in self._found.values())})
 
+    def endpoints_of(self, participant: bytes) -> list[bytes]:
+        """The gids of its endpoints."""
+        return [gid for gid, found in self._found.items() if found.participant == participant]
+
     def nodes_said(self, participant: bytes, nodes: Sequence[NodeEntities]) -> News:
         """A participant has told all of its nodes, and whose its endpoints are."""
         before = self._nodes.get(participant, {})
         now: dict[str, NodeEntities] = {}
+        counts: Counter[str] = Counter()
         for node in nodes:
             name = f"{participant.hex()}:{node.namespace.rstrip('/')}/{node.name}"
-            key, number = name, 1
-            while key in now:
-                number += 1
-                key = f"{name}#{number}"
-            now[key] = node
+            counts[name] += 1
+            now[name if counts[name] == 1 else f"{name}#{counts[name]}"] = node
         # A participant speaks of its own endpoints only: their gids begin as its own does.
         owners = {
             gid: key
@@ -187,7 +202,7 @@ class DomainGraph:
             del self._nodes[participant]
         for key, node in now.items():
             if key not in before:
-                yield Came(FarNode(key, self._bus, node.name, node.namespace))
+                yield Came(FarNode(key, self._bus, node.name, node.namespace, teller=teller_of(participant)))
         self._owners.update(owners)
         for gid in owners:
             if gid in self._found:
@@ -212,7 +227,7 @@ class DomainGraph:
 
     def participant_went(self, participant: bytes) -> News:
         """It is there no more, nor is what it had."""
-        for gid in [gid for gid, found in self._found.items() if found.participant == participant]:
+        for gid in self.endpoints_of(participant):
             yield from self.endpoint_went(gid)
         yield from self.nodes_said(participant, ())
 
@@ -232,7 +247,8 @@ class DomainGraph:
             key = found.participant.hex()
             if key not in self._bare:
                 self._bare[key] = set()
-                yield Came(FarNode(key, self._bus, bare_node_name(found.participant), "/"))
+                name, teller = bare_node_name(found.participant), teller_of(found.participant)
+                yield Came(FarNode(key, self._bus, name, "/", teller=teller))
             self._bare[key].add(gid)
         self._told[gid] = key
         yield Came(msgspec.structs.replace(found.endpoint, node=key))

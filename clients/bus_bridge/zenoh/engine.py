@@ -215,7 +215,7 @@ class ZenohEngine:
     def _forget(self, place: tuple[bytes, str]) -> None:
         del self._readers[place]
 
-    def refuse(self, bus_id: str, reason: str) -> None:
+    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
         """As `Engine.refuse`."""
         assert self._presence is not None
         self._presence.refuse(bus_id, reason)

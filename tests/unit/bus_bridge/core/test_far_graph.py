@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bus.qos import QoSProfile
 from bus_bridge.core.bounds import Bounds
-from bus_bridge.core.far_graph import FarGraph
+from bus_bridge.core.far_graph import FarGraph, Wrong
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules, TopicRule
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Kind
@@ -15,12 +15,18 @@ from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Kind
 
 def far(namespace: str = "", bounds: Bounds | None = None, **rules: Any) -> FarGraph:
     made = FarGraph("here", bounds or Bounds(), Rules(**rules), Naming(namespace))
-    assert made.bus_came(FarBus("there"), 0.0) == ""
+    assert not made.bus_came(FarBus("there"), 0.0)
     return made
 
 
-def node(key: str, bus: str = "there", namespace: str = "/", via: tuple[str, ...] = ()) -> FarNode:
-    return FarNode(key, bus, "node", namespace, via)
+def node(
+    key: str, bus: str = "there", namespace: str = "/", via: tuple[str, ...] = (), teller: str = ""
+) -> FarNode:
+    return FarNode(key, bus, "node", namespace, via, teller)
+
+
+def said(wrong: Wrong | None) -> str:
+    return "" if wrong is None else wrong.reason
 
 
 def endpoint(gid: int, key: str, topic: str = "/t", kind: Kind = "publisher") -> FarEndpoint:
@@ -34,21 +40,21 @@ def topics(graph: FarGraph) -> list[str]:
 
 def test_nodes_and_endpoints_come_and_go() -> None:
     graph = far()
-    assert graph.node_came(node("1"), 0) == graph.endpoint_came(endpoint(1, "1"), 0) == ""
+    assert not graph.node_came(node("1"), 0) and not graph.endpoint_came(endpoint(1, "1"), 0)
     assert (list(graph.nodes), topics(graph)) == (["1"], ["/t"])
-    assert graph.endpoint_went(bytes(15) + b"\1", "1", 0) == ""
+    assert not graph.endpoint_went(bytes(15) + b"\1", "1", 0)
     assert (list(graph.nodes), topics(graph)) == (["1"], [])
     graph.endpoint_came(endpoint(1, "1"), 0)
-    assert graph.node_went("1", 0) == ""
+    assert not graph.node_went("1", 0)
     assert (graph.nodes, graph.endpoints) == ({}, {})
 
 
 def test_what_is_said_of_unknown_things_is_ignored() -> None:
     graph = far()
-    assert graph.node_came(node("1", "nobody"), 0) == ""
-    assert graph.endpoint_came(endpoint(1, "1"), 0) == ""
-    assert graph.endpoint_went(bytes(16), "1", 0) == ""
-    assert graph.node_went("1", 0) == ""
+    assert not graph.node_came(node("1", "nobody"), 0)
+    assert not graph.endpoint_came(endpoint(1, "1"), 0)
+    assert not graph.endpoint_went(bytes(16), "1", 0)
+    assert not graph.node_went("1", 0)
     graph.bus_went("nobody")
     assert (graph.nodes, graph.endpoints) == ({}, {})
 
@@ -123,44 +129,80 @@ def test_one_that_went_and_came_is_another() -> None:
 
 def test_bounds() -> None:
     graph = far(bounds=Bounds(nodes=1, endpoints=2, types=1, buses=1))
-    assert "there are 1 far buses" in graph.bus_came(FarBus("other"), 0)
-    assert graph.node_came(node("1"), 0) == ""
-    assert "more than 1 nodes" in graph.node_came(node("2"), 0)
-    assert graph.endpoint_came(endpoint(1, "1"), 0) == graph.endpoint_came(endpoint(2, "1"), 0) == ""
-    assert "more than 2 endpoints" in graph.endpoint_came(endpoint(3, "1"), 0)
+    assert "there are 1 far buses" in said(graph.bus_came(FarBus("other"), 0))
+    assert not graph.node_came(node("1"), 0)
+    assert graph.node_came(node("2"), 0) == Wrong("there", "", "it has more than 1 nodes")
+    graph.node_went("2", 0)
+    assert not graph.endpoint_came(endpoint(1, "1"), 0) and not graph.endpoint_came(endpoint(2, "1"), 0)
+    assert "more than 2 endpoints" in said(graph.endpoint_came(endpoint(3, "1"), 0))
+    other = FarEndpoint("publisher", bytes(16), "1", "/t", "std_msgs/msg/Other", "h", QoSProfile(10))
+    assert "more than 1 types" in said(graph.endpoint_came(other, 0))
+
+
+def test_of_many_tellers_the_one_with_most_is_refused() -> None:
+    graph = far(bounds=Bounds(nodes=5, endpoints=5))
+    for number in range(4):
+        assert not graph.node_came(node(f"many{number}", teller="many"), 0)
+        assert not graph.endpoint_came(endpoint(number, f"many{number}"), 0)
+    assert not graph.node_came(node("one", teller="one"), 0)
+    wrong = graph.node_came(node("other", teller="other"), 0)
+    most = "it has 4 of them, more than any other"
+    assert wrong == Wrong("there", "many", f"its bus has more than 5 nodes, and {most}")
+    graph.forget(wrong)
+    assert list(graph.nodes) == ["one", "other"] and not graph.endpoints
+    for number in range(5):
+        assert not graph.endpoint_came(endpoint(number, "other"), 0)
+    wrong = graph.endpoint_came(endpoint(9, "one"), 0)
+    assert wrong is not None and wrong.teller == "other"
+    graph.forget(wrong)
+    assert list(graph.nodes) == ["one"] and topics(graph) == ["/t"]
+    wrong = graph.node_came(node("bad name!", teller="one"), 0) or graph.wrong("one", "it lies")
+    assert wrong == Wrong("there", "one", "it lies")
+    graph.forget(wrong)
+    assert not graph.nodes and graph.wrong("one", "it lies") is None
+    assert [one.id for one in graph.buses] == ["there"]
+
+
+def test_who_tells_too_much_alone_is_refused() -> None:
+    graph = far(bounds=Bounds(nodes=2, endpoints=1, news_per_s=10))
+    assert not graph.node_came(node("quiet", teller="quiet"), 0)
+    for _ in range(10):
+        wrong = graph.node_came(node("1", teller="loud"), 0.0) or graph.node_went("1", 0.0)
+    assert wrong is not None and wrong.teller == "loud"
+    graph.forget(wrong)
+    assert list(graph.nodes) == ["quiet"]
 
 
 def test_news_are_bounded_in_time() -> None:
     graph = far(bounds=Bounds(nodes=1, endpoints=1, news_per_s=10))
-    said = [graph.node_came(node("1"), 0.0) or graph.node_went("1", 0.0) for _ in range(10)]
-    assert any("more than 10 times in a second" in one for one in said)
+    wrong = [graph.node_came(node("1"), 0.0) or graph.node_went("1", 0.0) for _ in range(10)]
+    assert any("more than 10 times in a second" in said(one) for one in wrong)
     graph = far(bounds=Bounds(nodes=1, endpoints=1, news_per_s=10))
     assert not any(graph.node_came(node("1"), at / 5) or graph.node_went("1", at / 5) for at in range(100))
 
 
 def test_a_bus_that_comes_and_goes_has_the_rate_of_one_that_stays() -> None:
     graph = far(bounds=Bounds(buses=4, nodes=1, endpoints=1, news_per_s=10))
-    said = []
     for _ in range(20):
         graph.bus_went("there")
-        said.append(graph.bus_came(FarBus("there"), 0.0))
-    assert "more than 10 times in a second" in said[-1]
-    assert graph.bus_came(FarBus("there"), 3.0) == ""
+        wrong = graph.bus_came(FarBus("there"), 0.0)
+    assert "more than 10 times in a second" in said(wrong)
+    assert not graph.bus_came(FarBus("there"), 3.0)
     for number in range(1000):  # what is known of those that have gone is bounded
         graph.bus_came(FarBus(f"bus{number}"), 3.0)
         graph.bus_went(f"bus{number}")
-    assert len(graph._news) <= 8 and "there" in graph._news
+    assert len(graph._news) <= 10 and ("there", "") in graph._news
 
 
 def test_a_node_of_another_bus_can_not_be_claimed() -> None:
     graph = far()
     graph.bus_came(FarBus("other"), 0)
     graph.node_came(node("1"), 0)
-    assert "names a node of 'there' as its own" in graph.node_came(node("1", "other"), 0)
+    assert "names a node of 'there' as its own" in said(graph.node_came(node("1", "other"), 0))
 
 
 def test_its_own_id_is_no_far_bus() -> None:
-    assert "choose another with --id" in far().bus_came(FarBus("here"), 0)
+    assert "choose another with --id" in said(far().bus_came(FarBus("here"), 0))
 
 
 _steps = st.lists(
