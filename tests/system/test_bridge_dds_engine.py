@@ -21,7 +21,7 @@ from bridging import Running, world
 from bus.msg.std_msgs import String
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema
-from bus_bridge.dds import raw
+from bus_bridge.dds import raw, reading
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.graph import NodeEntities, decode, encode
 from bus_bridge.dds.node_info import _info_type
@@ -95,6 +95,40 @@ async def test_what_is_said_before_it_is_read_waits(bridge: Bridge, alone: Alone
     await bridge.read("/chatter")
     say(writer, "second")
     await until(lambda: bridge.heard == ["first", "second"])
+
+
+async def test_a_burst_before_it_is_read_comes_whole_to_a_lossless_subscription(
+    bridge: Bridge, alone: Alone
+) -> None:
+    bridge.listen("/chatter", LOSSLESS)
+    writer = alone.writer("/chatter", Policy.Reliability.Reliable(10**10), Policy.History.KeepAll)
+    await until(lambda: writer.get_matched_subscriptions())
+    burst = [*map(str, range(5000))]
+    say(writer, *burst)
+    (intake,) = bridge.engine._ways._intakes["rt/chatter"]
+    await until(lambda: len(intake._early) == 5000)
+    way = await bridge.read("/chatter")
+    await until(lambda: len(bridge.heard) >= 5000)
+    say(writer, "more")
+    await until(lambda: "more" in bridge.heard)
+    assert bridge.heard == [*burst, "more"] and way.lost == {}
+
+
+async def test_what_nobody_reads_is_kept_for_a_while_only(
+    bridge: Bridge, alone: Alone, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "_PATIENCE_S", 0.05)
+    bridge.listen("/chatter", LOSSLESS)
+    writer = alone.writer("/chatter")
+    (intake,) = bridge.engine._ways._intakes["rt/chatter"]
+    await until(lambda: writer.get_matched_subscriptions())
+    say(writer, "early")
+    await until(lambda: len(intake._early) == 1)
+    await until(lambda: len(intake._early) == 0)
+    await bridge.read("/chatter")
+    say(writer, "in time")
+    await until(lambda: bridge.heard)
+    assert bridge.heard == ["in time"]
 
 
 async def test_a_program_of_dds_hears(bridge: Bridge, alone: Alone) -> None:

@@ -202,6 +202,27 @@ async def test_cyclonedds_alone_hears_and_is_heard(world: World) -> None:
             await until(lambda: heard == ["two"])
 
 
+@on_one_loop
+async def test_a_burst_to_the_first_that_matches_comes_whole(world: World) -> None:
+    """It comes before there is a way for it: the bridge, matched at once, has yet to show the publisher."""
+    side, bridge = join(world)
+    with peer.cyclone(side.machine, domain=world.domain) as alone:
+        async with side.node("busd_node") as node:
+            heard: list[int] = []
+            subscription = await node.create_subscription(
+                String,
+                "/back",
+                bus.QoSProfile(history="keep_all"),
+                lambda message: heard.append(int(message.data)),
+            )
+            await ask(alone, "burst", topic="/back", count=5000)
+            await until(lambda: len(heard) >= 5000, lambda: f"{len(heard)} heard")
+            assert heard == [*range(5000)]
+            assert subscription.statistics().dropped == {}
+            (route,) = [one for one in bridge.status()["routes"] if one["topic"] == "/back"]
+            assert (route["taken"], route["sent"], route["dropped"]) == (5000, 5000, {})
+
+
 # --- what goes wrong
 
 

@@ -7,10 +7,11 @@ before a best-effort one. Another takes over where that one goes, without a mess
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Final
 
 from bus_bridge.dds import raw
+from bus_bridge.dds.early import Arrived, Early
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies, strength
@@ -27,13 +28,12 @@ _LINGER_S: Final = 0.02
 """How long a reader that is withdrawn still carries: what has reached the other has reached it too, then."""
 _CATCH_UP_S: Final = 1.0
 """How long after a change messages come that the earlier reader may have had."""
-_FRESH_BYTES: Final = 8 * 2**20
+_EARLY_BYTES: Final = 8 * 2**20
+_PATIENCE_S: Final = 10.0
+"""How long what a writer says waits for its way to be made. What it keeps for late joiners waits on."""
 _WINDOW: Final = 4 * 2**20
 """Bytes of a lossless way that may be on their way to this bus' subscriptions."""
 _MOST_HELD: Final = 64 * 2**20
-
-Arrived = tuple[bytes, int]
-"""CDR, and when it was published."""
 
 
 class Intake:
@@ -60,12 +60,11 @@ class Intake:
         self._is_hushed = False
         """Whether it is looked into in each turn of the loop, and DDS need not call."""
         self._holds = 0
-        self._fresh: dict[int, deque[Arrived]] = {}
-        """By handle, what came before it was known who carries it."""
-        self._fresh_bytes = 0
+        keeps_all = policies.keep_all
+        self._early = Early(None if keeps_all else known.depth, _MOST_HELD if keeps_all else _EARLY_BYTES)
+        """What came before it was known who carries it."""
         self._settled: set[int] = set()
-        """Handles of which that was known once."""
-        self._depth = known.depth
+        """Handles of which that was known once, or nobody wanted to know."""
         # The first callback may come before the constructor has returned.
         self._endpoint = participant.make_reader(
             topic, known.idl, policies, user_data, self._wake, lambda: self._in_loop(self.look)
@@ -80,17 +79,15 @@ class Intake:
         if self.is_closed:
             return
         self.matched = set(self._endpoint.matched_writers())
-        for handle in [handle for handle in self._fresh if handle not in self.matched]:
-            self._drop_fresh(handle)
+        for handle in [handle for handle in self._early if handle not in self.matched]:
+            self._early.pop(handle)
         self._settled &= self.matched
         self._ways.choose_all(self.topic)
 
-    def fresh(self, handle: int) -> Sequence[Arrived]:
-        """What has come of that writer so far; from now on the way decides."""
+    def early(self, handle: int) -> tuple[Sequence[Arrived], Mapping[str, int]]:
+        """What has come of that writer so far, and how much was lost; from now on the way decides."""
         self._settled.add(handle)
-        found = self._fresh.get(handle, ())
-        self._drop_fresh(handle)
-        return found
+        return self._early.pop(handle)
 
     def hold(self) -> None:
         """Leave what comes in DDS' own history."""
@@ -136,20 +133,18 @@ class Intake:
         """Nothing comes by it any more."""
         if not self.is_closed:
             self.is_closed = True
-            self._fresh.clear()
+            self._early.clear()
             self._endpoint.close()
 
     def _keep(self, handle: int, one: Arrived) -> None:
         if self._ways.is_marked(handle):
             return
-        kept = self._fresh.setdefault(handle, deque())
-        kept.append(one)
-        self._fresh_bytes += len(one[0])
-        while kept and (len(kept) > self._depth or self._fresh_bytes > _FRESH_BYTES):
-            self._fresh_bytes -= len(kept.popleft()[0])
+        if self._early.put(handle, one) and not self.policies.transient_local:
+            self._loop.call_later(_PATIENCE_S, self._give_up, handle)
 
-    def _drop_fresh(self, handle: int) -> None:
-        self._fresh_bytes -= sum(len(data) for data, _ in self._fresh.pop(handle, ()))
+    def _give_up(self, handle: int) -> None:
+        if handle in self.matched:
+            self.early(handle)
 
     def _wake(self) -> None:  # in a thread of Cyclone's too
         if not self._is_scheduled:
@@ -179,6 +174,8 @@ class FarWay:
         self.carrier: Intake | None = None
         self.last_ns = 0
         """When the newest message that went on was published."""
+        self._known_ns = 0
+        """As `last_ns` when the carrier changed: what is not newer may come by the new one once more."""
         self._catches_up_until = 0.0
         self._ways = ways
         self._decode = known.codec.decode
@@ -194,16 +191,29 @@ class FarWay:
     def begin(self, carrier: Intake | None) -> None:
         """From now on `carrier` has its messages; what this one had before goes on too, where it is new."""
         self.carrier = carrier
-        if carrier is not None:
-            self._catches_up_until = self._loop.time() + _CATCH_UP_S
-            self._early.extend(carrier.fresh(self.handle))
-            if self._early:  # not now: whoever asked for this has not got it yet
-                self._loop.call_soon(self._flush)
+        if carrier is None:
+            return
+        early, lost = carrier.early(self.handle)
+        for reason, count in lost.items():
+            self._lose(reason, count)
+        if self.last_ns:
+            self._known_ns, self._catches_up_until = self.last_ns, self._loop.time() + _CATCH_UP_S
+            early = [one for one in early if one[1] > self._known_ns]
+        if early:
+            self.last_ns = early[-1][1]
+            self._early.extend(early)
+            self._loop.call_soon(self._flush)  # not now: whoever asked for this has not got it yet
 
     def arrived(self, batch: Sequence[Arrived]) -> None:
         """Messages, in order."""
         self._flush()
-        self._pass_on(batch)
+        if self._catches_up_until:
+            batch = [one for one in batch if one[1] > self._known_ns]
+            if self._loop.time() >= self._catches_up_until:
+                self._catches_up_until = 0.0
+        if batch:
+            self.last_ns = batch[-1][1]
+            self._pass_on(batch)
 
     def _flush(self) -> None:
         if self._early:
@@ -213,20 +223,11 @@ class FarWay:
     def _pass_on(self, batch: Sequence[Arrived]) -> None:
         if self._is_closed:
             return
-        last_ns = self.last_ns
-        if self._catches_up_until:
-            if last_ns:
-                batch = [one for one in batch if one[1] > last_ns]
-            if self._loop.time() >= self._catches_up_until:
-                self._catches_up_until = 0.0
-            if not batch:
-                return
         decode = self._decode
         try:
             samples = [Sample(decode(data), 0, time_ns) for data, time_ns in batch]
         except CdrError:
             samples = self._right_ones(batch)
-        self.last_ns = batch[-1][1]
         if not self._is_lossless:
             self._on_samples(samples)
             return
@@ -272,8 +273,8 @@ class FarWay:
         if samples:
             self._on_samples(samples)
 
-    def _lose(self, reason: str) -> None:
-        self.lost[reason] = self.lost.get(reason, 0) + 1
+    def _lose(self, reason: str, count: int = 1) -> None:
+        self.lost[reason] = self.lost.get(reason, 0) + count
 
 
 class Ways:
@@ -340,7 +341,7 @@ class Ways:
             self._last_ns[way.gid] = way.last_ns
         for intakes in self._intakes.values():
             for intake in intakes:
-                intake.fresh(way.handle)
+                intake.early(way.handle)
         way.carrier = None
 
     def keep_only(self, gids: Container[bytes]) -> None:

@@ -8,7 +8,16 @@ import threading
 from dataclasses import dataclass
 from typing import Any
 
-from cyclonedds.core import InstanceState, Policy, Qos, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.core import (
+    InstanceState,
+    Listener,
+    Policy,
+    Qos,
+    ReadCondition,
+    SampleState,
+    ViewState,
+    WaitSet,
+)
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
@@ -28,7 +37,7 @@ def qos_of(depth: int = 10, reliability: str = "reliable", durability: str = "vo
     is_reliable = reliability == "reliable"
     return Qos(
         Policy.History.KeepLast(depth) if depth else Policy.History.KeepAll,
-        Policy.Reliability.Reliable(duration(seconds=1)) if is_reliable else Policy.Reliability.BestEffort,
+        Policy.Reliability.Reliable(duration(seconds=30)) if is_reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if durability == "transient_local" else Policy.Durability.Volatile,
         Policy.DataRepresentation(use_cdrv0_representation=True),
     )
@@ -51,6 +60,17 @@ class Peer:
 
     def send(self, topic: str, data: str) -> None:
         self._writers[topic].write(String(data))
+
+    def burst(self, topic: str, count: int) -> None:
+        """So many messages, numbered, of a new writer that keeps all, as soon as a reader is matched."""
+        matched = threading.Event()
+        listener = Listener(on_publication_matched=lambda writer, status: matched.set())
+        self._writers[topic] = writer = DataWriter(
+            self._participant, self._topic(topic), qos_of(depth=0), listener
+        )
+        matched.wait()
+        for number in range(count):
+            writer.write(String(str(number)))
 
     def listen(self, topic: str, type_name: str, **qos: Any) -> None:
         self._readers[topic] = reader = DataReader(self._participant, self._topic(topic), qos_of(**qos))
@@ -77,4 +97,4 @@ class Peer:
 
 if __name__ == "__main__":
     peer = Peer(int(sys.argv[1]))
-    serve({order: getattr(peer, order) for order in ("publish", "send", "listen", "matched")})
+    serve({order: getattr(peer, order) for order in ("publish", "send", "burst", "listen", "matched")})

@@ -1,0 +1,68 @@
+"""What has come of far writers before it is known who carries it: bounded, and losses counted. Pure."""
+
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from bus_bridge.reasons import BRIDGE_FULL, REPLACED
+
+__all__ = ["Arrived", "Early"]
+
+Arrived = tuple[bytes, int]
+"""CDR, and when it was published."""
+
+
+class _Kept(NamedTuple):
+    messages: deque[Arrived]
+    lost: Counter[str]
+
+
+_NOTHING = _Kept(deque(maxlen=0), Counter())
+
+
+class Early:
+    """By handle of a writer. At most `max_bytes` of all together, and `depth` messages of each; without
+    `depth` the newest go where there is no room, not the oldest."""
+
+    def __init__(self, depth: int | None, max_bytes: int) -> None:
+        self._depth = depth
+        self._max_bytes = max_bytes
+        self._bytes = 0
+        self._by_handle: dict[int, _Kept] = {}
+
+    def __iter__(self) -> Iterator[int]:
+        """The handles of writers of which something waits."""
+        return iter(self._by_handle)
+
+    def __len__(self) -> int:
+        """How many messages wait."""
+        return sum(len(kept.messages) for kept in self._by_handle.values())
+
+    def put(self, handle: int, one: Arrived) -> bool:
+        """Returns whether it is the first of its writer."""
+        kept = self._by_handle.get(handle)
+        is_first = kept is None
+        if kept is None:
+            kept = self._by_handle[handle] = _Kept(deque(), Counter())
+        messages, size = kept.messages, len(one[0])
+        if self._depth is None and self._bytes + size > self._max_bytes:
+            kept.lost[BRIDGE_FULL] += 1
+            return is_first
+        messages.append(one)
+        self._bytes += size
+        while messages and self._depth is not None:
+            if len(messages) <= self._depth and self._bytes <= self._max_bytes:
+                break
+            self._bytes -= len(messages.popleft()[0])
+            kept.lost[REPLACED] += 1
+        return is_first
+
+    def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[str, int]]:
+        """What has come of that writer, in order, and by reason how many of its messages were lost."""
+        messages, lost = self._by_handle.pop(handle, _NOTHING)
+        self._bytes -= sum([len(data) for data, _ in messages])
+        return messages, lost
+
+    def clear(self) -> None:
+        self._by_handle.clear()
+        self._bytes = 0

@@ -1,0 +1,64 @@
+"""bus_bridge.dds.early"""
+
+from bus_bridge.dds.early import Early
+
+OF_ONE, OF_OTHER = 1, 2
+
+
+def data(early: Early, handle: int) -> list[bytes]:
+    messages, _ = early.pop(handle)
+    return [data for data, _ in messages]
+
+
+def test_what_came_of_each_writer_is_given_once_and_in_order() -> None:
+    early = Early(10, 1000)
+    assert [early.put(OF_ONE, (b"a", 1)), early.put(OF_OTHER, (b"b", 1)), early.put(OF_ONE, (b"c", 2))] == [
+        True,
+        True,
+        False,
+    ]
+    assert [*early] == [OF_ONE, OF_OTHER] and len(early) == 3
+    messages, lost = early.pop(OF_ONE)
+    assert ([*messages], dict(lost)) == ([(b"a", 1), (b"c", 2)], {})
+    assert data(early, OF_ONE) == [] and data(early, OF_OTHER) == [b"b"]
+    assert early.put(OF_ONE, (b"d", 3))
+
+
+def test_beyond_the_depth_the_oldest_go_and_are_counted() -> None:
+    early = Early(3, 1000)
+    for number in range(5):
+        early.put(OF_ONE, (bytes([number]), number))
+    early.put(OF_OTHER, (b"b", 1))
+    messages, lost = early.pop(OF_ONE)
+    assert ([time_ns for _, time_ns in messages], lost) == ([2, 3, 4], {"replaced": 2})
+    assert early.pop(OF_OTHER)[1] == {}
+
+
+def test_beyond_the_bytes_the_oldest_of_that_writer_go() -> None:
+    early = Early(10, 10)
+    early.put(OF_OTHER, (b"1234", 1))
+    for byte in b"abc":
+        early.put(OF_ONE, (3 * bytes([byte]), 1))
+    messages, lost = early.pop(OF_ONE)
+    assert ([data for data, _ in messages], lost) == ([b"bbb", b"ccc"], {"replaced": 1})
+    assert data(early, OF_OTHER) == [b"1234"]
+    early.put(OF_ONE, (b"1234567890", 1))  # all of it is free again
+    assert len(early) == 1
+
+
+def test_without_a_depth_there_are_as_many_as_have_room_and_the_first_stay() -> None:
+    early = Early(None, 10_000)
+    for number in range(10_002):
+        early.put(OF_ONE, (b"x", number))
+    assert not early.put(OF_ONE, (b"x", 1)) and early.put(OF_OTHER, (b"y", 1))
+    messages, lost = early.pop(OF_ONE)
+    assert ([time_ns for _, time_ns in messages], lost) == ([*range(10_000)], {"bridge_full": 3})
+    messages, lost = early.pop(OF_OTHER)
+    assert ([*messages], lost) == ([], {"bridge_full": 1})
+
+
+def test_all_of_it_may_be_forgotten() -> None:
+    early = Early(None, 1)
+    early.put(OF_ONE, (b"x", 1))
+    early.clear()
+    assert [*early] == [] and early.put(OF_ONE, (b"y", 1)) and data(early, OF_ONE) == [b"y"]
