@@ -471,6 +471,13 @@ async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
     bridge.listen("/other")()
 
 
-async def test_a_domain_that_can_not_be_opened() -> None:
-    with pytest.raises(BridgeError, match="domain 3 on interface 'nowhere0'"):
+async def test_an_interface_that_is_not_there_is_named_once(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(BridgeError, match="--interface nowhere0: there is no such network interface"):
         await DdsEngine("id", DdsOptions(3, interface="nowhere0")).open(Far())
+    assert capfd.readouterr() == ("", "")  # cyclonedds has lines of its own for that
+
+
+async def test_a_domain_that_can_not_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>")
+    with pytest.raises(BridgeError, match="can't open DDS domain 3 as CYCLONEDDS_URI says: <CycloneDDS>"):
+        await DdsEngine("id", DdsOptions(3)).open(Far())

@@ -428,9 +428,13 @@ async def test_a_bridge_that_has_become_deaf_hears_again_once_links_have_changed
 async def test_two_buses_of_one_id_are_named() -> None:
     where = f"tcp/127.0.0.1:{free_port()}"
     listen, connect = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))
-    async with opened(a=(listen, "robot"), b=(connect, "robot")) as (one, _):
-        (text,) = await one.far.until(lambda: one.far.warnings)
-        assert text.startswith("another bus has the id 'robot' too")
+    async with opened(a=(listen, "robot"), b=(connect, "robot")) as (one, other):
+        for side in (one, other):
+            (text,) = await side.far.until(lambda side=side: side.far.warnings)  # type: ignore[misc]
+            assert text.startswith("another bus has the id 'robot' too")
+            assert ("refused", "robot", "another bus has the id of this one") in [
+                (link.state, link.bus, link.text) for link in side.engine.links()
+            ]
 
 
 async def test_without_addresses_no_socket_is_opened() -> None:
@@ -483,3 +487,15 @@ async def test_both_sides_need_certificates_of_the_same_authority(tmp_path: Path
         why = "its certificate is not valid here: unable to get local issuer certificate"
         assert text == f"--connect {where}: {why if protocol == 'tls' else 'no answer'}; trying on"
         assert list(robot.far.buses) == ["laptop"] and not third.far.buses
+
+
+async def test_a_certificate_that_the_other_side_does_not_take_is_named(tmp_path: Path) -> None:
+    robot = make_certificates(tmp_path, "robot")["robot"]
+    stranger = make_certificates(tmp_path, "stranger", authority="other")["stranger"]._replace(ca=robot.ca)
+    where = f"tls/127.0.0.1:{free_port()}"
+    listen, wrong = secured(robot, listen=(where,)), secured(stranger, connect=(where,))
+    async with opened(a=(listen, "robot"), b=(wrong, "stranger")) as (_, third):
+        (text,) = await third.far.until(lambda: third.far.warnings)
+        assert text == (
+            f"--connect {where}: it does not take --certificate {stranger.certificate}: unknown ca; trying on"
+        )

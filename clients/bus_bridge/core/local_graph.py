@@ -7,7 +7,7 @@ from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.names import split_node_name
 from bus_bridge.core.naming import Naming
-from bus_bridge.core.rules import Rules
+from bus_bridge.core.rules import Crossing, Rules
 from bus_bridge.core.status import SERVICE_TYPE
 from bus_bridge.engine import Kind, LocalEndpoint, LocalNode, RouteRule
 
@@ -144,7 +144,7 @@ class LocalGraph:
             transits = {
                 one.node.id
                 for one in (*graph.publishers, *graph.subscriptions)
-                if one.node.origin is not None and self._rules.crossing(one.topic).rule.transit
+                if one.node.origin is not None and self._crossing(one) is not None
             }
         for number in present.keys() - self._nodes.keys():
             found = present[number]
@@ -167,14 +167,20 @@ class LocalGraph:
         via = () if node.origin is None else (*node.origin.via, node.origin.bus)
         return LocalNode(self._node_numbers, node.name, namespace, via)
 
-    def _show(self, endpoint: GraphEndpoint, changes: Changes) -> Shown | None:
+    def _crossing(self, endpoint: GraphEndpoint) -> Crossing | None:
+        """None where the far side is not to see it."""
         crossing = self._rules.crossing(endpoint.topic)
-        is_publisher = endpoint.kind == "publisher"
-        if not (crossing.goes_out if is_publisher else crossing.comes_in):
+        if not (crossing.goes_out if endpoint.kind == "publisher" else crossing.comes_in):
             return None
         if endpoint.node.origin is not None and not crossing.rule.transit:
             return None
         if endpoint.type_name.startswith(SERVICE_TYPE):  # bridges are asked on their own bus
+            return None
+        return crossing
+
+    def _show(self, endpoint: GraphEndpoint, changes: Changes) -> Shown | None:
+        crossing = self._crossing(endpoint)
+        if crossing is None:
             return None
         _, node = self._nodes.get(endpoint.node.id, (None, None))
         if node is None:
@@ -182,7 +188,7 @@ class LocalGraph:
         topic = self._to_wire(endpoint.topic, changes)
         if topic is None:
             return None
-        kind: Kind = "publisher" if is_publisher else "subscription"
+        kind: Kind = "publisher" if endpoint.kind == "publisher" else "subscription"
         local = LocalEndpoint(
             kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, endpoint.qos
         )

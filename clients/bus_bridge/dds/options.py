@@ -48,9 +48,12 @@ class DdsOptions(msgspec.Struct, frozen=True):
         """Raises BridgeError for what can't be."""
         if not 0 <= self.domain <= MAX_DOMAIN:
             raise BridgeError(f"the DDS domain must be from 0 to {MAX_DOMAIN}, not {self.domain}")
-        for text in (self.interface, *self.peers):
+        for flag, what, text in (
+            ("interface", "name and no address of a network interface", self.interface),
+            *(("peer", "address of a machine", one) for one in self.peers),
+        ):
             if any(letter in text for letter in "<>&\"'\0 ") or not text.isascii():
-                raise BridgeError(f"'{text}' is no interface and no address")
+                raise BridgeError(f"--{flag} '{text}' is no {what}")
         far = [peer for peer in self.peers if not _is_loopback(peer)]
         if far and self.is_local:
             raise BridgeError(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from bus_bridge.dds import raw
+from bus_bridge.dds.interfaces import check_interface, is_address
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.qos import INFINITE, Policies
 from bus_bridge.errors import BridgeError
@@ -37,11 +38,11 @@ def configuration(options: DdsOptions, user_uri: str = "") -> str:
         return f"<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>,{user_uri}"
     peers = list(options.peers)
     if options.is_local:
-        address = options.interface if options.interface not in ("", "lo") else "127.0.0.1"
+        address = options.interface if ":" in options.interface else "127.0.0.1"
         interface = f"<NetworkInterface address='{address}' multicast='false'/>"
         peers.append(address)
     else:
-        kind = "address" if options.interface[0].isdigit() or ":" in options.interface else "name"
+        kind = "address" if is_address(options.interface) else "name"
         interface = f"<NetworkInterface {kind}='{options.interface}'/>"
     listed = "".join(f"<Peer address='{peer}'/>" for peer in dict.fromkeys(peers))
     return (
@@ -72,6 +73,8 @@ class Participant:
         self._listener, self._policy, self._qos = Listener, Policy, Qos
         self._reader_class, self._writer_class, self._topic_class = DataReader, DataWriter, Topic
         uri = os.environ.get("CYCLONEDDS_URI", "")
+        if options.interface and not uri:
+            check_interface(options.interface)
         try:
             self._domain = Domain(options.domain, configuration(options, uri))
         except DDSException:

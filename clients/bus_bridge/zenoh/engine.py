@@ -227,7 +227,10 @@ class ZenohEngine:
         """As `Engine.links`."""
         if self._links is None or self._presence is None:
             return ()
-        return self._links.status(self._presence.buses())
+        doubles = [
+            (self._bus, zenoh_id, "another bus has the id of this one") for zenoh_id in self._presence.doubles
+        ]
+        return self._links.status([*self._presence.buses(), *doubles])
 
     # --- what zenoh brings
 

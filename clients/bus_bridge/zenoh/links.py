@@ -5,6 +5,7 @@ import os
 import socket
 import ssl
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from bus_bridge.engine import LinkStatus
 from bus_bridge.zenoh.options import Address, ZenohOptions, parse_address
@@ -13,6 +14,7 @@ from bus_bridge.zenoh.session import Link, Session
 __all__ = ["Links"]
 
 _PROBE_S = 2.0
+_REFUSAL_S = 0.3
 _PATIENCE = 3
 """So many looks in a row without a link, then the user is told."""
 
@@ -29,6 +31,8 @@ class Links:
         self._connect = [parse_address(text) for text in options.router or options.connect]
         self._resolved: dict[str, frozenset[str]] = {}
         self._missed: dict[str, int] = {}
+        self._answered: set[str] = set()
+        """Those that could be reached when they were last tried, and had no link."""
         self._reasons: dict[str, str] = {}
 
     async def look(self) -> None:
@@ -37,6 +41,7 @@ class Links:
         for address in self._connect:
             if (link := self._find(address, links)) is not None:
                 self._missed[address.text] = 0
+                self._answered.discard(address.text)
                 self._reasons.pop(address.text, None)
                 if not self._options.router and link.zenoh_id in self._session.routers():
                     self._warn(
@@ -51,11 +56,13 @@ class Links:
                 continue
             reason = await self._probe(address)
             if reason:
-                self._reasons[address.text] = reason
-                self._warn(f"{self._flag} {address.text}: {reason}; trying on")
-            elif missed >= 2 * _PATIENCE and not self._is_joined(address, links):
+                self._answered.discard(address.text)
+            elif address.text not in self._answered:
+                self._answered.add(address.text)  # zenoh tries again within two seconds
+            elif not self._is_joined(address, links):
                 who = "router of zenoh" if self._options.router else "bridge of busd"
                 reason = f"somebody listens there, but no {who} that takes this one"
+            if reason:
                 self._reasons[address.text] = reason
                 self._warn(f"{self._flag} {address.text}: {reason}; trying on")
 
@@ -110,8 +117,11 @@ class Links:
                 if address.protocol == "quic":
                     return "no answer"
                 context = self._context() if address.protocol == "tls" else None
-                _, writer = await asyncio.open_connection(address.host, address.port, ssl=context)
-                writer.close()
+                reader, writer = await asyncio.open_connection(address.host, address.port, ssl=context)
+                try:
+                    await self._hear_refusal(reader)
+                finally:
+                    writer.close()
         except TimeoutError:
             return "no answer"
         except socket.gaierror:
@@ -119,10 +129,20 @@ class Links:
         except ssl.SSLCertVerificationError as error:
             return f"its certificate is not valid here: {error.verify_message}"
         except ssl.SSLError as error:
-            return f"no TLS: {error.reason or error}"
+            reason = (error.reason or str(error)).lower().replace("_", " ")
+            if "alert" in reason:
+                what = reason.partition("alert ")[2]
+                return f"it does not take --certificate {self._options.certificate}: {what}"
+            return f"no TLS: {reason}"
         except OSError as error:
             return os.strerror(error.errno).lower() if error.errno else str(error)
         return ""
+
+    async def _hear_refusal(self, reader: asyncio.StreamReader) -> None:
+        """What the other side thinks of our certificate it says after the handshake."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_REFUSAL_S):
+                await reader.read(1)
 
     def _context(self) -> ssl.SSLContext:
         context = ssl.create_default_context(cafile=self._options.ca)

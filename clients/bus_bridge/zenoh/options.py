@@ -90,8 +90,9 @@ def check(options: ZenohOptions) -> list[str]:
             missing = [name for name in ("ca", "certificate", "key") if not getattr(options, name)]
             if missing:
                 flags = ", ".join(f"--{name} FILE" for name in missing)
+                verb = "is" if len(missing) == 1 else "are"
                 raise BridgeError(
-                    f"{flag} {address.text} needs certificates for both sides: {flags} is missing"
+                    f"{flag} {address.text} needs certificates for both sides: {flags} {verb} missing"
                 )
         elif not address.is_loopback:
             if not options.insecure:

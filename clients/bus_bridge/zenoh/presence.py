@@ -71,8 +71,8 @@ class Presence:
         """Of each bus, the run that is told of."""
         self._node_bus: dict[str, _Run] = {}
         self._interests: dict[bytes, set[Interest]] = {}
-        self._doubles: set[str] = set()
-        """Runs of other bridges that call their bus by our bus' id."""
+        self._doubles: dict[str, str] = {}
+        """Runs of other bridges that call their bus by our bus' id, with their zenoh ids."""
         self._looks: dict[tuple[str, str], int] = {}
         """Of each run whose bus has its id from another one, or from us: how often that was seen."""
 
@@ -91,9 +91,8 @@ class Presence:
                     self._refuse(broken, reason)
                 return
         if token.bus == self._own:
-            is_other = isinstance(token, BusToken) and token.run != self._run
-            if is_other and len(self._doubles) < MAX_RUNS:
-                self._doubles.add(token.run)
+            if isinstance(token, BusToken) and token.run != self._run and len(self._doubles) < MAX_RUNS:
+                self._doubles[token.run] = token.zenoh_id
             return
         run = self._runs.get((token.bus, token.run))
         if run is None:
@@ -135,7 +134,8 @@ class Presence:
         if isinstance(token, OtherVersion | Broken):
             return
         if token.bus == self._own:
-            self._doubles.discard(token.run)
+            if isinstance(token, BusToken):
+                self._doubles.pop(token.run, None)
             return
         run = self._runs.get((token.bus, token.run))
         if run is None:
@@ -179,7 +179,10 @@ class Presence:
         self._looks = {one: self._looks.get(one, 0) + 1 for one in rivals}
         for (bus, name), looks in self._looks.items():
             if bus == self._own:
-                if name > self._run or looks > _PATIENCE:  # at once where it is the later one
+                is_linked = (
+                    linked is not None and self._doubles[name] in linked
+                )  # so it is nothing left of us
+                if name > self._run or is_linked or looks > _PATIENCE:
                     self._far.warn(
                         f"another bus has the id '{bus}' too, so neither sees the other: give one of them "
                         "another by --id"
@@ -190,6 +193,11 @@ class Presence:
                     f"two buses have the id '{bus}', and the one that came first is heard: give the other "
                     "one another by --id"
                 )
+
+    @property
+    def doubles(self) -> list[str]:
+        """The zenoh ids of bridges that call their bus by our bus' id."""
+        return list(self._doubles.values())
 
     def _unhear_unlinked(self, bus: str, linked: Container[str]) -> None:
         run = self._heard.get(bus)

@@ -31,7 +31,7 @@ PLACE = ("tcp/127.0.0.1:7447",)
         (ZenohTable(listen=("tcp/0.0.0.0:7447",)), "is not protected"),
         (
             ZenohTable(connect=("tls/robot:7447",), tls=TlsTable(ca="ca.pem")),
-            "--certificate FILE, --key FILE is missing",
+            "--certificate FILE, --key FILE are missing",
         ),
     ],
 )
@@ -46,7 +46,7 @@ def test_what_can_t_be(table: BridgeTable, said: str) -> None:
     ("table", "said"),
     [
         (Ros2Table(peers=("10.0.0.7",)), "10.0.0.7 can't be reached over the loopback interface"),
-        (Ros2Table(interface="a b"), "'a b' is no interface and no address"),
+        (Ros2Table(interface="a b"), "--interface 'a b' is no name and no address of a network interface"),
     ],
 )
 def test_what_can_t_be_of_dds(table: BridgeTable, said: str) -> None:

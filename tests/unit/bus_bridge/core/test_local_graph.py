@@ -2,12 +2,15 @@
 
 from typing import Any
 
+import msgspec
+
 from bus.endpoint import Match
 from bus.graph import Graph, GraphEndpoint, GraphNode, Origin
 from bus.qos import QoSProfile
 from bus_bridge.core.local_graph import Changes, LocalGraph
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules, TopicRule
+from bus_bridge.core.status import SERVICE_TYPE
 
 _QOS = QoSProfile(10)
 
@@ -88,6 +91,14 @@ def test_what_bridges_have_brought_is_not_shown_but_in_transit() -> None:
     changes = local(topics=[TopicRule(pattern="/a", transit=True)]).look(graph(*endpoints))
     assert told(changes) == {"nodes": ["node1"], "publishers": ["/a"]}
     assert changes.nodes[0].via == ("a", "b")
+
+
+def test_a_bridge_itself_is_not_shown_in_transit() -> None:
+    bridge = node(1, "bridge_zenoh", origin=Origin("zenoh", "b"))
+    asked = endpoint("subscription", 1, bridge, "/bridge_zenoh/get_status/_request")
+    asked = msgspec.structs.replace(asked, type_name=f"{SERVICE_TYPE}_Request")
+    seen = local(topics=[TopicRule(pattern="/**", transit=True)])
+    assert told(seen.look(graph(asked, endpoint("publisher", 2, bridge, "/rosout")))) == {}
 
 
 def test_the_namespace_goes_in_front() -> None:

@@ -79,8 +79,10 @@ def test_a_router_stands_instead_of_links_of_ones_own() -> None:
 
 
 def test_protection_needs_certificates_of_both_sides() -> None:
-    with pytest.raises(BridgeError, match="--certificate FILE, --key FILE is missing"):
+    with pytest.raises(BridgeError, match="sides: --certificate FILE, --key FILE are missing"):
         check(ZenohOptions(listen=("tls/127.0.0.1:7447",), ca="ca.pem"))
+    with pytest.raises(BridgeError, match="sides: --key FILE is missing"):
+        check(ZenohOptions(listen=("tls/127.0.0.1:7447",), ca="ca.pem", certificate="robot.pem"))
 
 
 def test_certificates_are_looked_at(tmp_path: Path) -> None:

@@ -249,20 +249,23 @@ def test_who_takes_what_we_send(heard: Heard) -> None:
 
 def test_own_tokens_are_no_news_but_those_of_a_double_are_known(heard: Heard) -> None:
     heard.presence.came(keys.bus_token("laptop", "5", "f00"))
-    for run in ("6", "4"):
-        heard.presence.look({"f00"})
+    # At once where it is the later one or has a link with us; else it may be what is left of us.
+    for run, linked, looks in (("6", "", 1), ("4", "f00", 1), ("4", "", presence._PATIENCE + 1)):
+        heard.presence.look({linked})
         assert heard.take() == []
         heard.presence.came(keys.bus_token("laptop", run, "f00"))
-        for _ in range(
-            1 if run == "6" else presence._PATIENCE + 1
-        ):  # an earlier one may be what is left of us
+        assert heard.presence.doubles == ["f00"]
+        for _ in range(looks):
             assert heard.take() == []
-            heard.presence.look({"f00"})
+            heard.presence.look({linked})
         ((_, text),) = heard.take()
         assert text == (
             "another bus has the id 'laptop' too, so neither sees the other: give one of them another by --id"
         )
+        heard.presence.went(keys.node_token("laptop", run, LocalNode(1, "talker", "/")))
+        assert heard.presence.doubles
         heard.presence.went(keys.bus_token("laptop", run, "f00"))
+        assert not heard.presence.doubles
 
 
 def test_another_version_is_said(heard: Heard) -> None:

@@ -81,6 +81,7 @@ def test_what_is_wrong_is_said() -> None:
     shown = text(Answer(routes=[stuck], repeated=2))
     assert "stuck: messages wait" in shown
     assert "came a second time: 2 messages\n" in shown
+    assert "came a second time: 1 message\n" in text(Answer(repeated=1))
     assert "no link\n" in shown
 
 

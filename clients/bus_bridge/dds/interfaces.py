@@ -1,0 +1,54 @@
+"""Whether the network interface that a user named can be used: cyclonedds tells that in lines of its own."""
+
+import fcntl
+import ipaddress
+import socket
+import struct
+
+from bus_bridge.errors import BridgeError
+
+__all__ = ["check_interface", "is_address"]
+
+_GET_FLAGS = 0x8913  # SIOCGIFFLAGS
+_GET_ADDRESS = 0x8915  # SIOCGIFADDR
+_IS_UP = 1
+
+
+def is_address(text: str) -> bool:
+    """Whether it is an address, and no name."""
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        return False
+    return True
+
+
+def check_interface(interface: str) -> None:
+    """Raises BridgeError where this machine has no such interface, by name or address, or it is down."""
+    if is_address(interface):
+        family = socket.AF_INET6 if ":" in interface else socket.AF_INET
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind((interface, 0))
+            except OSError:
+                raise BridgeError(
+                    f"--interface {interface}: no network interface of this machine has that address"
+                ) from None
+        return
+    names = [name for _, name in socket.if_nameindex()]
+    if interface not in names:
+        raise BridgeError(
+            f"--interface {interface}: there is no such network interface; there are "
+            + ", ".join(sorted(names))
+        )
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        request = struct.pack("16s240x", interface.encode())
+        flags = struct.unpack_from("H", fcntl.ioctl(probe, _GET_FLAGS, request), 16)[0]
+        if not flags & _IS_UP:
+            raise BridgeError(f"--interface {interface}: that network interface is down")
+        try:
+            fcntl.ioctl(probe, _GET_ADDRESS, request)
+        except OSError:
+            raise BridgeError(
+                f"--interface {interface}: that network interface has no IPv4 address"
+            ) from None

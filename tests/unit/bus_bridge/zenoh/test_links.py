@@ -1,0 +1,57 @@
+"""Addresses that are not up, and what the user is told of them: once, and only where it is so."""
+
+import socket
+
+import pytest
+
+pytest.importorskip("zenoh", reason="needs the extra zenoh: pip install 'busd[zenoh]'")
+
+from bus_bridge.zenoh.links import Links
+from bus_bridge.zenoh.options import ZenohOptions
+from bus_bridge.zenoh.session import Link
+
+
+class Session:
+    """Has the links that a test puts in."""
+
+    def __init__(self) -> None:
+        self.up: list[Link] = []
+
+    def links(self) -> list[Link]:
+        return self.up
+
+    def routers(self) -> set[str]:
+        return set()
+
+
+async def test_who_comes_back_after_a_long_time_is_not_said_to_be_no_bridge() -> None:
+    with socket.socket() as place:
+        place.bind(("127.0.0.1", 0))
+        port = place.getsockname()[1]
+        session, said = Session(), list[str]()
+        where = f"tcp/127.0.0.1:{port}"
+        links = Links(ZenohOptions(connect=(where,)), session, said.append)  # type: ignore[arg-type]
+
+        async def look() -> list[str]:
+            for _ in range(3):
+                await links.look()
+            new, said[:] = list(said), []
+            return new
+
+        refused = f"--connect {where}: connection refused; trying on"
+        assert [await look() for _ in range(3)] == [[refused]] * 3
+        place.listen()
+        assert await look() == []  # zenoh has a moment to make a link
+        other = (
+            f"--connect {where}: somebody listens there, but no bridge of busd that takes this one; trying on"
+        )
+        assert await look() == [other]
+        assert [one.text for one in links.status([])] == [
+            "somebody listens there, but no bridge of busd that takes this one"
+        ]
+        session.up = [Link("f00", "tcp/127.0.0.1:1", where)]
+        assert await look() == []
+        assert [(one.state, one.text) for one in links.status([])] == [("up", "")]
+        session.up = []
+        assert await look() == []
+        assert await look() == [other]
