@@ -2,6 +2,7 @@
 
 import json
 import struct
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -29,9 +30,9 @@ class Foxglove:
     def say(self, op: str, **fields: Any) -> None:
         self.connection.send(json.dumps({"op": op, **fields}))
 
-    def listen(self) -> Frame:
-        """The next frame; channels and services are noted."""
-        frame = self.connection.recv(WAIT_S)
+    def listen(self, patience_s: float = WAIT_S) -> Frame:
+        """The next frame; channels and services are noted. Raises TimeoutError."""
+        frame = self.connection.recv(max(0.0, patience_s))
         if isinstance(frame, bytes):
             return frame
         told: dict[str, Any] = json.loads(frame)
@@ -46,9 +47,10 @@ class Foxglove:
         return told
 
     def hear(self, op: str, fits: Callable[[Any], object] = lambda told: True) -> Any:
-        """The next text of that kind that fits; what comes before it is passed over."""
+        """The next text of that kind that fits; what comes before it is passed over. Raises TimeoutError."""
+        end = time.monotonic() + WAIT_S
         while True:
-            told = self.listen()
+            told = self.listen(end - time.monotonic())
             if isinstance(told, dict) and told["op"] == op and fits(told):
                 return told
 
@@ -89,7 +91,12 @@ class Foxglove:
 def looking(server: Serving, subprotocol: str = SDK, **more: Any) -> Iterator[Foxglove]:
     """At the address that is printed."""
     with connect(
-        server.foxglove, subprotocols=[Subprotocol(subprotocol)], max_size=None, proxy=None, **more
+        server.foxglove,
+        subprotocols=[Subprotocol(subprotocol)],
+        max_size=None,
+        max_queue=None,  # else what waits here holds up the answer to our close for ten seconds
+        proxy=None,
+        **more,
     ) as connection:
         assert connection.subprotocol == subprotocol
         yield Foxglove(connection)

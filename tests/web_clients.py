@@ -6,6 +6,7 @@ import os
 import re
 import socket
 import struct
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http.client import HTTPConnection, HTTPResponse
@@ -88,6 +89,7 @@ class Serving:
             subprotocols=[Subprotocol(PAGE)],
             additional_headers=headers,
             max_size=None,
+            max_queue=None,  # else what waits here holds up the answer to our close for ten seconds
             proxy=None,
             **more,
         ) as connection:
@@ -104,9 +106,10 @@ class Viewer:
         self.connection.send(json.dumps({"op": op, **fields}))
 
     def hear(self, op: str, fits: Callable[[Any], object] = lambda told: True) -> Any:
-        """The next of that kind that fits."""
+        """The next of that kind that fits. Raises TimeoutError."""
+        end = time.monotonic() + WAIT_S
         while True:
-            told = json.loads(self.connection.recv(WAIT_S))
+            told = json.loads(self.connection.recv(max(0.0, end - time.monotonic())))
             if told["op"] == op and fits(told):
                 return told
 

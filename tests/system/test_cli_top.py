@@ -185,6 +185,7 @@ async def screen(size: tuple[int, int] = (160, 40), by: str = "topic") -> AsyncI
         assert top.failure is None
 
 
+@pytest.mark.either_loop
 async def test_every_key(world: None) -> None:
     async with screen() as shown:
         await shown.until("/chatter .* 2/2 .* 98 has lost: replaced", "rows")
@@ -222,6 +223,7 @@ async def test_every_key(world: None) -> None:
     assert not shown.top.is_running
 
 
+@pytest.mark.either_loop
 async def test_a_filter(world: None) -> None:
     async with screen() as shown:
         await shown.until("/rosout", "rows")
@@ -237,6 +239,7 @@ async def test_a_filter(world: None) -> None:
         assert len(shown.rows()) == 3
 
 
+@pytest.mark.either_loop
 async def test_live_values(daemon: Daemon) -> None:
     async with bus.Node("talker") as node, screen() as shown:
         numbers = await node.create_publisher(Int64, "/numbers", 10)
@@ -266,6 +269,7 @@ async def test_live_values(daemon: Daemon) -> None:
         await shown.press("escape")
 
 
+@pytest.mark.either_loop
 async def test_what_has_several_types_has_no_values(daemon: Daemon) -> None:
     async with bus.Node("talker") as node, screen() as shown:
         await node.create_publisher(Int64, "/mixed", 10)
@@ -275,6 +279,7 @@ async def test_what_has_several_types_has_no_values(daemon: Daemon) -> None:
         await shown.until("as it contains more than one type", "below")
 
 
+@pytest.mark.either_loop
 async def test_types_of_one_name_that_differ_are_told_apart(daemon: Daemon) -> None:
     program = """
 import asyncio, bus, msgspec
@@ -300,6 +305,7 @@ bus.run(main())
             assert "/a -> /b" in text
 
 
+@pytest.mark.either_loop
 async def test_busd_goes_and_comes(daemon: Daemon, start_daemon: Callable[..., Daemon]) -> None:
     async with screen() as shown:
         await shown.until("/rosout|nothing lost", "sums")
@@ -313,6 +319,7 @@ async def test_busd_goes_and_comes(daemon: Daemon, start_daemon: Callable[..., D
         assert "does not answer" not in shown.text("sums")
 
 
+@pytest.mark.either_loop
 @pytest.mark.parametrize("width", [20, 80])
 async def test_narrow_terminals(world: None, width: int) -> None:
     async with screen((width, 24)) as shown:

@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from bus.node import Node
+from bus.types.classes import message_class
 from cli import Result, bus
 from programs import Program, on_one_loop, running
 
@@ -39,6 +41,7 @@ class Sim:
 
     def __init__(self, stack: AsyncExitStack, folder: Path) -> None:
         self._stack, self._folder = stack, folder
+        self._looker: Node | None = None
         self.node: Program
 
     async def run(self, *words: str) -> Program:
@@ -64,12 +67,24 @@ class Sim:
         return said.out.partition("response:\n")[2].strip()
 
     async def pose(self, turtle: str = "turtle1") -> dict[str, float]:
-        said = await self.bus("topic", "echo", "--once", f"/{turtle}/pose")
-        return {name: float(value) for name, value in re.findall(r"^(\w+): (\S+)$", said.out, re.MULTILINE)}
+        """As it is now."""
+        now = await self._next("turtlesim/msg/Pose", f"/{turtle}/pose")
+        return {name: getattr(now, name) for name in now.__struct_fields__}
 
     async def colour(self, turtle: str = "turtle1") -> list[int]:
-        said = await self.bus("topic", "echo", "--once", f"/{turtle}/color_sensor")
-        return [int(value) for value in re.findall(r"^\w: (\d+)$", said.out, re.MULTILINE)]
+        now = await self._next("turtlesim/msg/Color", f"/{turtle}/color_sensor")
+        return [now.r, now.g, now.b]
+
+    async def _next(self, type_name: str, topic: str) -> Any:
+        """What is published from now on."""
+        if self._looker is None:
+            self._looker = await self._stack.enter_async_context(Node("_looker", arguments=[], rosout=False))
+        subscription = await self._looker.create_subscription(message_class(type_name), topic, 1)
+        try:
+            message, _ = await subscription.receive()
+        finally:
+            await subscription.close()
+        return message
 
     async def end(self, program: Program, status: int = 0) -> None:
         program.process.send_signal(signal.SIGINT)

