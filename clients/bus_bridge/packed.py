@@ -133,4 +133,4 @@ def scan_here(data: bytes, start: int, limit: int) -> Scan:
 
 def payload_bytes(samples: Sequence[Sample]) -> int:
     """Of all of them together."""
-    return samples.payload_bytes if isinstance(samples, Packed) else sum([len(one[0]) for one in samples])
+    return samples.payload_bytes if type(samples) is Packed else sum([len(one[0]) for one in samples])

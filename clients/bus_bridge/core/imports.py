@@ -198,7 +198,7 @@ class Import:
         number = first = samples[0][1]
         if first != self._last + 1 or samples[-1][1] - first != len(samples) - 1:
             return False
-        if isinstance(samples, Packed):
+        if type(samples) is Packed:
             if not samples.is_consecutive:
                 return False
         else:
@@ -259,7 +259,7 @@ class Import:
 
     def _publish_all(self, samples: Sequence[Sample]) -> int:
         """Publish them. Returns how many of them have gone: a lossless publisher may have no room for all."""
-        quick = self._publish_packed(samples) if isinstance(samples, Packed) else 0
+        quick = self._publish_packed(samples) if type(samples) is Packed else 0
         return quick if quick == len(samples) else quick + self._publish_each(samples[quick:])
 
     def _publish_packed(self, samples: Packed) -> int:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-from itertools import islice, takewhile
+from itertools import islice
 from typing import cast
 
 from bus_bridge.engine import Sample
@@ -39,7 +39,7 @@ class Waiting:
         """
         if not samples:
             return 0, 0
-        if isinstance(samples, Packed):
+        if type(samples) is Packed:
             self._parts.append(samples)
         else:
             self._parts += samples
@@ -56,10 +56,14 @@ class Waiting:
     def first(self, limit: int) -> Sequence[Sample]:
         """Some of the oldest, `limit` at most if they are not packed; they stay."""
         first = self._parts[0] if self._parts else None
-        if isinstance(first, Packed):
+        if type(first) is Packed:
             return first
-        alone = takewhile(lambda part: not isinstance(part, Packed), self._parts)
-        return cast("list[Sample]", list(islice(alone, limit)))
+        found = list[Sample]()
+        for part in islice(self._parts, limit):
+            if type(part) is Packed:
+                break
+            found.append(cast("Sample", part))
+        return found
 
     def remove(self, count: int) -> None:
         """The oldest `count` have gone on."""

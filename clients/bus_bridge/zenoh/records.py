@@ -81,7 +81,7 @@ Content = Sequence[Sample] | Piece | Probe
 
 def pack(samples: Sequence[Sample], number: int) -> Iterator[Part]:
     """The parts that carry `samples`; the first one has that number."""
-    if isinstance(samples, Packed):  # a batch already
+    if type(samples) is Packed:  # a batch already
         yield Part(samples.data, number, _HEAD.pack(_BATCH_KIND, number))
         return
     record, parts, size = RECORD.pack, list[bytes](), 0

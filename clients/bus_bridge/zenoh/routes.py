@@ -28,7 +28,7 @@ _ASK_FIRST, _ASK_MOST = 4, 16
 """Missing parts that are asked for at a time: zenoh drops many in a row, and each alone would cost a way
 there and back. More while answers come."""
 _AGAIN_S = 0.1
-_SAY_BYTES = 256 << 10
+_SAY_BYTES = 512 << 10
 _SAY_S = 0.01
 _LEAVE_S = 2.0
 _NUDGE_S = 0.02
@@ -194,7 +194,7 @@ class ZenohWriter:
     def _fitting(self, samples: Sequence[Sample]) -> int:
         """How many of them may be written now."""
         room = 0 if self._rest else self._window.room
-        if isinstance(samples, Packed):  # one part
+        if type(samples) is Packed:  # one part
             return len(samples) if room > 0 else 0
         for index, sample in enumerate(samples):
             if room <= 0:

@@ -6,6 +6,7 @@ Only `put` and `reply` are called on the loop: with congestion control DROP they
 """
 
 import asyncio
+import ctypes
 import json
 import queue
 import resource
@@ -19,6 +20,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
+from bus.transport.memory import keep_freed_memory
 from bus_bridge.engine import Priority
 from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh.options import ZenohOptions
@@ -262,6 +264,7 @@ class Session:
             raise BridgeError(
                 f"this program may open {descriptors} files (ulimit -n); zenoh needs {_LEAST_DESCRIPTORS}"
             )
+        keep_freed_memory()  # zenoh takes and gives back much with each message
         opened: asyncio.Future[None] = self._loop.create_future()
         threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
         self._jobs.put(lambda: self._open(opened))
@@ -305,6 +308,7 @@ class Session:
         """`push` is called in zenoh's thread: key, payload and attachment of each put."""
 
         def see(sample: Any) -> None:
+            _keep_thread()
             attachment = sample.attachment
             push(
                 str(sample.key_expr),
@@ -444,6 +448,21 @@ class Session:
     def _close(self) -> None:
         if self._zenoh is not None:
             self._zenoh.close()
+
+
+class _KnownThread(threading.local):
+    stays = False
+
+
+_thread = _KnownThread()
+
+
+def _keep_thread() -> None:
+    """Have Python keep what it knows of the calling thread of zenoh's. Else it makes all of it anew for each
+    message, and maps memory for it: much of what one of 64 KiB costs the bridge that gets it."""
+    if not _thread.stays:
+        _thread.stays = True
+        ctypes.pythonapi.PyGILState_Ensure()  # and no release: those of zenoh's own pairs leave one
 
 
 def _direct(callback: Callable[[Any], None]) -> Any:
