@@ -7,6 +7,7 @@ from time import monotonic_ns
 
 from bus.errors import BusError
 from bus.node import Node
+from bus_web.descriptions import Descriptions
 from bus_web.model import Model
 from bus_web.shared_subscriptions import SharedSubscriptions
 
@@ -38,9 +39,8 @@ class Hub:
     def __init__(self, node: Node, pid: int) -> None:
         self.node = node
         self.subscriptions = SharedSubscriptions(node)
-        self._schemas: dict[tuple[str, str], bytes | None] = {}
-        self._wanted: set[tuple[str, str]] = set()
-        self.model = Model(own=[pid], describe=self._describe)
+        self._descriptions = Descriptions(node)
+        self.model = Model(own=[pid], describe=self._descriptions)
         self.is_lost = False
         self._watchers: dict[Watcher, None] = {}
         self._tasks: list[asyncio.Task[None]] = []
@@ -100,7 +100,9 @@ class Hub:
                 if is_new:
                     self.subscriptions.follow(graph)
                 self._show(is_new=is_new)
-                await self._ask_for_types()
+                if await self._descriptions.ask():
+                    self.model.forget_pairs()
+                    self._show(is_new=True)
             await asyncio.sleep(_REST_S)
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(began_s + _LOOK_S):
@@ -115,23 +117,3 @@ class Hub:
     def _show(self, *, is_new: bool) -> None:
         for watcher in [*self._watchers]:
             watcher.looked(is_new=is_new)
-
-    def _describe(self, type_name: str, type_hash: str) -> bytes | None:
-        kind = (type_name, type_hash)
-        if kind not in self._schemas:
-            self._wanted.add(kind)
-        return self._schemas.get(kind)
-
-    async def _ask_for_types(self) -> None:
-        """Descriptions by which the model can say where two types of one name differ."""
-        if not self._wanted:
-            return
-        wanted, self._wanted = self._wanted, set()
-        for kind in wanted:
-            try:
-                async with asyncio.timeout(_ANSWER_S):
-                    self._schemas[kind] = (await self.node.get_schema(*kind)).encoded
-            except (BusError, TimeoutError):
-                self._schemas[kind] = None
-        self.model.forget_pairs()
-        self._show(is_new=True)

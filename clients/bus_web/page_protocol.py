@@ -26,7 +26,8 @@ import msgspec
 
 from bus.names import is_hidden_node
 from bus.qos import in_words
-from bus_web.model import Ages, EndpointRow, Model, TopicRow
+from bus_web.model import Model
+from bus_web.rows import Ages, EndpointRow, TopicRow
 
 __all__ = ["SUBPROTOCOL", "Log", "Look", "Mistake", "Sent", "detail", "graph", "history", "message", "read"]
 

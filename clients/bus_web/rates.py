@@ -3,7 +3,7 @@
 from collections import deque
 from operator import lt
 
-__all__ = ["HISTORY_S", "Meter", "Seconds"]
+__all__ = ["HISTORY_S", "Meter", "RateHistory"]
 
 _NS = 1_000_000_000
 _WINDOW_NS = 2 * _NS
@@ -58,7 +58,7 @@ class Meter:
         return self._rates
 
 
-class Seconds:
+class RateHistory:
     """A value for each of the last 60 seconds, the newest last; fewer in the beginning."""
 
     __slots__ = ("_last_ns", "_values")

@@ -26,7 +26,8 @@ pytest.importorskip("textual", reason="bus top's screen is textual's")
 
 from textual.pilot import Pilot
 
-from bus_cli.top.screen import Lines, Top
+from bus_cli.top.lines_view import LinesView
+from bus_cli.top.screen import Top
 
 WORLD = """
 import asyncio, bus
@@ -173,7 +174,7 @@ class Screen:
 
     def rows(self) -> list[str]:
         """The first word of each row."""
-        return [line.text.split()[0] for line in self.top.query_one("#rows", Lines)._lines]
+        return [line.text.split()[0] for line in self.top.query_one("#rows", LinesView)._lines]
 
 
 @asynccontextmanager

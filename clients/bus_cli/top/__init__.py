@@ -8,7 +8,7 @@ from bus.process.address import socket_path
 from bus_cli.completion import completed_by
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.stream import positive
-from bus_cli.top.table import SORT_KEYS
+from bus_cli.top.columns import SORT_KEYS
 
 _EPILOG = """\
 Keys: s next column to sort by, r reverse, / filter, h hidden ones, n by node, Enter live values, space pause,

@@ -12,8 +12,9 @@ from msgspec import structs, to_builtins
 from bus.errors import BrokerUnavailable, ConnectionClosed
 from bus_cli.output import complain
 from bus_cli.query import Query
-from bus_cli.top.table import BY_TOPIC, sums_text
-from bus_web.model import EndpointRow, Model, TopicRow
+from bus_cli.top.columns import BY_TOPIC, sums_text
+from bus_web.model import Model
+from bus_web.rows import EndpointRow, TopicRow
 
 __all__ = ["looks", "record", "report"]
 

@@ -3,42 +3,34 @@
 import asyncio
 import os
 from argparse import Namespace
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine
 from time import monotonic, monotonic_ns
 from typing import ClassVar
 
-from rich.segment import Segment
-from rich.style import Style
 from textual import events
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
-from textual.geometry import Region, Size
-from textual.message import Message
 from textual.screen import ModalScreen
-from textual.scroll_view import ScrollView
-from textual.strip import Strip
 from textual.widgets import Input, Static
 
-from bus.errors import BusError, ConfigurationError
+from bus.errors import BusError
 from bus.graph import Graph
 from bus.node import Node
 from bus_cli.output import CommandError
 from bus_cli.stream import open_node, run_stream
+from bus_cli.top.columns import endpoint_lines, name_of
+from bus_cli.top.lines_view import LinesView
 from bus_cli.top.state import State
-from bus_cli.top.table import LOSES, LOST, Line, endpoint_lines, name_of
+from bus_cli.top.table import Line
 from bus_cli.top.values import Values
-from bus_web.model import Model, TopicRow
+from bus_web.descriptions import Descriptions
+from bus_web.model import Model
+from bus_web.rows import TopicRow
 
 __all__ = ["Top", "run"]
 
-_STYLES = {
-    "": Style(),
-    LOSES: Style(color="red", bold=True),
-    LOST: Style(color="yellow"),
-}
-_CHOSEN = Style(reverse=True)
-_VALUES_S = 0.1
+_NEWS_S = 0.1
 _SILENT_S = 3.0
 _HELP = """\
 up, down, PgUp, PgDn   choose a row (j and k, too); Home, End
@@ -74,89 +66,6 @@ async def _run(args: Namespace) -> int:
     return 0
 
 
-class Lines(ScrollView, can_focus=True):
-    """Lines of text, of which only those in sight are drawn. One may be chosen: `chosen`, from 0; -1 none."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("up,k", "step(-1)", show=False),
-        Binding("down,j", "step(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("home", "edge(0)", show=False),
-        Binding("end", "edge(1)", show=False),
-    ]
-
-    class Chosen(Message):
-        """Another line was chosen."""
-
-        def __init__(self, index: int) -> None:
-            super().__init__()
-            self.index = index
-
-    def __init__(self, name: str, *, can_choose: bool) -> None:
-        super().__init__(id=name)
-        self._lines: Sequence[Line] = ()
-        self._can_choose = can_choose
-        self.chosen = -1
-
-    def show(self, lines: Sequence[Line], chosen: int = -1) -> None:
-        """Show other lines; what is scrolled to stays, but for a chosen line out of sight."""
-        is_other = chosen != self.chosen
-        self._lines, self.chosen = lines, chosen
-        size = Size(self._width_of(lines), len(lines))
-        if size != self.virtual_size:
-            self.virtual_size = size
-        if is_other:
-            self._bring_in_sight()
-        self.refresh()
-
-    def _width_of(self, lines: Sequence[Line]) -> int:
-        """Of tables, which fit, only as much as is in sight."""
-        return self.size.width if self._can_choose else max((len(line.text) for line in lines), default=0)
-
-    def render_line(self, y: int) -> Strip:
-        x, above = self.scroll_offset
-        width, index = self.size.width, y + above
-        if index >= len(self._lines):
-            return Strip.blank(width)
-        line = self._lines[index]
-        style = _STYLES[line.mark]
-        if index == self.chosen:
-            style += _CHOSEN
-        return Strip([Segment(line.text[x : x + width].ljust(width), style)], width)
-
-    def action_step(self, by: int) -> None:
-        if self._can_choose:
-            self._choose(self.chosen + by)
-        else:
-            self.scroll_relative(y=by, animate=False)
-
-    def action_page(self, by: int) -> None:
-        self.action_step(by * max(1, self.size.height - 1))
-
-    def action_edge(self, end: int) -> None:
-        if self._can_choose:
-            self._choose(end * (len(self._lines) - 1))
-        else:
-            self.scroll_to(y=end * len(self._lines), animate=False)
-
-    def on_click(self, event: events.Click) -> None:
-        if self._can_choose:
-            self._choose(event.y + self.scroll_offset.y)
-
-    def _choose(self, index: int) -> None:
-        index = max(0, min(index, len(self._lines) - 1))
-        if self._lines and index != self.chosen:
-            self.chosen = index
-            self._bring_in_sight()
-            self.refresh()
-            self.post_message(self.Chosen(index))
-
-    def _bring_in_sight(self) -> None:
-        if self.chosen >= 0:
-            self.scroll_to_region(Region(0, self.chosen, 1, 1), animate=False, x_axis=False)
-
-
 class Help(ModalScreen[None]):
     """The keys."""
 
@@ -178,7 +87,7 @@ class Top(App[None]):
     ENABLE_COMMAND_PALETTE = False
     CSS = """
     Screen { background: ansi_default; color: ansi_default; }
-    Static, Lines, Input { background: ansi_default; color: ansi_default; }
+    Static, LinesView, Input { background: ansi_default; color: ansi_default; }
     Static { height: 1; }
     #titles, #below_titles { text-style: bold underline; }
     #rows { height: 3fr; scrollbar-size: 1 1; }
@@ -209,28 +118,26 @@ class Top(App[None]):
         self._node = node
         self._delay_s = delay_s
         self._state = state
-        self._schemas: dict[tuple[str, str], bytes | None] = {}
-        self._asked: set[tuple[str, str]] = set()
-        self._model = Model({os.getpid()}, self._describe)
+        self._descriptions = Descriptions(node)
+        self._model = Model({os.getpid()}, self._descriptions)
         self._values: Values | None = None
         self._looked_s = monotonic()
-        self._is_away = False
         self._tasks: set[asyncio.Task[None]] = set()
 
     def compose(self) -> ComposeResult:
         yield Static(id="sums", markup=False)
         yield Static(id="titles", markup=False)
-        yield Lines("rows", can_choose=True)
+        yield LinesView("rows", can_choose=True)
         yield Static(id="about", markup=False)
         yield Static(id="below_titles", markup=False)
-        yield Lines("below", can_choose=False)
+        yield LinesView("below", can_choose=False)
         yield Input(id="filter", placeholder="text in a name or type", compact=True)
         yield Static(_KEYS, id="keys", markup=False)
 
     def on_mount(self) -> None:
         self.query_one("#rows").focus()
         self._start(self._look_for_ever())
-        self.set_interval(_VALUES_S, self._show_values)
+        self.set_interval(_NEWS_S, self._show_news)
 
     def on_resize(self) -> None:
         self.call_after_refresh(self._show)
@@ -254,36 +161,23 @@ class Top(App[None]):
             began_s = monotonic()
             if not self._state.is_paused:
                 self._take(await self._node.graph(statistics=True))
+                if await self._descriptions.ask():
+                    self._model.forget_pairs()
             await asyncio.sleep(max(0.02, began_s + self._delay_s - monotonic()))
 
     def _take(self, graph: Graph) -> None:
         self._looked_s = monotonic()
-        self._is_away = self._state.is_away = False
+        self._state.is_away = False
         self._model.take(graph, monotonic_ns())
         self._state.take(self._model)
         self._show()
-
-    def _describe(self, type_name: str, type_hash: str) -> bytes | None:
-        """What is known so far; the rest is asked for."""
-        kind = (type_name, type_hash)
-        if kind not in self._schemas and kind not in self._asked:
-            self._asked.add(kind)
-            self._start(self._ask(kind))
-        return self._schemas.get(kind)
-
-    async def _ask(self, kind: tuple[str, str]) -> None:
-        try:
-            self._schemas[kind] = (await self._node.get_schema(*kind)).encoded
-        except ConfigurationError:  # no endpoint has it any more
-            self._schemas[kind] = None
-        self._model.forget_pairs()
 
     # --- showing
 
     def _show(self) -> None:
         if not self.is_running or not self.query("#rows"):
             return
-        state, rows = self._state, self.query_one("#rows", Lines)
+        state, rows = self._state, self.query_one("#rows", LinesView)
         width = rows.size.width - 1  # the scrollbar must not come over the last column
         title, lines = state.table.lines(state.rows, width, by=state.by)
         self.query_one("#titles", Static).update(title)
@@ -295,7 +189,7 @@ class Top(App[None]):
         self.query_one("#sums", Static).update("; ".join((self._state.sums, *self._state.notes)))
 
     def _show_below(self) -> None:
-        chosen, below = self._state.chosen, self.query_one("#below", Lines)
+        chosen, below = self._state.chosen, self.query_one("#below", LinesView)
         if self._values is not None:
             return
         title, about = "", ""
@@ -308,19 +202,20 @@ class Top(App[None]):
         self.query_one("#below_titles", Static).update(title)
         below.show(lines)
 
-    def _show_values(self) -> None:
+    def _show_news(self) -> None:
+        """What comes between two looks: values, and that there is no look any more."""
         is_away = monotonic() - self._looked_s > self._delay_s + _SILENT_S and not self._state.is_paused
-        if is_away != self._is_away:
-            self._is_away = self._state.is_away = is_away
+        if is_away != self._state.is_away:
+            self._state.is_away = is_away
             self._show_status()
         if (values := self._values) is not None and values.has_news:
             self.query_one("#about", Static).update(values.about)
             self.query_one("#below_titles", Static).update("")
-            self.query_one("#below", Lines).show(values.lines())
+            self.query_one("#below", LinesView).show(values.lines())
 
     # --- keys
 
-    def on_lines_chosen(self, event: Lines.Chosen) -> None:
+    def on_lines_view_chosen(self, event: LinesView.Chosen) -> None:
         self._state.choose(event.index)
         self._end_values()
         self._show()

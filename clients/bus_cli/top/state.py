@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 
-from bus_cli.top.table import BY_NODE, BY_TOPIC, Row, Table, name_of, sums_text
-from bus_web.model import EndpointRow, Model, NodeRow, Pair, TopicRow
+from bus_cli.top.columns import BY_NODE, BY_TOPIC, Row, name_of, sums_text
+from bus_cli.top.table import Table
+from bus_web.model import Model
+from bus_web.rows import EndpointRow, NodeRow, Pair, TopicRow
 
 __all__ = ["State"]
 

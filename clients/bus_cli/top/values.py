@@ -14,7 +14,8 @@ from bus_cli.output import CommandError
 from bus_cli.qosargs import serving_all
 from bus_cli.render import View, to_text
 from bus_cli.stream import find_class
-from bus_cli.top.table import Line, seconds_text
+from bus_cli.top.figures import seconds_text
+from bus_cli.top.table import Line
 
 __all__ = ["Values"]
 

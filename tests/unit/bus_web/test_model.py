@@ -6,7 +6,8 @@ from msgspec.structs import replace
 
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
 from bus.qos import History, QoSProfile, Reliability
-from bus_web.model import Ages, Model, Pair
+from bus_web.model import Model
+from bus_web.rows import Ages, Pair
 
 S = 1_000_000_000
 TALKER = GraphNode(1, "talker", "/", 10)

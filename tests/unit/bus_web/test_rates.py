@@ -1,6 +1,6 @@
 """Rates out of counters: steady, at first, after silence, after a restart; values of each second."""
 
-from bus_web.rates import HISTORY_S, Meter, Seconds
+from bus_web.rates import HISTORY_S, Meter, RateHistory
 from rows import for_each
 
 S = 1_000_000_000
@@ -51,7 +51,7 @@ def test_a_lower_count_begins_anew() -> None:
 
 
 def test_a_value_for_each_second() -> None:
-    seconds = Seconds()
+    seconds = RateHistory()
     assert seconds.add(7 * S, 1.0)
     assert not seconds.add(7 * S + S // 2, 2.0)
     assert seconds.add(8 * S, 3.0)

@@ -2,8 +2,8 @@
 
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphNode
 from bus.qos import QoSProfile
+from bus_cli.top.columns import name_of
 from bus_cli.top.state import State
-from bus_cli.top.table import name_of
 from bus_web.model import Model
 
 TALKER, TOOL = GraphNode(1, "talker", "/", 10), GraphNode(2, "_tool", "/", 20)

@@ -1,0 +1,60 @@
+"""Numbers as `bus top` writes them: short, for narrow columns. Pure."""
+
+from collections.abc import Sequence
+
+from bus_cli.output import size_text
+
+__all__ = ["NONE", "SPARK_CELLS", "bytes_text", "count_text", "rate_text", "seconds_text", "spark_text"]
+
+NONE = "-"
+"""For what is not known, or is not there."""
+SPARK_CELLS = 10
+_SPARKS = "▁▂▃▄▅▆▇█"
+_HEADROOM = 1.5
+"""A rate that never changes is drawn at two thirds of the height, so that both ways are left to go."""
+
+
+def rate_text(rate: float | None) -> str:
+    """`29.9`; `-` where it is not known."""
+    if rate is None:
+        return NONE
+    if rate >= 1e6:
+        return count_text(int(rate))
+    return (
+        f"{rate:.0f}" if rate >= 1000 or rate == int(rate) else f"{rate:.1f}" if rate >= 10 else f"{rate:.2f}"
+    )
+
+
+def count_text(count: int) -> str:
+    """At most seven characters."""
+    for size, unit in ((10**12, "T"), (10**9, "G"), (10**6, "M")):
+        if count >= size:
+            return f"{count / size:.2f}{unit}" if count < 1000 * size else f"{count // size}{unit}"
+    return str(count)
+
+
+def bytes_text(rate: float | None) -> str:
+    return NONE if rate is None else size_text(rate)
+
+
+def seconds_text(seconds: float) -> str:
+    """A time in the unit that fits, in at most seven characters: `12.3 ms`."""
+    for size, unit in ((1.0, "s"), (1e-3, "ms")):
+        if seconds >= size:
+            return _short(seconds / size, unit)
+    return _short(seconds * 1e6, "µs")
+
+
+def _short(value: float, unit: str) -> str:
+    return f"{value:.0f} {unit}" if value >= 100 else f"{value:.1f} {unit}"
+
+
+def spark_text(history: Sequence[float], cells: int = SPARK_CELLS) -> str:
+    """The last seconds as bars."""
+    shown = history[-cells:]
+    top = _HEADROOM * max(shown, default=0.0)
+    if not top:
+        return ("▁" * len(shown)).rjust(cells)
+    # What is not nothing is more than the lowest.
+    bars = (_SPARKS[max(1, round(one / top * (len(_SPARKS) - 1)))] if one else "▁" for one in shown)
+    return "".join(bars).rjust(cells)

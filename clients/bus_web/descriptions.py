@@ -1,0 +1,45 @@
+"""How types on the bus are described, by which a `Model` says where two of one name differ."""
+
+import asyncio
+
+from bus.errors import BusError, ConfigurationError
+from bus.node import Node
+
+__all__ = ["Descriptions"]
+
+_ANSWER_S = 2.0
+_MOST = 1000
+
+
+class Descriptions:
+    """Those that have been asked for; a `Model` takes it as `describe`."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._known: dict[tuple[str, str], bytes | None] = {}
+        """None: no endpoint has the type any more."""
+        self._wanted: dict[tuple[str, str], None] = {}
+
+    def __call__(self, type_name: str, type_hash: str) -> bytes | None:
+        """None where it is not known yet: `ask` for it."""
+        kind = (type_name, type_hash)
+        if kind not in self._known:
+            self._wanted[kind] = None
+        return self._known.get(kind)
+
+    async def ask(self) -> bool:
+        """Ask the bus for what is wanted; returns whether more is known now. Where busd is away, less is."""
+        before = len(self._wanted)
+        for kind in [*self._wanted]:
+            try:
+                async with asyncio.timeout(_ANSWER_S):
+                    found: bytes | None = (await self._node.get_schema(*kind)).encoded
+            except ConfigurationError:
+                found = None
+            except (BusError, TimeoutError):
+                break
+            del self._wanted[kind]
+            if len(self._known) >= _MOST:
+                del self._known[next(iter(self._known))]
+            self._known[kind] = found
+        return len(self._wanted) < before

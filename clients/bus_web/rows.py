@@ -1,0 +1,146 @@
+"""Rows that `bus top` and the page show: topics, nodes and endpoints with what they count. Pure."""
+
+from collections.abc import Mapping
+
+import msgspec
+
+from bus.names import is_hidden_node, is_hidden_topic
+from bus.qos import QoSProfile
+
+__all__ = ["Ages", "EndpointRow", "NodeRow", "Pair", "Sums", "TopicRow"]
+
+
+class Ages(msgspec.Struct, frozen=True):
+    """How old messages were when programs took them, of late: seconds since they were published."""
+
+    mean: float
+    most: float
+
+
+class Pair(msgspec.Struct, frozen=True):
+    """A publisher and a subscription of one topic: they match by a `route`, or don't for a `reason`."""
+
+    publisher: int
+    """Its id in the graph."""
+    subscription: int
+    route: str = ""
+    """`shm`, `socket`, ...; empty where they don't match."""
+    reason: str = ""
+    """A sentence in busd's words; empty where they match."""
+
+
+class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
+    """A publisher or a subscription, with what it counts."""
+
+    id: int
+    """In the graph."""
+    kind: str
+    """`publisher` or `subscription`."""
+    topic: str
+    node: str
+    """Its full name."""
+    node_id: int
+    pid: int
+    type_name: str
+    qos: QoSProfile
+    messages: int
+    """Published, or delivered."""
+    bytes: int
+    hz: float | None
+    """Messages a second; None until that is known."""
+    bytes_per_s: float | None
+    queued: int
+    """Messages that wait."""
+    depth: int | None
+    """How many may wait; None where all are kept."""
+    dropped: Mapping[str, int]
+    """Messages lost, by reason, all in all."""
+    lost_per_s: float
+    """Of late."""
+    routes: tuple[str, ...]
+    """Of its matches, each route once."""
+    age: Ages | None
+    """Of what a subscription took; None where it took nothing of late."""
+
+    @property
+    def lost(self) -> int:
+        """All in all."""
+        return sum(self.dropped.values())
+
+    @property
+    def is_hidden(self) -> bool:
+        """Of a tool's node."""
+        return is_hidden_node(self.node.rpartition("/")[2])
+
+
+class _Row(msgspec.Struct, frozen=True, kw_only=True):
+    """What some endpoints count together."""
+
+    hz: float | None
+    """Messages a second of all publishers; None until that is known of one."""
+    bytes_per_s: float | None
+    history: tuple[float, ...]
+    """Hz in each of the last 60 seconds, the newest last."""
+    publishers: int
+    subscriptions: int
+    routes: tuple[str, ...]
+    """Of its matches, each route once."""
+    queued: int
+    """Messages that wait for subscriptions."""
+    depth: int | None
+    """Of the subscription for which most wait; None where there is none, or it keeps all."""
+    age: Ages | None
+    """Of what subscriptions took; None where they took nothing of late."""
+    lost_per_s: float
+    """Messages that subscriptions lose, of late."""
+    dropped: Mapping[str, int]
+    """Messages that subscriptions have lost, by reason."""
+    mismatches: int
+    """Pairs that don't match."""
+
+    @property
+    def lost(self) -> int:
+        return sum(self.dropped.values())
+
+    @property
+    def why(self) -> str:
+        """The reason of most losses; empty where nothing was lost."""
+        return max(self.dropped, key=self.dropped.__getitem__) if self.lost else ""
+
+
+class TopicRow(_Row, frozen=True, kw_only=True):
+    """A topic, with what its endpoints count together."""
+
+    topic: str
+    types: tuple[str, ...]
+    """More than one is a conflict."""
+
+    @property
+    def is_hidden(self) -> bool:
+        return is_hidden_topic(self.topic)
+
+
+class NodeRow(_Row, frozen=True, kw_only=True):
+    """A node, with what its endpoints count together."""
+
+    node: str
+    """Its full name."""
+    id: int
+    """In the graph."""
+    pid: int
+
+    @property
+    def is_hidden(self) -> bool:
+        """Of a tool."""
+        return is_hidden_node(self.node.rpartition("/")[2])
+
+
+class Sums(msgspec.Struct, frozen=True):
+    """Of all that is shown."""
+
+    nodes: int
+    topics: int
+    hz: float
+    bytes_per_s: float
+    lost_per_s: float
+    lost: int
