@@ -28,6 +28,7 @@ BENCHMARKS = (
     "growth",
     "discovery",
     "look",
+    "web",
     "check_cost",
     "codec",
     "bags",

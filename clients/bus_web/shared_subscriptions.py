@@ -26,6 +26,7 @@ _DEPTHS = {"/rosout": 200}
 """Of a log, its last lines are of interest."""
 _DEPTH = 5
 _MOST_AT_ONCE = 200
+_NOT_DECODED = object()
 
 
 class Heard:
@@ -50,12 +51,12 @@ class Heard:
         self.frames: dict[object, Any] = {}
         """What was made of it for some who look, to be had by others."""
         self._decode = decode
-        self._message: Any = self
+        self._message: Any = _NOT_DECODED  # not itself: only the garbage collector would find it then
 
     @property
     def message(self) -> Any:
         """Raises BusError, or ValueError and its like, for bytes that are no message of the type."""
-        if self._message is self:
+        if self._message is _NOT_DECODED:
             self._message = self._decode(self.payload)
         return self._message
 
