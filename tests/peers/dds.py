@@ -96,16 +96,14 @@ async def until(holds: Callable[[], Any], what: str = "") -> Any:
 class Bridge:
     """An engine, and the half of a bridge that it needs."""
 
-    def __init__(self, options: DdsOptions = OPTIONS, patience_s: float = 0.05) -> None:
+    def __init__(self, options: DdsOptions = OPTIONS) -> None:
         self.far = Far()
-        self._patience_s = patience_s
         self.engine = DdsEngine("robot-1a2b3c4d", options)
         self.heard: list[str] = []
         self.numbers = 0
 
     async def open(self) -> None:
         await self.engine.open(self.far)
-        self.engine._graph._patience_s = self._patience_s  # for nodes that programs of DDS alone don't have
         self.engine.announce_node(NODE)
 
     def publish(

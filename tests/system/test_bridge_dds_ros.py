@@ -23,7 +23,7 @@ from peers.dds import DOMAIN, LATCHED, STRING, Bridge, until
 
 @pytest.fixture
 async def bridge() -> AsyncIterator[Bridge]:
-    made = Bridge(patience_s=1.0)
+    made = Bridge()
     await made.open()
     yield made
     await made.engine.close()
@@ -136,7 +136,7 @@ async def test_either_may_come_again(bridge: Bridge, distro: peer.Distro) -> Non
         await bridge.engine.close()
         await _wait_for(ros, "nodes", lambda found: found == ["/ros_node"])
         assert time.monotonic() - begun < WAIT_S / 4  # it has said so: its lease would take 10 s
-        again = Bridge(patience_s=1.0)
+        again = Bridge()
         await again.open()
         try:
             again.listen("/up")

@@ -204,7 +204,7 @@ async def test_cyclonedds_alone_hears_and_is_heard(world: World) -> None:
 
 @on_one_loop
 async def test_a_burst_to_the_first_that_matches_comes_whole(world: World) -> None:
-    """It comes before there is a way for it: the bridge, matched at once, has yet to show the publisher."""
+    """It may come before there is a way for it: the bridge is matched before it shows the publisher."""
     side, bridge = join(world)
     with peer.cyclone(side.machine, domain=world.domain) as alone:
         async with side.node("busd_node") as node:

@@ -27,10 +27,12 @@ from bus_bridge.dds.participant import Participant, policies_of, user_data_in
 from bus_bridge.engine import FarEndpoint, FarNode, FarSide, Kind
 from bus_bridge.errors import BridgeError
 
-__all__ = ["MARK", "NO_SERVICES", "Discovery"]
+__all__ = ["ENCLAVE", "MARK", "NO_SERVICES", "Discovery"]
 
 MARK: Final = "busd"
 """The key in USER_DATA by which busds know each other's endpoints."""
+ENCLAVE: Final = "enclave"
+"""The key in USER_DATA that each participant of ROS 2 has."""
 NO_SERVICES: Final = (
     "services, actions and parameters don't cross between this bus and ROS 2 over DDS: topics do"
 )
@@ -150,7 +152,10 @@ class Discovery:
             is_alive = sample.sample_info.instance_state == _ALIVE
             guid = sample.key.bytes
             if what == "DcpsParticipant":
-                if not is_alive:
+                if is_alive:
+                    said = user_data_of(user_data_in(sample.qos))
+                    self._graph.participant_came(guid, speaks_ros=ENCLAVE in said)
+                else:
                     self.refused.pop(teller_of(guid), None)
                     self._tell(self._graph.participant_went(guid))
             elif not is_alive:

@@ -10,7 +10,7 @@ from typing import Final
 from bus.names import request_topic, service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
-from bus_bridge.dds.discovery import MARK, NO_SERVICES, Discovery
+from bus_bridge.dds.discovery import ENCLAVE, MARK, NO_SERVICES, Discovery
 from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.known_types import KnownType, KnownTypes
 from bus_bridge.dds.names import is_service_of_each_node, topic_to_dds, user_data
@@ -72,7 +72,7 @@ class DdsEngine:
         self._far = far
         self._bus = FarBus(f"dds{domain}")
         # Its threads and sockets take some milliseconds, and nothing else runs yet.
-        self._participant = Participant(self._options, user_data({"enclave": "/", **self._mark}))
+        self._participant = Participant(self._options, user_data({ENCLAVE: "/", **self._mark}))
         self.types = KnownTypes()
         self._graph = DomainGraph(self._bus.id)
         self._discovery = Discovery(self._participant, self._graph, self.types, far, self._discovered)

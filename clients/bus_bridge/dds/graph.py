@@ -157,6 +157,8 @@ class DomainGraph:
         self._bare: dict[str, set[bytes]] = {}
         self._waiting: dict[bytes, float] = {}
         """By gid, until when."""
+        self._speak_dds_alone: set[bytes] = set()
+        """Participants."""
 
     @property
     def next_time(self) -> float | None:
@@ -171,6 +173,13 @@ class DomainGraph:
     def endpoints_of(self, participant: bytes) -> list[bytes]:
         """The gids of its endpoints."""
         return [gid for gid, found in self._found.items() if found.participant == participant]
+
+    def participant_came(self, participant: bytes, *, speaks_ros: bool) -> None:
+        """It is there. Of one that does not speak ROS 2 nobody waits for the names of nodes."""
+        if speaks_ros:
+            self._speak_dds_alone.discard(participant)
+        else:
+            self._speak_dds_alone.add(participant)
 
     def nodes_said(self, participant: bytes, nodes: Sequence[NodeEntities]) -> News:
         """A participant has told all of its nodes, and whose its endpoints are."""
@@ -214,7 +223,7 @@ class DomainGraph:
         if gid in self._found:
             yield from self.endpoint_went(gid)
         self._found[gid] = found
-        if gid in self._owners:
+        if gid in self._owners or found.participant in self._speak_dds_alone:
             yield from self._tell(gid)
         else:
             self._waiting[gid] = now + self._patience_s
@@ -227,6 +236,7 @@ class DomainGraph:
 
     def participant_went(self, participant: bytes) -> News:
         """It is there no more, nor is what it had."""
+        self._speak_dds_alone.discard(participant)
         for gid in self.endpoints_of(participant):
             yield from self.endpoint_went(gid)
         yield from self.nodes_said(participant, ())

@@ -119,6 +119,16 @@ def test_an_endpoint_that_nobody_names_belongs_to_its_participant() -> None:
     ]
 
 
+def test_nobody_waits_for_the_nodes_of_a_participant_that_speaks_dds_alone() -> None:
+    graph = DomainGraph("dds0")
+    graph.participant_came(_P, speaks_ros=False)
+    graph.participant_came(_Q, speaks_ros=True)
+    assert _short(graph.endpoint_came(_found(), 0.0)) == [f"+{_BARE}", f"+/chatter of {_P.hex()}"]
+    assert _short(graph.endpoint_came(_found(_Q[:12] + b"\0\0\1\3", _Q), 0.0)) == []
+    _short(graph.participant_went(_P))
+    assert _short(graph.endpoint_came(_found(), 0.0)) == []  # another one, of which nothing is known
+
+
 def test_a_participant_takes_all_with_it() -> None:
     graph = DomainGraph("dds0")
     other = _Q[:12] + b"\0\0\1\3"
@@ -175,7 +185,10 @@ def test_an_endpoint_that_is_found_again_is_told_anew() -> None:
 
 @given(
     st.lists(
-        st.tuples(st.sampled_from(["node", "no node", "came", "went", "gone", "time"]), st.integers(0, 2))
+        st.tuples(
+            st.sampled_from(["node", "no node", "came", "went", "gone", "time", "dds alone", "ros"]),
+            st.integers(0, 2),
+        )
     )
 )
 def test_what_is_told_fits_together(story: list[tuple[str, int]]) -> None:
@@ -192,6 +205,8 @@ def test_what_is_told_fits_together(story: list[tuple[str, int]]) -> None:
             "went": lambda gid=gid: graph.endpoint_went(gid),
             "gone": lambda: graph.participant_went(_P),
             "time": lambda now=now: graph.pass_time(now),
+            "dds alone": lambda: graph.participant_came(_P, speaks_ros=False) or iter(()),
+            "ros": lambda: graph.participant_came(_P, speaks_ros=True) or iter(()),
         }[what]()
         for one in news:
             match one:
