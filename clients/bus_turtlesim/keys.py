@@ -1,8 +1,8 @@
-"""What keys mean to a turtle: bytes of a terminal in, velocities and headings out."""
+"""What keys mean to a turtle: velocities and headings. Pure."""
 
 from typing import NamedTuple
 
-__all__ = ["CANCEL", "QUIT", "Heading", "Key", "Keys", "Move"]
+__all__ = ["ARROWS", "CANCEL", "LETTERS", "QUIT", "Heading", "Key", "Move"]
 
 
 class Move(NamedTuple):
@@ -22,8 +22,13 @@ CANCEL = "cancel"
 QUIT = "quit"
 Key = Move | Heading | str
 
-_ARROWS = {b"A": Move(1.0, 0.0), b"B": Move(-1.0, 0.0), b"C": Move(0.0, -1.0), b"D": Move(0.0, 1.0)}
-_LETTERS: dict[bytes, Key] = {
+ARROWS: dict[bytes, Key] = {
+    b"A": Move(1.0, 0.0),
+    b"B": Move(-1.0, 0.0),
+    b"C": Move(0.0, -1.0),
+    b"D": Move(0.0, 1.0),
+}
+_LOWER: dict[bytes, Key] = {
     # As they lie around F.
     b"g": Heading(0.0),
     b"t": Heading(0.7854),
@@ -36,28 +41,4 @@ _LETTERS: dict[bytes, Key] = {
     b"f": CANCEL,
     b"q": QUIT,
 }
-_ESCAPE = b"\x1b"
-
-
-class Keys:
-    """Takes bytes as they come; an arrow is three of them, which may come one by one."""
-
-    def __init__(self) -> None:
-        self._begun = b""
-
-    def feed(self, data: bytes) -> list[Key]:
-        """The keys that are whole now; those without a meaning are left out."""
-        found: list[Key] = []
-        for number in data:
-            byte = bytes((number,))
-            if byte == _ESCAPE:
-                self._begun = byte
-            elif self._begun == _ESCAPE and byte in (b"[", b"O"):
-                self._begun += byte
-            else:
-                table = _ARROWS if len(self._begun) == 2 else _LETTERS
-                key = table.get(byte if table is _ARROWS else byte.lower())
-                self._begun = b""
-                if key is not None:
-                    found.append(key)
-        return found
+LETTERS = _LOWER | {letter.upper(): key for letter, key in _LOWER.items()}

@@ -12,11 +12,12 @@ from threading import Thread
 from typing import Any
 
 import bus_ros.rclpy as rclpy
+from bus.base.keys import Keys
 from bus_ros.rclpy.action import ActionClient
 from bus_ros.rclpy.exceptions import ParameterException
 from bus_ros.rclpy.executors import ExternalShutdownException
 from bus_ros.rclpy.node import Node
-from bus_turtlesim.keys import QUIT, Heading, Key, Keys, Move
+from bus_turtlesim.keys import ARROWS, LETTERS, QUIT, Heading, Key, Move
 from bus_turtlesim.messages import RotateAbsolute, Twist
 
 __all__ = ["TeleopTurtle", "main"]
@@ -85,7 +86,7 @@ def _spin(node: Node) -> None:
 
 def _read(node: TeleopTurtle, end: int) -> None:
     """Until a key or a signal ends it."""
-    keys, terminal = Keys(), sys.stdin.fileno()
+    keys, terminal = Keys(LETTERS, ARROWS), sys.stdin.fileno()
     with _key_by_key(terminal):
         print(_HELP, flush=True)
         while end not in select.select([terminal, end], [], [])[0]:

@@ -17,7 +17,7 @@ from bus_ros.rclpy.utilities import remove_ros_args
 from bus_turtlesim.canvas import Colour
 from bus_turtlesim.messages import Empty, IntegerRange, Kill, ParameterDescriptor, Spawn
 from bus_turtlesim.page import NoPage, Page
-from bus_turtlesim.turtle_ends import TurtleEnds
+from bus_turtlesim.turtle_endpoints import TurtleEndpoints
 from bus_turtlesim.world import PERIOD_S, SIZE, World
 from bus_web.browser import open_browser
 from bus_web.place import Place, parse_place
@@ -35,7 +35,7 @@ class TurtleSim(Node):
     def __init__(self, page: Page | None = None, **options: Any) -> None:
         super().__init__(_NAME, **options)
         self.world = World()
-        self._ends: dict[str, TurtleEnds] = {}
+        self._endpoints: dict[str, TurtleEndpoints] = {}
         self._page = page
         for colour, value in _BACKGROUND.items():
             described = ParameterDescriptor(
@@ -56,8 +56,8 @@ class TurtleSim(Node):
     def _step(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         background = self._background()
-        for ends in self._ends.values():
-            ends.step(now_ns, background)
+        for endpoints in self._endpoints.values():
+            endpoints.step(now_ns, background)
         if self._page is not None:
             self._page.show(self.world, background)
 
@@ -72,7 +72,7 @@ class TurtleSim(Node):
         """Raises ValueError, with a text for its user."""
         name = self.world.spawn(x, y, theta, self.get_clock().now().nanoseconds, name)
         try:
-            self._ends[name] = TurtleEnds(self, name, self.world.turtles[name])
+            self._endpoints[name] = TurtleEndpoints(self, name, self.world.turtles[name])
         except InvalidTopicNameException as error:
             self.world.kill(name)
             raise ValueError(f"Can't spawn a turtle named [{name}]: {error}") from None
@@ -92,7 +92,7 @@ class TurtleSim(Node):
         except ValueError as error:
             self.get_logger().error(str(error))
         else:
-            self._ends.pop(request.name).destroy()
+            self._endpoints.pop(request.name).destroy()
         return response
 
     def _clear(self, _: Any, response: Any) -> Any:
@@ -103,8 +103,8 @@ class TurtleSim(Node):
     def _reset(self, _: Any, response: Any) -> Any:
         self.get_logger().info("Resetting turtlesim.")
         self.world.reset()
-        for name in list(self._ends):
-            self._ends.pop(name).destroy()
+        for name in list(self._endpoints):
+            self._endpoints.pop(name).destroy()
         self._spawn_first()
         return response
 

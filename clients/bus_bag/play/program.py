@@ -7,13 +7,14 @@ from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmana
 from pathlib import Path
 from typing import Any
 
+from bus.base.keys import Keys
 from bus.errors import BusError
 from bus.logger import Logger
 from bus.node import Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, Reliability
 from bus.types.classes import message_class
-from bus_bag.play.keys import Key, Keys
+from bus_bag.play.keys import CURSOR, LETTERS, Key
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player, Span
 from bus_bag.play.read_ahead import ReadAheadQueue
@@ -171,7 +172,7 @@ def _listen(stack: AsyncExitStack, player: Player, logger: Logger) -> None:
     if not Keyboard.is_there():
         print(_NO_KEYS, file=sys.stderr, flush=True)
         return
-    keys, steps = Keys(), set[asyncio.Task[bool]]()
+    keys, steps = Keys(LETTERS, CURSOR), set[asyncio.Task[bool]]()
     go_on: list[Callable[[], None]] = []
 
     def press(key: Key) -> None:

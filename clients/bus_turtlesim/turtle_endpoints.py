@@ -21,13 +21,13 @@ from bus_turtlesim.messages import (
 )
 from bus_turtlesim.world import Turtle, are_finite
 
-__all__ = ["DEPTH", "TurtleEnds"]
+__all__ = ["DEPTH", "TurtleEndpoints"]
 
 DEPTH = 7
 _FIVE = Struct("5f")
 
 
-class TurtleEnds:
+class TurtleEndpoints:
     """The endpoints of one turtle, on its node; `destroy` takes them away."""
 
     def __init__(self, node: Node, name: str, turtle: Turtle) -> None:
