@@ -25,7 +25,6 @@ from bus_bridge.zenoh.session import Declared, Query, Session
 
 __all__ = ["ZenohEngine"]
 
-_CLOSE_S = 0.4
 _LOOK_S = 1.0
 _ASK_SCHEMA_S = 2.0
 _ASK_SCHEMA_TIMES = 3
@@ -101,7 +100,7 @@ class ZenohEngine:
         for reader in list(self._readers.values()):
             reader.close()
         if session is not None:
-            await session.close(_CLOSE_S)
+            await session.close()
 
     # --- from this bus to the far side
 
@@ -284,12 +283,13 @@ class ZenohEngine:
 
     async def _look(self) -> None:
         assert self._links is not None and self._session is not None and self._presence is not None
-        heard = seen = self._session.link_changes
+        heard = seen = self._session.link_ends
         while True:
             await asyncio.sleep(_LOOK_S)
             # Where a link ends in the moment in which another to the same bus has come, zenoh may bring no
-            # token of that bus any more. So ask for all of them anew, when links have been quiet for a look.
-            seen, before = self._session.link_changes, seen
+            # token of that bus any more. So ask for all of them anew, once no link has ended for a look. Not
+            # where links come: each of a fleet's would have the tokens of all others brought once more.
+            seen, before = self._session.link_ends, seen
             if heard != seen == before:
                 heard = seen
                 for declared in self._declared:

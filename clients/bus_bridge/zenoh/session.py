@@ -249,8 +249,8 @@ class Session:
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._zenoh: Any = None
         self._links: dict[tuple[str, str, str], Link] = {}
-        self.link_changes = 0
-        """How often a link has come or gone."""
+        self.link_ends = 0
+        """How often a link has gone."""
 
     async def open(self) -> None:
         """Where no router is there yet, the session goes on without: what is declared waits for one.
@@ -278,15 +278,13 @@ class Session:
             self._jobs.put(None)
             raise
 
-    async def close(self, timeout_s: float) -> None:
-        """Everything declared has gone then; what takes longer is left to its thread."""
+    async def close(self) -> None:
+        """Everything declared has gone then. Cancellation: what is left of it is done in its thread."""
         closed: asyncio.Future[None] = self._loop.create_future()
         self._jobs.put(self._close)
         self._jobs.put(lambda: self.call(_settle, closed))
         self._jobs.put(None)
-        with suppress(TimeoutError):
-            async with asyncio.timeout(timeout_s):
-                await closed
+        await closed
 
     # --- declarations
 
@@ -403,7 +401,7 @@ class Session:
             self._links[found] = found
         else:
             self._links.pop(found, None)
-        self.link_changes += 1
+            self.link_ends += 1
 
     # --- threads
 
