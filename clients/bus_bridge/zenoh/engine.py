@@ -297,7 +297,8 @@ class ZenohEngine:
             for writer in list(self._writers.values()):
                 writer.look()
             links = self._session.links()
-            self._presence.look(None if self._options.router else {link.zenoh_id for link in links})
+            is_routed = bool(self._options.router)
+            self._presence.look(None if is_routed else {link.zenoh_id: link.silent_host for link in links})
             await self._links.look()
 
     def _opened(self) -> Session:

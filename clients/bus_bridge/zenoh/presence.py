@@ -7,7 +7,7 @@ keeps it until it goes: a bridge that has started anew waits for what is left of
 that claims the id of another bus waits in vain. What is wrong with a run is held against that run alone.
 """
 
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, FarSide
@@ -166,28 +166,31 @@ class Presence:
         if known is not None:
             self._refuse(known, reason)
 
-    def look(self, linked: Container[str] | None) -> None:
-        """About once a second: who claims an id that another one has is said. `linked`: the zenoh ids that a
-        link leads to; None where a bridge is reached without."""
+    def look(self, linked: Mapping[str, str] | None) -> None:
+        """About once a second: who claims an id that another one has is said.
+
+        `linked`: by zenoh id, each bridge that a link leads to, with its host where nothing tells at once
+        that a bridge there was killed, else ""; None where bridges are reached without links.
+        """
         rivals = [(self._own, run) for run in self._doubles]
         for run in self._runs.values():
             if run.token is not None and not run.refusal and not run.is_told:
                 rivals.append((run.bus, run.run))
         if linked is not None:
-            for bus in {bus for bus, _ in rivals}:
-                self._unhear_unlinked(bus, linked)
+            for bus, name in rivals:
+                if bus != self._own:
+                    self._look_at_links(bus, self._runs[bus, name], linked)
         self._looks = {one: self._looks.get(one, 0) + 1 for one in rivals}
         for (bus, name), looks in self._looks.items():
             if bus == self._own:
-                is_linked = (
-                    linked is not None and self._doubles[name] in linked
-                )  # so it is nothing left of us
+                # With a link to it, it is nothing that is left of us.
+                is_linked = linked is not None and self._doubles[name] in linked
                 if name > self._run or is_linked or looks > _PATIENCE:
                     self._far.warn(
                         f"another bus has the id '{bus}' too, so neither sees the other: give one of them "
                         "another by --id"
                     )
-            elif looks > _PATIENCE:
+            elif looks > _PATIENCE and not self._runs[bus, name].is_told:
                 self._refuse(self._runs[bus, name], f"another bus has the id '{bus}', and came first")
                 self._far.warn(
                     f"two buses have the id '{bus}', and the one that came first is heard: give the other "
@@ -199,11 +202,20 @@ class Presence:
         """The zenoh ids of bridges that call their bus by our bus' id."""
         return list(self._doubles.values())
 
-    def _unhear_unlinked(self, bus: str, linked: Container[str]) -> None:
+    def _look_at_links(self, bus: str, rival: _Run, linked: Mapping[str, str]) -> None:
+        """Whether who has an id is there no more, though its token is."""
         run = self._heard.get(bus)
-        if run is not None and run.token is not None and run.token.zenoh_id not in linked:
+        if run is None or run.token is None or rival.token is None:
+            return
+        host = linked.get(run.token.zenoh_id)
+        reason = ""
+        if host is None:
+            reason = "no link leads to it any more"
+        elif host and rival.run > run.run and linked.get(rival.token.zenoh_id) == host:
+            reason = "its bridge has started anew"
+        if reason:
             run.token = None
-            self._unhear(run, "no link leads to it any more")
+            self._unhear(run, reason)
 
     def _refuse(self, run: _Run, reason: str) -> None:
         if not run.refusal:

@@ -56,6 +56,12 @@ class Link(NamedTuple):
     src: str
     dst: str
 
+    @property
+    def silent_host(self) -> str:
+        """The host at its other end, where nothing tells that a process there was killed (QUIC); else ""."""
+        protocol, _, place = self.dst.partition("/")
+        return place.rpartition(":")[0] if protocol == "quic" else ""
+
 
 class Source(Generic[_T]):
     """Things from zenoh's threads, on their way to the loop: `push` in any thread, `take` on the loop.

@@ -112,7 +112,7 @@ def test_a_bridge_that_started_anew_takes_the_place_of_what_it_was(heard: Heard)
     old, new = tokens(run="1"), tokens(run="2")
     for key in (*old.values(), new["publisher"], new["node"], new["bus"]):
         heard.presence.came(key)
-    heard.presence.look({"f00"})
+    heard.presence.look({"f00": ""})
     assert len(heard.take()) == 4
     for key in old.values():
         heard.presence.went(key)
@@ -125,10 +125,10 @@ def test_a_bridge_that_started_anew_takes_the_place_of_what_it_was(heard: Heard)
     assert heard.presence.bus_of("robot/2/4") == "robot" and heard.presence.bus_of("robot/1/4") is None
 
 
-@pytest.mark.parametrize("linked", [None, {"f00"}])
+@pytest.mark.parametrize("linked", [None, {"f00": ""}])
 @pytest.mark.parametrize("run", ["0", "2"])
 def test_who_claims_the_id_of_another_bus_is_not_heard(
-    heard: Heard, run: str, linked: set[str] | None
+    heard: Heard, run: str, linked: dict[str, str] | None
 ) -> None:
     for key in tokens().values():
         heard.presence.came(key)
@@ -155,15 +155,25 @@ def test_who_claims_the_id_of_another_bus_is_not_heard(
     assert heard.presence._heard["robot"].run == "3"
 
 
-def test_one_that_no_link_leads_to_keeps_no_id(heard: Heard) -> None:
-    for run in ("1", "2"):
+@pytest.mark.parametrize(
+    ("linked", "reason"),
+    [
+        ({"f01": "", "f02": ""}, ""),
+        ({"f01": "a", "f02": "b"}, ""),
+        ({"f01": "a", "f02": "a", "f00": "a"}, "its bridge has started anew"),
+        ({"f02": ""}, "no link leads to it any more"),
+    ],
+)
+def test_links_tell_that_one_is_there_no_more(heard: Heard, linked: dict[str, str], reason: str) -> None:
+    for run in ("1", "2", "0"):
         heard.presence.came(keys.bus_token("robot", run, f"f0{run}"))
-    heard.presence.look({"f01", "f02"})
-    assert heard.take() == [("bus", "robot")]
-    heard.presence.look({"f02"})
-    assert heard.take() == [("no bus", "robot", "no link leads to it any more"), ("bus", "robot")]
-    heard.presence.look({"f02"})
-    assert heard.take() == [] and heard.presence._heard["robot"].run == "2"
+    heard.take()
+    for _ in range(3):
+        heard.presence.look(linked)
+    assert heard.take() == ([("no bus", "robot", reason), ("bus", "robot")] if reason else [])
+    assert heard.presence._heard["robot"].run == ("2" if reason else "1")
+    heard.presence.went(keys.bus_token("robot", "1", "f01"))
+    assert heard.presence._heard["robot"].run == "2"
 
 
 def test_what_is_wrong_with_one_run_is_held_against_no_other(heard: Heard) -> None:
@@ -251,13 +261,13 @@ def test_own_tokens_are_no_news_but_those_of_a_double_are_known(heard: Heard) ->
     heard.presence.came(keys.bus_token("laptop", "5", "f00"))
     # At once where it is the later one or has a link with us; else it may be what is left of us.
     for run, linked, looks in (("6", "", 1), ("4", "f00", 1), ("4", "", presence._PATIENCE + 1)):
-        heard.presence.look({linked})
+        heard.presence.look({linked: ""})
         assert heard.take() == []
         heard.presence.came(keys.bus_token("laptop", run, "f00"))
         assert heard.presence.doubles == ["f00"]
         for _ in range(looks):
             assert heard.take() == []
-            heard.presence.look({linked})
+            heard.presence.look({linked: ""})
         ((_, text),) = heard.take()
         assert text == (
             "another bus has the id 'laptop' too, so neither sees the other: give one of them another by --id"
