@@ -204,6 +204,24 @@ def test_routes_and_what_does_not_match(
         ]
 
 
+def test_all_stands_still_but_what_the_user_does(server: Serving, page: Page) -> None:
+    with script(HOSTILE), script(TALKER.replace('"topic"', '"other"'), "0.01"):
+        page.open(server.page)
+        page.wait("return document.querySelectorAll('tbody tr').length", fits=lambda count: count == 3)
+        lines = "return document.querySelectorAll('#lines li').length"
+        page.wait(lines)
+        page.press("#pause")
+        shown = page.run(lines)
+        choose(page, "/other")
+        page.wait("return document.querySelectorAll('#detail .ends li').length")
+        page.wait("return performance.now() > arguments[0]", page.run("return performance.now()") + 1000)
+        assert page.run(lines) == shown, "ten a second have come"
+        assert page.texts("#value-note") == ["no message yet"]
+        page.press("#pause")
+        page.wait(lines, fits=lambda count: count >= shown + 5)
+        page.wait("return document.querySelector('#detail .text') !== null")
+
+
 def test_a_compressed_image_is_drawn(server: Serving, page: Page) -> None:
     with script(PICTURE):
         page.open(server.page)

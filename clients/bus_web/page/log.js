@@ -12,15 +12,27 @@ export class Log {
     this.note = note;
     this.severity = severity;
     this.leftOut = 0;
+    this.held = null; // while it stands still: what has come meanwhile
     severity.addEventListener("change", () => this.choose());
   }
 
+  pause(isPaused) {
+    const held = this.held ?? [];
+    this.held = isPaused ? [] : null;
+    if (!isPaused) this.add({ lines: held, left_out: 0 });
+  }
+
   clear() {
+    if (this.held) this.held = [];
     this.list.replaceChildren();
   }
 
   add({ lines, left_out: leftOut }) {
     this.leftOut += leftOut;
+    if (this.held) {
+      this.held = [...this.held, ...lines].slice(-MOST);
+      return;
+    }
     const isAtEnd = this.list.scrollTop + this.list.clientHeight >= this.list.scrollHeight - 4;
     for (const [ms, level, name, text] of lines.sort(([one], [other]) => one - other)) {
       const time = new Date(ms).toTimeString().slice(0, 8);

@@ -26,7 +26,7 @@ const log = new Log(the("lines"), the("log-note"), the("severity"));
 const plots = new Plots(the("plots"), look);
 const detail = new Detail(the("detail"), { close: () => choose(null), plot: (topic, path) => plots.toggle(topic, path), look, choose });
 const missed = new Map();
-let name = "bus", isDue = false, wasDrawn = false;
+let name = "bus", isDue = false, isWanted = false, wasDrawn = false;
 
 const hear = {
   hello(told) {
@@ -95,6 +95,12 @@ function chooseNode(name) {
 function chosen() {
   detail.choose(view.topic, view.node);
   look();
+  showAnyway();
+}
+
+// What the user does is seen though all stands still.
+function showAnyway() {
+  isWanted = true;
   show();
 }
 
@@ -104,7 +110,8 @@ function show() {
   isDue = true;
   requestAnimationFrame(() => {
     isDue = false;
-    if (view.isPaused) return;
+    if (view.isPaused && !isWanted) return;
+    isWanted = false;
     graph.show(bus, view);
     if (!wasDrawn) performance.mark("first graph");
     wasDrawn = true;
@@ -121,15 +128,16 @@ function show() {
 
 the("filter").addEventListener("input", (event) => {
   view.filter = event.target.value.trim().toLowerCase();
-  show();
+  showAnyway();
 });
 the("hidden").addEventListener("change", (event) => {
   view.hidden = event.target.checked;
-  show();
+  showAnyway();
 });
 the("pause").addEventListener("click", () => {
   view.isPaused = !view.isPaused;
   setAttribute(the("pause"), "aria-pressed", view.isPaused);
+  log.pause(view.isPaused);
   show();
 });
 the("log").addEventListener("toggle", () => {
