@@ -25,10 +25,11 @@ PAGE = "busd.page.v1"
 CAMERA = """
 import asyncio, sys, bus
 from bus.msg.sensor_msgs import CompressedImage
+HEAD = bytes([255, 216, 255, 192, 0, 17, 8, 1, 0, 1, 0])
 async def main():
     async with bus.Node("camera") as node:
         publisher = await node.create_publisher(CompressedImage, "image", 1)
-        image = CompressedImage(format="jpeg", data=bytes([255, 216, 255]) + bytes(500_000))
+        image = CompressedImage(format="jpeg", data=HEAD + bytes(500_000))
         print("ready", flush=True)
         while True:
             publisher.publish(image)

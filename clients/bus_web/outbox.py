@@ -37,6 +37,8 @@ class Outbox:
         """How much waits."""
         self.notices = 0
         """How many frames wait that are of no topic."""
+        self.notice_bytes = 0
+        """Of `bytes`, what those have."""
         self.dropped: Counter[str] = Counter()
         """How many messages of each topic went, since the client was told last (`clear` it then)."""
 
@@ -46,6 +48,7 @@ class Outbox:
     def notify(self, data: bytes) -> None:
         """What is of no topic is never dropped: whoever says it must look at `notices` first."""
         self.notices += 1
+        self.notice_bytes += len(data)
         self._append("", data)
 
     def put(self, topic: str, data: bytes) -> None:
@@ -67,6 +70,7 @@ class Outbox:
             self._leave(frame, number)
         else:
             self.notices -= 1
+            self.notice_bytes -= len(frame.data)
         return frame.data
 
     def forget(self, topic: str) -> None:

@@ -19,6 +19,8 @@ _VALUE_S = 0.05
 _MOST_WAITING = 2 << 20
 """Bytes. A page shows what is now: it may have less in store than a client that records."""
 _MOST_OPENED = 100
+_MOST_FRAMES = 8
+"""Of a message, as several pages show it."""
 
 
 class _Look:
@@ -143,14 +145,16 @@ class PageSession(Watcher):
             return
         look.shown_s = self._loop.time()
         look.shown = heard
-        try:
-            message = heard.message
-        except Exception as error:  # of bytes that a stranger has sent
-            self.hear_fault(topic, f"a message does not decode: {error}")
-            return
-        info = heard.info
         frame = heard.frames.get(look.opened)  # for all pages that show the same of it
         if frame is None:
+            try:
+                tree = tree_of(heard.message, look.opened)
+            except Exception as error:  # of bytes that a stranger has sent
+                self.hear_fault(topic, f"a message does not decode: {error}")
+                return
+            info = heard.info
+            if len(heard.frames) >= _MOST_FRAMES:
+                heard.frames.clear()
             frame = heard.frames[look.opened] = protocol.message(
                 "value",
                 topic=topic,
@@ -159,7 +163,7 @@ class PageSession(Watcher):
                 bytes=len(heard.payload),
                 at_ms=info.source_timestamp / 1e6,
                 age_ms=round((info.received_timestamp - info.source_timestamp) / 1e6, 3),
-                tree=tree_of(message, look.opened),
+                tree=tree,
             )
         self._sender.put(topic, frame)
 

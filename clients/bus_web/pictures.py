@@ -7,6 +7,8 @@ __all__ = ["picture_of"]
 _MOST_SIDE = 240
 """Pixels of the longer side of what is shown."""
 _MOST_COMPRESSED = 512 << 10
+_MOST_PIXELS = 32 << 20
+"""Of a compressed image: a browser takes four bytes for each, however few it comes in."""
 _CHANNELS = {
     "rgb8": (3, (0, 1, 2)),
     "rgba8": (4, (0, 1, 2)),
@@ -36,12 +38,16 @@ def picture_of(message: Any) -> dict[str, Any] | None:
         head = bytes(message.data[:8])
         kind = next((kind for begin, kind in _KINDS if head.startswith(begin)), None)
         if kind is not None and len(message.data) <= _MOST_COMPRESSED:
-            return {"type": kind, "data": message.data}
+            width, height = _sides(bytes(message.data))
+            if 0 < width * height <= _MOST_PIXELS:
+                return {"type": kind, "data": message.data}
     return None
 
 
 def _raw(image: Any) -> dict[str, Any] | None:
     width, height, step = image.width, image.height, image.step
+    if not (all(type(one) is int for one in (width, height, step)) and isinstance(image.encoding, str)):
+        return None  # another type, with fields of these names
     size, order = _CHANNELS.get(image.encoding, (2, (0, 0, 0)))
     is_wide = image.encoding in _WIDE
     if not is_wide and image.encoding not in _CHANNELS:
@@ -61,3 +67,19 @@ def _raw(image: Any) -> dict[str, Any] | None:
             picked = line[high if is_wide else where :: size * each]
             rgb[at + channel : at + 3 * columns : 3] = picked
     return {"width": columns, "height": rows, "of": [width, height], "rgb": rgb}
+
+
+def _sides(data: bytes) -> tuple[int, int]:
+    """Width and height as a PNG or a JPEG says them in its head; zeros where it does not."""
+    if data.startswith(b"\x89PNG"):
+        return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+    at = 2
+    while data[at : at + 1] == b"\xff" and len(data) >= at + 9:  # its segments, each with its length
+        kind = data[at + 1]
+        if kind == 0xFF:  # which fills up
+            at += 1
+            continue
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
+        at += 2 + int.from_bytes(data[at + 2 : at + 4])
+    return 0, 0

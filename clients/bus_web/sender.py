@@ -7,6 +7,8 @@ from bus_web.outbox import Outbox
 
 __all__ = ["Sender", "Socket"]
 
+_MOST_NOTICES, _MOST_NOTICE_BYTES = 64, 1 << 20
+
 
 class Socket(Protocol):
     """A WebSocket, as far as it is used here."""
@@ -33,6 +35,16 @@ class Sender:
     def notices(self) -> int:
         """How many frames wait that are of no topic. They are never dropped: look before adding more."""
         return self._outbox.notices
+
+    @property
+    def notice_bytes(self) -> int:
+        """How much of them waits."""
+        return self._outbox.notice_bytes
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether so many wait that nothing more should be done for this client."""
+        return self.notices >= _MOST_NOTICES or self.notice_bytes >= _MOST_NOTICE_BYTES
 
     def notify(self, frame: bytes) -> None:
         """A frame that is of no topic."""

@@ -61,7 +61,8 @@ class Calls:
             frame = protocol.call_failure(said, "nobody serves it now")
         except BusError as error:
             frame = protocol.call_failure(said, str(error))
-        self._client.notify(frame)
+        too_slow = "there is an answer, but this client reads too slowly"
+        self._client.answer(frame, protocol.call_failure(said, too_slow))
 
     async def close(self) -> None:
         """End all clients of services."""

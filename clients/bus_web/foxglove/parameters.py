@@ -37,7 +37,8 @@ class Parameters:
         wanted = self._by_node(said.names) if said.names else dict.fromkeys(self._nodes())
         found = await asyncio.gather(*(self._values(node, names) for node, names in wanted.items()))
         values = [one for those in found for one in those]
-        self._client.notify(protocol.parameter_values(values, said.id))
+        too_slow = protocol.status(Level.WARNING, "no values of parameters: this client reads too slowly")
+        self._client.answer(protocol.parameter_values(values, said.id), too_slow)
 
     async def set(self, said: protocol.SetParameters) -> None:
         """Set them, and tell what is refused; then, if the client wants to know, the values."""
@@ -100,8 +101,8 @@ class Parameters:
             else:
                 found.setdefault(parts[0], []).append(parts[1])
         if strange and strange != ["."]:
-            more = f" (and {len(strange) - 1} more)" if len(strange) > 1 else ""
-            self._client.say(Level.WARNING, f"no node has the parameter {strange[0]!r:.200}{more}")
+            unknown = [f"no node has the parameter {name!r:.200}" for name in strange]
+            self._client.say(Level.WARNING, protocol.first_of(unknown))
         return found
 
     async def _values(self, node: str, names: list[str] | None) -> list[Parameter]:
@@ -137,9 +138,13 @@ class Parameters:
             except (BusError, TimeoutError) as error:
                 self._complain(node, error)
                 return
-        for one, result in zip(given, results, strict=False):
-            if not result.successful:
-                self._client.say(Level.ERROR, f"{one.name} was not set: {result.reason}")
+        refused = [
+            f"{one.name} was not set: {result.reason}"
+            for one, result in zip(given, results, strict=False)
+            if not result.successful
+        ]
+        if refused:
+            self._client.say(Level.ERROR, protocol.first_of(refused))
 
     async def _ask(self, node: str, service: str, **fields: Any) -> Any:
         definition: Any = service_class(f"rcl_interfaces/srv/{service}")

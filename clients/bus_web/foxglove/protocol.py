@@ -5,13 +5,14 @@ first byte says what it is, numbers are little-endian.
 """
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
 
 __all__ = [
+    "MOST_TEXT",
     "SUBPROTOCOLS",
     "Advertise",
     "Call",
@@ -33,6 +34,7 @@ __all__ = [
     "UnsubscribeParameterUpdates",
     "asset_missing",
     "call_failure",
+    "first_of",
     "message",
     "parameter_values",
     "read",
@@ -46,7 +48,12 @@ SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 """The one of today's SDK and app, and the one of @foxglove/ws-protocol and older clients."""
 
 Id = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
-_MOST_TEXT = 500
+Word = Annotated[str, msgspec.Meta(max_length=1000)]
+"""A name, or what a client calls a question."""
+Words = Annotated[list[Word], msgspec.Meta(max_length=10_000)]
+MOST_TEXT = 1 << 20
+"""Characters that a client may say at once: it may subscribe to thousands of topics."""
+_MOST_STATUS = 500
 """Characters of a status: it may quote what a client said."""
 _PUBLISH, _CALL = 1, 2
 _MESSAGE, _TIME, _RESPONSE = 1, 2, 3
@@ -109,7 +116,7 @@ class Unadvertise(msgspec.Struct, tag="unadvertise", tag_field="op"):
 class Parameter(msgspec.Struct, omit_defaults=True):
     """`type` says what JSON can't: `byte_array` (base64), `float64`, `float64_array`. No value: not set."""
 
-    name: str
+    name: Word
     value: Any = None
     type: str | None = None
 
@@ -117,27 +124,27 @@ class Parameter(msgspec.Struct, omit_defaults=True):
 class GetParameters(msgspec.Struct, tag="getParameters", tag_field="op"):
     """Without names: all of them. The answer has the same `id`."""
 
-    names: list[str] = msgspec.field(name="parameterNames", default_factory=list)
-    id: str | None = None
+    names: Words = msgspec.field(name="parameterNames", default_factory=list)
+    id: Word | None = None
 
 
 class SetParameters(msgspec.Struct, tag="setParameters", tag_field="op"):
     """With an `id`, the values are to be told after that."""
 
-    parameters: list[Parameter]
-    id: str | None = None
+    parameters: Annotated[list[Parameter], msgspec.Meta(max_length=10_000)]
+    id: Word | None = None
 
 
 class SubscribeParameterUpdates(msgspec.Struct, tag="subscribeParameterUpdates", tag_field="op"):
     """Values of these are to be told when they change."""
 
-    names: list[str] = msgspec.field(name="parameterNames")
+    names: Words = msgspec.field(name="parameterNames")
 
 
 class UnsubscribeParameterUpdates(msgspec.Struct, tag="unsubscribeParameterUpdates", tag_field="op"):
     """No longer."""
 
-    names: list[str] = msgspec.field(name="parameterNames")
+    names: Words = msgspec.field(name="parameterNames")
 
 
 class SubscribeConnectionGraph(msgspec.Struct, tag="subscribeConnectionGraph", tag_field="op"):
@@ -193,6 +200,8 @@ _encode = msgspec.json.encode
 def read(frame: str | bytes) -> Said:
     """What a client says. Raises Misunderstood."""
     if isinstance(frame, str):
+        if len(frame) > MOST_TEXT:
+            raise Misunderstood(f"a text has {MOST_TEXT} characters at most; this one has {len(frame)}")
         try:
             said: Said = _decode(frame)
         except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
@@ -228,9 +237,14 @@ def text(op: str, **fields: Any) -> bytes:
 
 def status(level: Level, message: str, id: str | None = None) -> bytes:
     """Says something to whoever sits there. Of one `id` the last holds."""
-    words = message if len(message) <= _MOST_TEXT else f"{message[: _MOST_TEXT - 3]}..."
+    words = message if len(message) <= _MOST_STATUS else f"{message[: _MOST_STATUS - 3]}..."
     more = {} if id is None else {"id": id}
     return text("status", level=int(level), message=words, **more)
+
+
+def first_of(faults: Sequence[str]) -> str:
+    """The first of them, and how many more there are: a client can do much wrong at once."""
+    return faults[0] if len(faults) == 1 else f"{faults[0]} (and {len(faults) - 1} more)"
 
 
 def message(subscription: int, time_ns: int, parts: Iterable[Any]) -> bytes:
@@ -251,7 +265,7 @@ def response(call: Call, encoding: str, parts: Iterable[Any]) -> bytes:
 
 def call_failure(call: Call, message: str) -> bytes:
     """Why there is no answer."""
-    words = message[:_MOST_TEXT]
+    words = message[:_MOST_STATUS]
     return text("serviceCallFailure", serviceId=call.service_id, callId=call.call_id, message=words)
 
 

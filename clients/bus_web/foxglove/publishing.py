@@ -10,6 +10,7 @@ from bus.publisher import Publisher
 from bus.schema import MessageSchema
 from bus.types.classes import message_class
 from bus_ros.cdr import Codec, codec_of, schema_of_definition
+from bus_web.foxglove import protocol
 from bus_web.foxglove.client import Client
 from bus_web.foxglove.protocol import ClientChannel, Level, Publish
 from bus_web.hub import Hub
@@ -17,6 +18,8 @@ from bus_web.hub import Hub
 __all__ = ["Publishing"]
 
 _MOST_CHANNELS = 256
+_MOST_SCHEMA = 256 << 10
+"""Bytes of a type's description: busd cuts off whoever has a longer one."""
 _DEPTH = 10
 
 
@@ -30,6 +33,7 @@ class Publishing:
 
     async def advertise(self, channels: Iterable[ClientChannel]) -> None:
         """The client is about to publish; it is told what can't be."""
+        faults = []
         for one in channels:
             try:
                 self._check(one)
@@ -37,9 +41,11 @@ class Publishing:
                 codec = codec_of(schema)
                 publisher = await self._hub.node.create_publisher(schema, one.topic, _DEPTH)
             except BusError as error:
-                self._client.say(Level.ERROR, f"channel {one.id} ({one.topic}): {error}")
+                faults.append(f"channel {one.id} ({one.topic}): {error}")
             else:
                 self._channels[one.id] = publisher, codec
+        if faults:
+            self._client.say(Level.ERROR, protocol.first_of(faults))
 
     async def unadvertise(self, ids: Iterable[int]) -> None:
         """No longer."""
@@ -92,4 +98,12 @@ class Publishing:
         except ConfigurationError:
             if not one.schema or one.schema_encoding not in (None, "ros2msg"):
                 raise
-            return schema_of_definition(name, one.schema)
+            _check_size(len(one.schema))  # before it is read
+            schema = schema_of_definition(name, one.schema)
+            _check_size(len(schema.encoded))
+            return schema
+
+
+def _check_size(size: int) -> None:
+    if size > _MOST_SCHEMA:
+        raise ConfigurationError(f"its definition has {size} bytes; {_MOST_SCHEMA} are the most")

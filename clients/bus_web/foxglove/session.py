@@ -32,11 +32,11 @@ __all__ = ["Permissions", "Session"]
 
 _MOST_TASKS = 64
 """Calls and questions for parameters of one client that may be under way."""
-_MOST_NOTICES = 64
-"""Answers that wait for a client; while there are more, nothing is read of it."""
+_MOST_TASK_BYTES = 32 << 20
+"""Of their requests; one may be larger."""
 _RETURN_S = 5.0
 """Channels stay so long after busd was away: programs come back one by one."""
-_TOO_MANY = "there are too many questions under way"
+_TOO_MANY = "too many calls and questions are under way"
 _TIME = "time"
 """Stands for a topic in the outbox; no topic is called so."""
 
@@ -79,7 +79,8 @@ class Session(Watcher):
         self._publishing = Publishing(hub, client) if permissions.publish else None
         self._calls = Calls(hub, formats, client, may_set=permissions.set) if permissions.call else None
         self._missed: Counter[str] = Counter()
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks: dict[asyncio.Task[None], int] = {}
+        """Each with the bytes of its request."""
 
     async def run(self) -> None:
         """Raises what the socket raises when it ends."""
@@ -146,7 +147,7 @@ class Session(Watcher):
         if topic == CLOCK and self._clock.is_there and self._clock.hear(heard):
             self._client.forget(_TIME)  # only the newest is of interest
             self._client.put(_TIME, protocol.time(self._clock.now_ns))
-        if topic == EVENTS and self._parameters.is_following and self._client.notices < _MOST_NOTICES:
+        if topic == EVENTS and self._parameters.is_following and not self._client.is_behind:
             self._parameters.hear(heard)
         id = self._subscriptions.id_of(topic)
         codec = self._channels.codec_of(topic, (heard.schema.type_name, heard.schema.type_hash))
@@ -163,7 +164,7 @@ class Session(Watcher):
         self._client.put(topic, protocol.message(id, time_ns, parts))
 
     def hear_fault(self, topic: str, text: str) -> None:
-        if self._client.notices < _MOST_NOTICES:
+        if not self._client.is_behind:
             self._client.say(Level.WARNING, f"{topic}: {text}", f"fault {topic}")
 
     # --- what the client is told
@@ -215,7 +216,7 @@ class Session(Watcher):
 
     async def _listen(self) -> None:
         while True:
-            if self._client.notices > _MOST_NOTICES:
+            if self._client.is_behind:
                 await self._client.drain()
             frame = await self._socket.recv()
             try:
@@ -289,19 +290,20 @@ class Session(Watcher):
             text = "nobody may call services here: bus web was started without --allow-call"
             self._client.notify(protocol.call_failure(said, text))
             self._client.say(Level.ERROR, text)
-        elif not self._begin(self._calls.call(said)):
-            self._client.notify(protocol.call_failure(said, f"{_MOST_TASKS} calls are under way already"))
+        elif not self._begin(self._calls.call(said), size=len(said.data)):
+            self._client.notify(protocol.call_failure(said, _TOO_MANY))
 
-    def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "") -> bool:
-        """Do it beside all else; returns whether there is room for that."""
-        if len(self._tasks) >= _MOST_TASKS:
+    def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "", *, size: int = 0) -> bool:
+        """Do it beside all else; returns whether there is room for that. `size`: bytes that it keeps."""
+        is_large = self._tasks and sum(self._tasks.values()) + size > _MOST_TASK_BYTES
+        if len(self._tasks) >= _MOST_TASKS or is_large:
             work.close()
             if refusal:
                 self._client.say(Level.ERROR, refusal)
             return False
         task = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._tasks[task] = size
+        task.add_done_callback(self._tasks.pop)
         return True
 
     def _refuse(self, what: str, option: str) -> None:
@@ -318,8 +320,7 @@ class Session(Watcher):
             else:
                 self._looks.add(topic, "messages")
         if faults:
-            more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-            self._client.say(Level.WARNING, f"{faults[0]}{more}")
+            self._client.say(Level.WARNING, protocol.first_of(faults))
 
     def _unsubscribe(self, topic: str) -> None:
         if self._subscriptions.remove(topic):

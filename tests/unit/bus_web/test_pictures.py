@@ -1,6 +1,11 @@
 """Images made small: the order of colours, rows with padding, what can't be drawn."""
 
+import struct
 from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import defstruct
 
 from bus.msg.sensor_msgs import CompressedImage, Image
 from bus_web import pictures
@@ -9,6 +14,20 @@ from rows import for_each
 
 def picture_of(message: Any) -> Any:
     return pictures.picture_of(message)
+
+
+ANY_IMAGE = defstruct("AnyImage", ["width", "height", "step", "is_bigendian", "format", "encoding", "data"])
+
+
+def png(width: int, height: int) -> bytes:
+    """Its head."""
+    return b"\x89PNG\r\n\x1a\n" + struct.pack("!I4sII", 13, b"IHDR", width, height)
+
+
+def jpeg(width: int, height: int) -> bytes:
+    """Its head, with a segment of an application in front, and a byte that fills up."""
+    frame = struct.pack("!BHBHHB", 0xC0, 17, 8, height, width, 3)
+    return b"\xff\xd8\xff\xe0\x00\x04ab\xff\xff" + frame
 
 
 PIXELS = {  # one red pixel, one of (1, 2, 3)
@@ -56,6 +75,13 @@ def test_large_ones_become_small() -> None:
         Image(width=1, height=1, step=0, encoding="rgb8", data=bytes(9)),
         CompressedImage(format="jpeg", data=b"<svg>"),
         CompressedImage(format="png", data=b"\x89PNG\r\n" + bytes(1 << 20)),
+        CompressedImage(format="png", data=png(20_000, 20_000)),
+        CompressedImage(format="png", data=png(0, 5)),
+        CompressedImage(format="png", data=png(5, 5)[:20]),
+        CompressedImage(format="jpeg", data=jpeg(60_000, 60_000)),
+        CompressedImage(format="jpeg", data=jpeg(5, 5)[:-2]),
+        CompressedImage(format="jpeg", data=b"\xff\xd8" + b"\xff" * 100_000),
+        CompressedImage(format="jpeg", data=b"\xff\xd8\xff\xe0" + bytes(100_000)),
     ],
 )
 def test_what_can_not_be_drawn(image: Image | CompressedImage) -> None:
@@ -63,5 +89,22 @@ def test_what_can_not_be_drawn(image: Image | CompressedImage) -> None:
 
 
 def test_compressed_ones_go_as_they_are() -> None:
-    picture = picture_of(CompressedImage(format="whatever", data=b"\xff\xd8\xff\xe0abc"))
-    assert (picture["type"], picture["data"]) == ("image/jpeg", b"\xff\xd8\xff\xe0abc")
+    for kind, data in (("jpeg", jpeg(4000, 3000)), ("png", png(4000, 3000))):
+        picture = picture_of(CompressedImage(format="whatever", data=data))
+        assert (picture["type"], picture["data"]) == (f"image/{kind}", data)
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.integers(-3, 9), st.floats(), st.booleans(), st.text(), st.lists(st.integers()), st.none()
+        ),
+        min_size=5,
+        max_size=5,
+    ),
+    st.sampled_from(["rgb8", "mono16", "", ["rgb8"], 5]),
+)
+def test_fields_of_another_type_that_has_these_names(values: list[Any], encoding: Any) -> None:
+    named = dict(zip(("width", "height", "step", "is_bigendian", "format"), values, strict=True))
+    message = ANY_IMAGE(**named, encoding=encoding, data=bytes(30))
+    assert picture_of(message) is None or {type(named[one]) for one in ("width", "height", "step")} == {int}

@@ -36,6 +36,24 @@ async def test_in_order_and_told_when_notices_are_read() -> None:
         await sending
 
 
+@pytest.mark.parametrize(("number", "size"), [(63, 1), (1, (1 << 20) - 1)])
+async def test_who_does_not_read_is_behind(number: int, size: int) -> None:
+    socket = ListSocket()
+    sender = Sender(socket, Outbox())
+    for _ in range(number):
+        sender.notify(bytes(size))
+    sender.put("/x", bytes(1 << 20))
+    assert not sender.is_behind, "what may be dropped does not count"
+    sender.notify(b"1")
+    assert sender.is_behind
+    sending = asyncio.get_running_loop().create_task(sender.run())
+    await sender.drain()
+    assert (sender.is_behind, sender.notice_bytes) == (False, 0)
+    sending.cancel()
+    with suppress(asyncio.CancelledError):
+        await sending
+
+
 async def test_what_a_slow_client_misses_is_told_once() -> None:
     sender = Sender(ListSocket(), Outbox(10))
     for number in range(4):

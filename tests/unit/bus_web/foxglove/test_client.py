@@ -4,6 +4,18 @@ from bus_web.foxglove.protocol import Level
 from web_world import WebWorld
 
 
+async def test_who_does_not_read_gets_no_more_answers_than_can_wait() -> None:
+    world = WebWorld()
+    for _ in range(12):
+        world.client.answer(bytes(1 << 20), b"{}")
+    assert (world.client.notices, world.client.notice_bytes) == (12, (8 << 20) + 8)
+    assert await world.told() == 4 * [{}]
+    world.client.answer(bytes(9 << 20), b"{}")
+    assert await world.told() == [], "one that reads gets it, however large"
+    assert len(world.socket.sent[-1]) == 9 << 20
+    await world.close()
+
+
 async def test_statuses() -> None:
     world = WebWorld()
     world.client.say(Level.WARNING, "slow", "id")

@@ -107,6 +107,9 @@ async def test_setting_tells_what_was_refused_and_what_holds_now() -> None:
     await world.parameters.set(SetParameters([Parameter("/base.speed", {})]))
     (wrong,) = await world.told()
     assert wrong["message"] == "/base.speed: {} is no value of a parameter"
+    await world.parameters.set(SetParameters([Parameter(f"/base.x{number}", 1) for number in range(1000)]))
+    (all_refused,) = await world.told()
+    assert all_refused["message"] == "/base.x0 was not set: not declared (and 999 more)"
     assert world.base.values == {"speed": 4}
     await world.close()
 

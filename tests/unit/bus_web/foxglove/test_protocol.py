@@ -77,6 +77,14 @@ def test_binary_frames() -> None:
         ('{"op":"subscribe","subscriptions":[{"id":1,"channelId":4294967296}]}', "<= 4294967295"),
         ('{"op":"unsubscribe","subscriptionIds":[1e400]}', "not understood"),
         ("[" * 100_000, "not understood"),
+        ("[" + " " * (1 << 20) + "]", "a text has 1048576 characters at most; this one has 1048578"),
+        (f'{{"op":"getParameters","id":"{"x" * 1001}"}}', "length <= 1000"),
+        (f'{{"op":"subscribeParameterUpdates","parameterNames":["{"x" * 1001}"]}}', "length <= 1000"),
+        (f'{{"op":"getParameters","parameterNames":[{"0," * 10_000}0]}}', "not understood"),
+        (
+            f'{{"op":"getParameters","parameterNames":{msgspec.json.encode(["x"] * 10_001).decode()}}}',
+            "<= 10000",
+        ),
     ],
 )
 def test_what_makes_no_sense(frame: str | bytes, text: str) -> None:

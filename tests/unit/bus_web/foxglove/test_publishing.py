@@ -15,6 +15,14 @@ from web_world import WebWorld
 STRING = "std_msgs/msg/String"
 
 
+LARGE = "\n".join(
+    f"{'=' * 80}\nMSG: no/T{number}\n" + "\n".join(f"int8 a{field}" for field in range(500))
+    for number in range(30)
+)
+LARGE = "\n".join(f"no/T{number} a{number}" for number in range(30)) + "\n" + LARGE
+"""150 KB as a text, and twice that on the bus."""
+
+
 def text(data: str) -> memoryview:
     payload = type_support(String).encode(String(data=data))
     return memoryview(b"".join(codec_of(MessageSchema.of(String)).encode(payload)))
@@ -67,6 +75,8 @@ async def test_the_type_is_that_of_the_bus_else_the_client_s() -> None:
             channel(3, schema_name="no/msg/Where", schema="int32 x", schema_encoding="protobuf"),
             "no/msg/Where",
         ),
+        (channel(3, schema_name="no/msg/Where", schema="#" * 262_145), "262145 bytes; 262144 are"),
+        (channel(3, schema_name="no/msg/Where", schema=LARGE), " bytes; 262144 are"),
         (channel(2), "1 channels are the most"),
     ],
 )
@@ -84,6 +94,15 @@ async def test_what_can_not_be_published(
     assert told["message"].startswith(f"channel {one.id} ({one.topic}): ")
     assert why in told["message"]
     assert sum(map(len, world.node.publishers.values())) == 1
+    await world.close()
+
+
+async def test_many_that_can_not_be_published_are_one_status() -> None:
+    world = WebWorld()
+    publishing = Publishing(world.hub, world.client)
+    await publishing.advertise([channel(id, f"/no/{id}", encoding="json") for id in range(10_000)])
+    (told,) = await world.told()
+    assert told["message"].endswith("not in 'json' (and 9999 more)")
     await world.close()
 
 
