@@ -221,7 +221,8 @@ class Engine(Protocol):
         """Show it to the far side. `on_change` is called when `is_wanted` has changed, and when `write` may
         go on.
 
-        Raises BridgeError where the engine can't carry the type or the QoS.
+        Raises BridgeError where the engine can't carry the type or the QoS, NotCarried where it carries
+        nothing of the kind.
         """
 
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:

@@ -2,8 +2,12 @@
 
 from bus.errors import BusError
 
-__all__ = ["BridgeError"]
+__all__ = ["BridgeError", "NotCarried"]
 
 
 class BridgeError(BusError):
     """A bridge, a link or one endpoint can't be had. The text names the thing and what is wrong with it."""
+
+
+class NotCarried(BridgeError):
+    """The engine carries no such thing at all; where the user should know, it has told him."""

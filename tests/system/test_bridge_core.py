@@ -10,8 +10,11 @@ import pytest
 import bus
 from bridging import world
 from bus.msg.std_msgs import Int32, String
+from bus.names import service_of_topic
 from bus.srv.example_interfaces import AddTwoInts
 from bus_bridge.core.rules import TopicRule
+from bus_bridge.engine import LocalEndpoint
+from bus_bridge.errors import NotCarried
 from semantics import until
 
 __all__ = ["world"]
@@ -70,6 +73,35 @@ async def test_the_graph_shows_the_other_bus_as_it_is(world: Made) -> None:
         await looker.wait_for_graph(
             lambda graph: all(one.full_name != talker.full_name for one in graph.nodes)
         )
+
+
+async def test_what_an_engine_does_not_carry_is_in_no_count(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with world() as made:
+        left = made.site("left")
+        one = await made.bridge(left)
+        announce_publisher = one.engine.announce_publisher
+        announce_subscription = one.engine.announce_subscription
+
+        def refuse(announce: Callable[..., Any]) -> Callable[..., Any]:
+            def announce_or_not(endpoint: LocalEndpoint, *more: Any) -> Any:
+                if service_of_topic(endpoint.topic) is not None:
+                    raise NotCarried("no services")
+                return announce(endpoint, *more)
+
+            return announce_or_not
+
+        monkeypatch.setattr(one.engine, "announce_publisher", refuse(announce_publisher))
+        monkeypatch.setattr(one.engine, "announce_subscription", refuse(announce_subscription))
+        node = await left.node("adder")
+        await node.create_service(AddTwoInts, "add", lambda request: AddTwoInts.Response())
+        await node.create_publisher(String, "chatter")
+        await until(lambda: one.bridge.status().shown_there.publishers)
+        status = one.bridge.status()
+        assert (status.shown_there.publishers, status.shown_there.subscriptions) == (1, 0)
+        assert [route.topic for route in status.routes] == ["/chatter"]
+        assert not one.bridge._said
 
 
 async def test_a_late_joiner_gets_what_each_publisher_keeps(world: Made) -> None:

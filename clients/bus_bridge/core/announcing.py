@@ -13,6 +13,7 @@ from bus.schema import MessageSchema
 from bus_bridge.core.exports import Exports, TopicRoute
 from bus_bridge.core.local_graph import LocalGraph, Shown
 from bus_bridge.engine import Engine, LocalNode
+from bus_bridge.errors import NotCarried
 
 __all__ = ["Announcing"]
 
@@ -137,6 +138,8 @@ class Announcing:
                 self._withdrawals[local.gid] = self._engine.announce_subscription(local, schema)
             else:
                 self._show_publisher(shown, schema)
+        except NotCarried:
+            self._local.give_up(local.gid)
         except BusError as error:
             self._local.give_up(local.gid)
             self._warn(f"'{shown.topic}' does not cross: {error}")

@@ -32,7 +32,7 @@ from bus_bridge.engine import (
     Sample,
     Writer,
 )
-from bus_bridge.errors import BridgeError
+from bus_bridge.errors import BridgeError, NotCarried
 
 __all__ = ["DdsEngine"]
 
@@ -107,7 +107,8 @@ class DdsEngine:
         rule: RouteRule,
         on_change: Callable[[], None],
     ) -> Writer:
-        if self._is_left_out(endpoint) or self._participant is None:
+        self._refuse_service(endpoint)
+        if self._participant is None:
             return NoWriter()
         known = self._learn(schema)
         if endpoint.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
@@ -130,7 +131,8 @@ class DdsEngine:
         return writer
 
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
-        if self._is_left_out(endpoint) or self._participant is None:
+        self._refuse_service(endpoint)
+        if self._participant is None:
             return lambda: None
         subscription = _Subscription(self, endpoint, self._learn(schema))
         subscription.adapt(self._far_kinds(endpoint.topic))
@@ -232,14 +234,14 @@ class DdsEngine:
     def _far_kinds(self, topic: str) -> set[Kind]:
         return set(self._discovery.publishers.get(topic, {}).values())
 
-    def _is_left_out(self, endpoint: LocalEndpoint) -> bool:
+    def _refuse_service(self, endpoint: LocalEndpoint) -> None:
         service = service_of_topic(endpoint.topic)
         if service is None:
-            return False
+            return
         is_server = endpoint.topic == request_topic(service) and endpoint.kind == "subscription"
         if is_server and not is_service_of_each_node(service):
             self._far.warn(NO_SERVICES)
-        return True
+        raise NotCarried(NO_SERVICES)
 
     def _learn(self, schema: MessageSchema) -> KnownType:
         known = self.types.learn(schema)
