@@ -170,6 +170,23 @@ async def test_services_are_called_across(world: World) -> None:
             assert called.code == 0 and "42" in called.out, called
 
 
+@on_one_loop
+async def test_a_latched_publisher_flows_only_while_somebody_listens(world: World) -> None:
+    """Its route keeps what late joiners are to have, and is still one that nobody wants."""
+    one, _ = world.join_by_zenoh()
+    async with world["robot"].node("robot_node") as robot, world["laptop"].node("laptop_node") as laptop:
+        publisher = await robot.create_publisher(String, "/map", LATCHED)
+        publisher.publish(String(data="map"))
+        await world["laptop"].shows(lambda graph: graph.publishers_of("/map"))
+        assert not one.route("/map", "out")["is_flowing"]
+        subscription = await laptop.create_subscription(String, "/map", LATCHED)
+        assert (await subscription.receive())[0].data == "map"
+        assert one.route("/map", "out")["is_flowing"]
+        await subscription.close()
+        await world["robot"].shows(lambda graph: not graph.subscriptions_of("/map"))
+        await until(lambda: not one.route("/map", "out")["is_flowing"], "nobody listens")
+
+
 def _routes(world: World) -> list[object]:
     return [bridge.status()["routes"] for bridge in world.bridges]
 

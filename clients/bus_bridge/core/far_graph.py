@@ -40,6 +40,8 @@ class Mirrored(msgspec.Struct, frozen=True):
     node: MirroredNode
     topic: str
     """Its name on this bus."""
+    max_rate_hz: float | None = None
+    """What a rule says of that topic."""
 
 
 class Wrong(NamedTuple):
@@ -296,7 +298,7 @@ class FarGraph:
         # A far subscription is shown here where messages of this bus may go to it.
         if not (crossing.comes_in if endpoint.kind == "publisher" else crossing.goes_out):
             return None
-        return Mirrored(endpoint, node, topic)
+        return Mirrored(endpoint, node, topic, crossing.rule.max_rate_hz)
 
     def _too_much(self, teller: _Teller) -> Wrong:
         rate = self._bounds.news_per_s

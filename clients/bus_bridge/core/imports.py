@@ -17,10 +17,10 @@ from bus.schema import MessageSchema
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
-from bus_bridge.core.waiting import Waiting
+from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
 from bus_bridge.packed import Packed, payload_bytes
-from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, REFUSED, REPEATED, TOO_LARGE
+from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, RATE, REFUSED, REPEATED, TOO_LARGE
 
 __all__ = ["Import"]
 
@@ -48,6 +48,8 @@ class Import:
         lateness: Lateness,
         on_trouble: Callable[[str], object],
         past: Past | None = None,
+        *,
+        max_rate_hz: float | None = None,
     ) -> None:
         self.account = Account() if past is None else past.account
         self.publisher = publisher
@@ -69,6 +71,7 @@ class Import:
         self._made_s = self._loop.time()
         self._lifespan_ns = endpoint.qos.lifespan_ns
         self._is_lossless = endpoint.qos.is_lossless
+        self._limit = None if max_rate_hz is None else RateLimit(max_rate_hz)
         self._waiting = Waiting(_MOST_BYTES)
         self._pumping: asyncio.Task[None] | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -175,6 +178,10 @@ class Import:
             samples = self._without_expired(samples)
         elif samples:
             self._lateness.note(time_ns(), samples[-1].source_time_ns)
+        if self._limit is not None:
+            passing = self._limit.passing(samples)
+            account.drop(RATE, len(samples) - len(passing))
+            samples = passing
         if not self._is_lossless:
             self._publish_all(samples)
             return

@@ -356,6 +356,7 @@ class Mirrors:
             lateness,
             hear,
             past,
+            max_rate_hz=far.max_rate_hz,
         )
         mirror.way.look()
 

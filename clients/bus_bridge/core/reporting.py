@@ -103,7 +103,7 @@ class Reporting:
                     direction="out",
                     node="" if shown is None else shown.node,
                     gid=export.gid.hex(),
-                    is_flowing=export.is_flowing,
+                    is_flowing=export.is_flowing and bool(route.taps),
                     is_stuck=self._is_stuck(export),
                     taken=account.taken,
                     sent=export.sent,

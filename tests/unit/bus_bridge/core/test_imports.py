@@ -72,7 +72,9 @@ class Engine:
 
 
 class Way:
-    def __init__(self, qos: QoSProfile | int = 10, past: Past | None = None) -> None:
+    def __init__(
+        self, qos: QoSProfile | int = 10, past: Past | None = None, max_rate_hz: float | None = None
+    ) -> None:
         self.publisher = Publisher()
         self.engine = Engine()
         self.troubles: list[str] = []
@@ -83,7 +85,16 @@ class Way:
         )
         mirror: Any = self.publisher
         engine: Any = self.engine
-        self.way = Import(engine, endpoint, schema, mirror, Lateness(), self.troubles.append, past)
+        self.way = Import(
+            engine,
+            endpoint,
+            schema,
+            mirror,
+            Lateness(),
+            self.troubles.append,
+            past,
+            max_rate_hz=max_rate_hz,
+        )
         self.endpoint = endpoint
         self.way.look()
 
@@ -119,6 +130,18 @@ async def test_numbers_tell_what_comes_twice_and_what_is_lost() -> None:
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
     assert len(way.publisher.published) == 6
     assert way.closes
+
+
+@pytest.mark.parametrize("qos", [QoSProfile(10), LOSSLESS], ids=["reliable", "lossless"])
+async def test_a_rule_bounds_the_rate_of_what_comes_in(qos: QoSProfile) -> None:
+    way = Way(qos, max_rate_hz=10.0)
+    for number in range(1, 41):  # at 40 Hz
+        way.receive(number, at_ns=number * 25_000_000)
+    assert [time_ns for _, time_ns in way.publisher.published] == [
+        number * 25_000_000 for number in range(1, 41, 4)
+    ]
+    assert way.way.losses == {"rate_limit": 30} and way.closes
+    assert way.engine.credit == (80 if qos is LOSSLESS else 0)  # what is dropped holds up no writer
 
 
 async def test_what_the_engine_had_and_lost_was_taken_and_dropped() -> None:
