@@ -1,8 +1,9 @@
 // The chosen topic: who publishes and subscribes, what is lost and why, what does not match, and its values.
 // Or the chosen node, with what it publishes and subscribes to.
 
-import { Kept, element, setAttribute, setChildren, setText } from "./dom.js";
-import { age, count, rate, reasons, shortType, size } from "./format.js";
+import { Kept, element, setChildren, setText } from "./dom.js";
+import { makeEndpoint } from "./endpoint.js";
+import { count, rate, shortType, size } from "./format.js";
 import { Tree } from "./tree.js";
 
 export class Detail {
@@ -27,7 +28,7 @@ export class Detail {
       return;
     }
     this.about = element("p", { class: "note" });
-    this.rows = new Kept(() => makeEnd(node === null ? null : this.chooseTopic));
+    this.rows = new Kept(() => makeEndpoint(node === null ? null : this.chooseTopic));
     this.list = element("ul", { class: "ends", "aria-label": "Endpoints" });
     const title = element("div", { class: "title" }, element("h2", { id: "detail-title" }, topic ?? node),
       element("button", { type: "button", onclick: () => this.close() }, "Close"));
@@ -95,30 +96,4 @@ export class Detail {
   plotted(paths) {
     if (this.topic !== null) this.tree.plotted = paths;
   }
-}
-
-// `choose`: where the list is of a node, each endpoint has its topic, which may be chosen.
-function makeEnd(choose) {
-  const kind = element("span", { class: "kind" });
-  const node = choose ? element("button", { type: "button", class: "name", onclick: () => choose(node.textContent) }) : element("b");
-  const process = element("span", { class: "note" });
-  const qos = element("span", { class: "note" }), figures = element("span"), lost = element("span", { class: "loss" });
-  const item = element("li", {}, element("div", {}, kind, " ", node, " ", process), element("div", {}, figures, " ", lost), element("div", {}, qos));
-  return {
-    item,
-    paint(end, about) {
-      const isSubscription = end.kind === "subscription";
-      setText(kind, isSubscription ? "sub" : "pub");
-      setAttribute(kind, "title", end.kind);
-      setText(node, choose ? end.topic : about.name);
-      setText(process, choose ? shortType(end.type) : about.origin ? `on ${about.origin}` : `pid ${about.pid}`);
-      const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
-      const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
-      const routes = [...end.routes].sort().join(" and ");
-      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${age(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
-      setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
-      setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
-      setText(qos, end.qos);
-    },
-  };
 }

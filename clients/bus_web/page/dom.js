@@ -52,7 +52,7 @@ export class Kept {
     this.all = new Map();
   }
 
-  only(keys, give) {
+  only(keys) {
     const kept = new Map();
     for (const key of keys) kept.set(key, this.all.get(key) ?? this.make(key));
     this.all = kept;

@@ -1,10 +1,10 @@
 // Nodes as boxes and topics as pills, laid out from left to right when the structure changes; else changed in place.
 
 import { Kept, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { count, rate, size } from "./format.js";
+import { arrows, makeEdge, paintEdge } from "./edge.js";
+import { rate, size } from "./format.js";
+import { select } from "./selection.js";
 
-const MOST_BOXES = 80; // more are not for reading: then the neighbourhood of what is chosen
-const EVERYWHERE = new Set(["/rosout", "/parameter_events"]); // of every node: shown with what is hidden
 const LINE = 16, PAD = 12, MARGIN = 16;
 
 export class Graph {
@@ -15,7 +15,7 @@ export class Graph {
     this.choose = choose;
     this.chooseNode = chooseNode;
     this.key = "";
-    this.focus = null; // a box whose neighbourhood is shown where all are too many
+    this.focus = null; // the box whose neighbourhood was shown last
     this.boxes = new Kept((id) => this.makeBox(id));
     this.edges = new Kept(() => makeEdge());
     this.root = svg("svg", { role: "group", "aria-label": "Graph: nodes are boxes, topics are pills" });
@@ -26,88 +26,28 @@ export class Graph {
   }
 
   show(bus, view) {
-    const found = this.select(bus, view);
-    const key = JSON.stringify([...found.boxes.keys(), "", ...found.edges.keys()]);
+    const { boxes, edges, focus, total } = select(bus, view, this.focus);
+    this.focus = focus ?? this.focus;
+    this.note.hidden = focus === null;
+    if (focus !== null)
+      setText(this.note, `${total} nodes and topics: shown are the ${boxes.size} around ${boxes.get(focus).name}. Choose another, or filter.`);
+    const key = JSON.stringify([...boxes.keys(), "", ...edges.keys()]);
     if (key !== this.key) {
       this.key = key;
-      this.layOut(found);
+      this.layOut(boxes, edges);
     }
-    for (const [id, box] of found.boxes) this.paintBox(this.boxes.all.get(id), box, view);
-    for (const [id, edge] of found.edges) {
-      const node = (found.boxes.get(edge.from).node ?? found.boxes.get(edge.to).node).name;
-      paintEdge(this.edges.all.get(id), edge, view.topic === edge.topic.name || view.node === node);
-    }
+    for (const [id, box] of boxes) this.paintBox(this.boxes.all.get(id), box, view);
+    for (const [id, edge] of edges)
+      paintEdge(this.edges.all.get(id), edge, view.topic === edge.topic.name || view.node === edge.node.name);
   }
 
-  // Boxes by id, and edges with the endpoints that they stand for.
-  select(bus, view) {
-    const isShown = (topic) => view.shows(topic) && (view.hidden || !EVERYWHERE.has(topic.name));
-    const edges = new Map(), near = new Map(), all = new Map();
-    const link = (one, other) => {
-      for (const [from, to] of [[one, other], [other, one]]) {
-        if (!near.has(from)) near.set(from, new Set());
-        near.get(from).add(to);
-      }
-    };
-    for (const topic of bus.topics.values()) {
-      if (!isShown(topic)) continue;
-      const pill = `t${topic.name}`;
-      all.set(pill, { topic });
-      for (const end of [...topic.publishers, ...topic.subscriptions]) {
-        const node = bus.nodes.get(end.node);
-        if (!node || (node.isHidden && !view.hidden)) continue;
-        const box = `n${node.id}`;
-        all.set(box, { node });
-        const [from, to] = end.kind === "publisher" ? [box, pill] : [pill, box];
-        const id = `${from}>${to}`;
-        if (!edges.has(id)) edges.set(id, { from, to, ends: [], topic });
-        edges.get(id).ends.push(end);
-        link(box, pill);
-      }
-    }
-    if (!view.filter)
-      for (const node of bus.nodes.values())
-        if ((!node.isHidden || view.hidden) && all.size < MOST_BOXES) all.set(`n${node.id}`, { node });
-    const chosen = this.neighbourhood(all, near, view);
-    const boxes = new Map([...all].filter(([id]) => chosen.has(id)).sort(([a], [b]) => (a < b ? -1 : 1)));
-    return { boxes, edges: new Map([...edges].filter(([, edge]) => boxes.has(edge.from) && boxes.has(edge.to))) };
-  }
-
-  neighbourhood(all, near, view) {
-    this.note.hidden = all.size <= MOST_BOXES;
-    if (all.size <= MOST_BOXES) return new Set(all.keys());
-    const chosen = [...all].find(([, { topic, node }]) => (topic ? topic.name === view.topic : node.name === view.node));
-    let middle = chosen ? chosen[0] : this.focus;
-    if (!middle || !all.has(middle)) {
-      const topics = [...all.values()].filter((one) => one.topic).map((one) => one.topic);
-      middle = `t${topics.reduce((best, one) => ((one.hz ?? 0) > (best.hz ?? 0) ? one : best), topics[0]).name}`;
-    }
-    this.focus = middle;
-    const found = new Set([middle]);
-    let border = [middle];
-    while (border.length && found.size < MOST_BOXES) {
-      const next = [];
-      for (const one of border)
-        for (const other of near.get(one) ?? [])
-          if (!found.has(other) && found.size < MOST_BOXES) {
-            found.add(other);
-            next.push(other);
-          }
-      border = next;
-    }
-    const name = all.get(middle).topic?.name ?? all.get(middle).node.name;
-    setText(this.note, `${all.size} nodes and topics: shown are the ${found.size} around ${name}. Choose another, or filter.`);
-    return found;
-  }
-
-  layOut({ boxes, edges }) {
+  layOut(boxes, edges) {
     const plan = new dagre.graphlib.Graph();
     plan.setGraph({ rankdir: "LR", nodesep: 14, ranksep: 64, edgesep: 8 });
     const font = getComputedStyle(this.place).fontFamily;
     this.measure.font = `600 13px ${font}`;
     for (const [id, box] of boxes) {
-      const name = box.topic?.name ?? box.node.name;
-      const width = Math.max(this.measure.measureText(name).width, box.topic ? 118 : 40) + 2 * PAD;
+      const width = Math.max(this.measure.measureText(box.name).width, box.topic ? 118 : 40) + 2 * PAD;
       plan.setNode(id, { width: Math.ceil(width), height: box.topic ? 2 * LINE + PAD : LINE + PAD });
     }
     for (const [id, edge] of edges) plan.setEdge(edge.from, edge.to, { id });
@@ -183,52 +123,4 @@ export class Graph {
       setAttribute(drawn.group, "data-node", node.name);
     }
   }
-}
-
-function arrows() {
-  const heads = ["", "losing", "lost", "grey"].map((kind) => svg("marker", {
-    id: `head${kind}`, class: kind, viewBox: "0 0 8 8", refX: "7", refY: "4", markerWidth: "8", markerHeight: "8",
-    markerUnits: "userSpaceOnUse", orient: "auto",
-  }, svg("path", { d: "M0 0 8 4 0 8z" })));
-  return svg("defs", {}, ...heads);
-}
-
-function makeEdge() {
-  const line = svg("path"), label = svg("text"), title = svg("title");
-  const group = svg("g", {}, title, line, label);
-  return {
-    group, line, label, title,
-    place(points) {
-      const [first, ...others] = points;
-      let path = `M${first.x} ${first.y}`;
-      for (let at = 0; at < others.length - 1; at++) {
-        const here = others[at], next = others[at + 1];
-        const last = at === others.length - 2;
-        path += `Q${here.x} ${here.y} ${last ? next.x : (here.x + next.x) / 2} ${last ? next.y : (here.y + next.y) / 2}`;
-      }
-      if (others.length === 1) path += `L${others[0].x} ${others[0].y}`;
-      setAttribute(line, "d", path);
-      const middle = points[Math.floor(points.length / 2)];
-      setAttribute(label, "x", middle.x);
-      setAttribute(label, "y", middle.y - 5);
-    },
-  };
-}
-
-function paintEdge(drawn, { from, ends, topic }, isNear) {
-  const isSubscription = from[0] === "t";
-  const hz = ends.reduce((sum, end) => sum + (end.hz ?? 0), 0);
-  const lost = isSubscription ? ends.reduce((sum, end) => sum + end.lost, 0) : 0;
-  const isLosing = isSubscription && ends.some((end) => end.lostPerS > 0);
-  const isSocket = ends.some((end) => end.routes.has("socket"));
-  const reasons = [...new Set(ends.flatMap((end) => end.reasons))];
-  const isCut = reasons.length > 0 && ends.every((end) => !end.routes.size);
-  const kind = isCut ? "grey" : isLosing ? "losing" : lost ? "lost" : "";
-  setAttribute(drawn.group, "class", `edge ${kind}${isSocket ? " socket" : ""}${isNear ? " near" : ""}`);
-  setAttribute(drawn.line, "stroke-width", (1 + 0.9 * Math.log10(1 + hz)).toFixed(1));
-  setAttribute(drawn.line, "marker-end", `url(#head${kind})`);
-  setText(drawn.label, isCut ? "no match" : lost ? `lost ${count(lost)}` : "");
-  const routes = [...new Set(ends.flatMap((end) => [...end.routes]))];
-  setText(drawn.title, [topic.name, `${rate(hz)} Hz`, routes.length ? `by ${routes.join(" and ")}` : "", ...reasons].filter(Boolean).join("\n"));
-  setAttribute(drawn.group, "data-edge", `${isSubscription ? "subscription" : "publisher"} ${topic.name}`);
 }

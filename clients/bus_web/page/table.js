@@ -24,6 +24,7 @@ const COLUMNS = [
   ["Lost", (topic) => topic.lost, (topic) => (topic.lost ? count(topic.lost) : "0")],
   ["Why", why, why],
 ];
+const SPARK = COLUMNS.findIndex(([title]) => title === "60 s");
 const NUMBERS = new Set(["Hz", "B/s", "Pub", "Sub", "Queue", "Age", "Lost/s", "Lost"]);
 
 export class Table {
@@ -111,7 +112,7 @@ export class Table {
     const cells = COLUMNS.map(([title], at) =>
       element(at ? "td" : "th", { scope: at ? null : "row", class: NUMBERS.has(title) ? "number" : title === "Type" ? "type" : null }));
     cells[0].append(button);
-    cells[4].append(spark);
+    cells[SPARK].append(spark);
     const row = element("tr", { "data-topic": name }, ...cells);
     row.addEventListener("click", (event) => event.target.closest("button") || this.choose(name));
     return {

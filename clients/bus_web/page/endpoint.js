@@ -1,0 +1,30 @@
+// An endpoint as an item of a list: what it counts, its queue, its losses, its QoS.
+
+import { element, setAttribute, setText } from "./dom.js";
+import { age, count, rate, reasons, shortType } from "./format.js";
+
+// `choose`: where the list is of a node, each endpoint has its topic, which may be chosen.
+export function makeEndpoint(choose) {
+  const kind = element("span", { class: "kind" });
+  const node = choose ? element("button", { type: "button", class: "name", onclick: () => choose(node.textContent) }) : element("b");
+  const process = element("span", { class: "note" });
+  const qos = element("span", { class: "note" }), figures = element("span"), lost = element("span", { class: "loss" });
+  const item = element("li", {}, element("div", {}, kind, " ", node, " ", process), element("div", {}, figures, " ", lost), element("div", {}, qos));
+  return {
+    item,
+    paint(end, about) {
+      const isSubscription = end.kind === "subscription";
+      setText(kind, isSubscription ? "sub" : "pub");
+      setAttribute(kind, "title", end.kind);
+      setText(node, choose ? end.topic : about.name);
+      setText(process, choose ? shortType(end.type) : about.origin ? `on ${about.origin}` : `pid ${about.pid}`);
+      const messages = end.messages === null ? "" : `${count(end.messages)} messages, `;
+      const queue = isSubscription ? `, queue ${count(end.queued)}${end.depth === null ? "" : ` of ${count(end.depth)}`}` : "";
+      const routes = [...end.routes].sort().join(" and ");
+      setText(figures, `${messages}${rate(end.hz)} Hz${queue}${isSubscription && end.age !== null ? `, ${age(end.age)} old` : ""}${routes ? `, by ${routes}` : end.reasons.length ? "" : ", alone"}`);
+      setText(lost, end.lost ? `lost ${count(end.lost)}${reasons(end.dropped) ? `: ${reasons(end.dropped)}` : ""}` : "");
+      setAttribute(lost, "class", end.lostPerS ? "loss losing" : "loss");
+      setText(qos, end.qos);
+    },
+  };
+}
