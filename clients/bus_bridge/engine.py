@@ -36,7 +36,7 @@ Priority = Literal[
 ]
 
 
-PACK_BYTES = 60 << 10
+PACK_BYTES = 47 << 10
 """What messages that go together take at most, with what stands in front of each."""
 ALONE_BYTES = 16 << 10
 """From this size on a message goes alone: to copy it costs more than that it is one more."""

@@ -39,28 +39,28 @@ def test_a_bus_and_an_interest_are_read_as_they_were_shown() -> None:
 
 
 def test_another_version_is_named() -> None:
-    assert keys.parse_token("@busd/2/robot/B/1/2") == OtherVersion("robot", "2")
+    assert keys.parse_token("@busd/1/robot/B/1/2") == OtherVersion("robot", "1")
 
 
 @for_each(
     ("key", "why"),
     [
-        ("@busd/1/robot", "is too short"),
+        ("@busd/2/robot", "is too short"),
         ("x/1/robot/B/1/2", "is too short"),
-        ("@busd/1/robot/B/1", "wrong number of parts"),
-        ("@busd/1/robot/Z/1/2", "wrong number of parts"),
-        ("@busd/1/robot/I/1/x/abc", "gid of 3 digits"),
-        (f"@busd/1/robot/I/1/x/{'g' * 32}", "non-hexadecimal"),
-        ("@busd/1/robot/N/1/4/na%00me/%2F/,", "can't be printed"),
-        ("@busd/1/robot/N/1/4/na%FFme/%2F/,", "invalid start byte"),
-        (f"@busd/1/robot/I/1/x/{GID.hex().upper()}", "gid that is not written"),
-        (f"@busd/1/robot/I/1/x/{'00 ' * 10}00", "gid that is not written"),
-        (f"@busd/1/robot/I/1/%78/{GID.hex()}", "encoded in another way"),
-        ("@busd/1/%72obot/B/1/z", "encoded in another way"),
-        ("@busd/1/robot/N/1/4/name/%2F/x", "came through"),
-        ("@busd/1/robot/N/1/4/name/%2F/" + ",x" * 65, "came through"),
-        (f"@busd/1/robot/P/1/4/{GID.hex()}/%2Fa/T/h/rk0v", "QoS"),
-        ("@busd/1/robot/N/1/4/" + "x" * 3000 + "/%2F/,", "longer than"),
+        ("@busd/2/robot/B/1", "wrong number of parts"),
+        ("@busd/2/robot/Z/1/2", "wrong number of parts"),
+        ("@busd/2/robot/I/1/x/abc", "gid of 3 digits"),
+        (f"@busd/2/robot/I/1/x/{'g' * 32}", "non-hexadecimal"),
+        ("@busd/2/robot/N/1/4/na%00me/%2F/,", "can't be printed"),
+        ("@busd/2/robot/N/1/4/na%FFme/%2F/,", "invalid start byte"),
+        (f"@busd/2/robot/I/1/x/{GID.hex().upper()}", "gid that is not written"),
+        (f"@busd/2/robot/I/1/x/{'00 ' * 10}00", "gid that is not written"),
+        (f"@busd/2/robot/I/1/%78/{GID.hex()}", "encoded in another way"),
+        ("@busd/2/%72obot/B/1/z", "encoded in another way"),
+        ("@busd/2/robot/N/1/4/name/%2F/x", "came through"),
+        ("@busd/2/robot/N/1/4/name/%2F/" + ",x" * 65, "came through"),
+        (f"@busd/2/robot/P/1/4/{GID.hex()}/%2Fa/T/h/rk0v", "QoS"),
+        ("@busd/2/robot/N/1/4/" + "x" * 3000 + "/%2F/,", "longer than"),
     ],
 )
 def test_what_can_t_be_read_names_its_bus(key: str, why: str) -> None:
@@ -71,7 +71,7 @@ def test_what_can_t_be_read_names_its_bus(key: str, why: str) -> None:
     assert len(found.reason) < 300
 
 
-@given(st.text(max_size=60).map(lambda text: "@busd/1/" + text))
+@given(st.text(max_size=60).map(lambda text: "@busd/2/" + text))
 def test_nothing_hostile_raises(key: str) -> None:
     keys.parse_token(key)
     keys.parse_importer(key)
@@ -80,8 +80,8 @@ def test_nothing_hostile_raises(key: str) -> None:
 
 def test_routes_have_one_key_for_each_publisher() -> None:
     key = keys.data_key("/a/b", "p/msg/T", "RIHS01_ab", "ro/bot", GID)
-    assert key == f"busd/1/data/a/b/p/msg/T/RIHS01_ab/ro%2Fbot/{GID.hex()}"
+    assert key == f"busd/2/data/a/b/p/msg/T/RIHS01_ab/ro%2Fbot/{GID.hex()}"
     assert keys.parse_importer(keys.kept_key("robot", GID, "lap/top")) == (GID, "lap/top")
     assert keys.parse_importer(keys.word_key("robot", GID, "laptop")) == (GID, "laptop")
-    assert keys.parse_importer("busd/1/word/robot/xy/laptop") is None
+    assert keys.parse_importer("busd/2/word/robot/xy/laptop") is None
     assert keys.parse_type(keys.type_key("robot", "p/msg/T", "RIHS01_ab")) == ("p/msg/T", "RIHS01_ab")

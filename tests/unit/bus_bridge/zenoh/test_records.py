@@ -71,7 +71,8 @@ def test_what_is_a_batch_already_goes_as_it_is() -> None:
 
 def test_pieces_that_go_on_nowhere_are_dropped() -> None:
     first, second, third = (
-        records.read_part(part.payload, part.head) for part in records.pack([Sample(bytes(150_000), 7, 0)], 1)
+        records.read_part(part.payload, part.head)
+        for part in records.pack([Sample(bytes(5 * PART_BYTES // 2), 7, 0)], 1)
     )
     assembler = Assembler(Room(1 << 30))
     for read in (second, first, third, first, second):
@@ -80,7 +81,7 @@ def test_pieces_that_go_on_nowhere_are_dropped() -> None:
     assert assembler.size == 2 * PART_BYTES
     assert third is not None and isinstance(third[1], Piece)
     whole = assembler.add(third[1])
-    assert whole == Sample(bytes(150_000), 7, 0) and assembler.size == 0
+    assert whole == Sample(bytes(5 * PART_BYTES // 2), 7, 0) and assembler.size == 0
 
 
 def test_a_probe_is_no_message() -> None:
@@ -104,7 +105,7 @@ def test_a_size_beyond_the_end_is_refused() -> None:
         (part.payload, None),
     ):
         assert records.read_part(payload, head) is None
-    piece = records.piece(Sample(bytes(100_000), 1, 2), PART_BYTES, 1)
+    piece = records.piece(Sample(bytes(3 * PART_BYTES // 2), 1, 2), PART_BYTES, 1)
     assert records.read_part(bytes(PART_BYTES), piece.head) is None
     huge = piece.head[:25] + (2**40).to_bytes(8, "little") + piece.head[33:]
     assert records.read_part(b"x", huge) is None
