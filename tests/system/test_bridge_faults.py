@@ -11,9 +11,10 @@ import pytest
 import bus
 from bridging import world
 from bus.msg.std_msgs import Int32, String
-from bus_bridge.core import mirrors
+from bus_bridge.core import export, mirrors
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
+from bus_bridge.errors import BridgeError
 from conftest import WAIT_S
 from engine_pair import WINDOW_BYTES
 from semantics import until
@@ -269,6 +270,34 @@ async def test_a_lossless_publisher_that_is_stuck_does_not_hold_up_another_of_it
         readers[reader] = 0
         one.engine.writers[stuck.gid].on_change()
         assert await received(subscription, 5) == [*range(5)]
+
+
+async def test_a_lossless_publisher_that_the_far_side_never_reads_goes_on_after_a_while(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(export, "PATIENCE_S", 0.3)
+    async with world() as made:
+        left, right, one, other = await made.pair()
+        talker, listener = await left.node("talker"), await right.node("listener")
+
+        def refuse(*_: object) -> Any:
+            raise BridgeError("a test")
+
+        read, other.engine.read = other.engine.read, refuse
+        lossless = bus.QoSProfile(history="keep_all")
+        publisher = await talker.create_publisher(Int32, "numbers", lossless)
+        subscription = await listener.create_subscription(Int32, "numbers", lossless)
+        await publisher.wait_for_subscriptions()
+        for number in range(20_000):  # more than the ring and the bridge have room for
+            await publisher.send(Int32(data=number))
+        (route,) = one.bridge.status().routes
+        await until(lambda: one.bridge.status().routes[0].taken == 20_000)
+        (route,) = one.bridge.status().routes
+        assert (route.sent, route.waiting, route.dropped) == (0, 0, {"not_wanted": 20_000})
+        other.engine.read = read
+        await until(lambda: one.bridge.status().routes[0].is_flowing)
+        await publisher.send(Int32(data=-1))
+        assert await received(subscription, 1) == [-1]
 
 
 async def test_what_is_lost_on_the_way_or_comes_twice_is_counted(world: Made) -> None:

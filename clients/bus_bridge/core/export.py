@@ -13,11 +13,13 @@ from bus_bridge.engine import RouteRule, Sample, Writer
 from bus_bridge.packed import payload_bytes
 from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED
 
-__all__ = ["Export"]
+__all__ = ["PATIENCE_S", "Export"]
 
 _MOST_BYTES = 64 << 20
 _LOSSLESS_BYTES = 1 << 20
 """So much of a lossless publisher waits here before that waits itself: it holds up others then."""
+PATIENCE_S = 30.0
+"""So long a lossless publisher waits for a way that its match on the far side makes us expect."""
 _AT_ONCE = 256
 
 
@@ -49,6 +51,8 @@ class Export:
         self._on_free = on_free
         self._waiting = Waiting(_MOST_BYTES)
         self._last = 0
+        self._waits_since_s: float | None = None
+        self._is_given_up = False
         self._limit: RateLimit | None = None
 
     def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
@@ -121,6 +125,7 @@ class Export:
         """The writer can take more, perhaps, or is wanted no longer; or a match has come or gone."""
         waiting, writer = self._waiting, self.writer
         was_full, has_room = self.is_full, True
+        self._is_given_up &= not self.is_flowing
         while waiting and has_room and writer is not None and writer.is_wanted:
             samples = waiting.first(_AT_ONCE)
             sent = self._write(writer, samples)
@@ -130,6 +135,22 @@ class Export:
             self.account.drop(NOT_WANTED, waiting.clear())
         if was_full and not self.is_full:
             self._on_free()
+
+    def has_waited_in_vain(self, now_s: float) -> bool:
+        """To be asked from time to time: whether its publisher is held up for a far side that does not read
+        it, and was so all the time for half a minute. Then what waits is given up, and what follows too until
+        somebody reads it."""
+        if self.is_flowing or not self.is_full:
+            self._waits_since_s = None
+            return False
+        if self._waits_since_s is None:
+            self._waits_since_s = now_s
+        if now_s - self._waits_since_s < PATIENCE_S:
+            return False
+        self._is_given_up, self._waits_since_s = True, None
+        self.account.drop(NOT_WANTED, self._waiting.clear())
+        self._on_free()
+        return True
 
     def close(self) -> None:
         """The publisher has gone; what waits is lost."""
@@ -142,7 +163,7 @@ class Export:
     def _wait(self, samples: Sequence[Sample]) -> None:
         writer, depth = self.writer, self._depth
         if writer is None or not writer.is_wanted:
-            if not self._is_matched(self.gid):
+            if self._is_given_up or not self._is_matched(self.gid):
                 self.account.drop(NOT_WANTED, len(samples))
                 return
             depth = self._patience or depth

@@ -16,7 +16,7 @@ from bus.node import Node
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.schema import MessageSchema, depth_for
 from bus.subscription import Subscription
-from bus_bridge.core.export import Export
+from bus_bridge.core.export import PATIENCE_S, Export
 from bus_bridge.core.local_graph import Shown
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import ALONE_BYTES, PACK_BYTES, RouteRule, Sample, Writer
@@ -75,7 +75,7 @@ class TopicRoute:
         self._hides = hides
         self._on_trouble = on_trouble
         self._unsure = unsure
-        """Where it is put while it has `early` or `met`."""
+        """Where it is put while it has `early` or `met`, or is full."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
         self._loop = asyncio.get_running_loop()
@@ -116,6 +116,11 @@ class TopicRoute:
         """Whether something has come that was not taken yet."""
         return any(tap.statistics().queued for tap in self.taps)
 
+    @property
+    def is_full(self) -> bool:
+        """Whether lossless publishers are to wait."""
+        return any(one.is_full for one in self.exports.values())
+
     def export(self, gid: bytes, *, is_lossless: bool = False) -> Export:
         """That of a publisher, made when it is first asked for."""
         found = self.exports.get(gid)
@@ -142,7 +147,8 @@ class TopicRoute:
 
     def take(self, tap: Subscription[Any]) -> None:
         """Something has come, or may be taken now."""
-        if tap.qos.is_lossless and any(one.is_full for one in self.exports.values()):
+        if tap.qos.is_lossless and self.is_full:
+            self._unsure.add(self)
             return  # so its publishers wait, until there is room
         pack = tap.take_packed(PACK_BYTES, ALONE_BYTES)
         if pack is not None:
@@ -364,7 +370,7 @@ class Exports:
     # --- from time to time
 
     def sweep(self) -> None:
-        """Look after messages of publishers that no graph has shown."""
+        """Look after messages of publishers that no graph has shown, and of those that nobody reads."""
         now_s = self._loop.time()
         for route in tuple(self._unsure):
             for gid in [gid for gid in route.met if self._knows(gid)]:
@@ -374,8 +380,15 @@ class Exports:
                     self._end(route, route.exports[gid])
                 elif now_s - since_s > _SHORT_S and (match := route.met.pop(gid, None)) is not None:
                     self.on_short(route, match)
+            for export in tuple(route.exports.values()):
+                if export.has_waited_in_vain(now_s):
+                    self._on_trouble(
+                        f"'{route.kind[0]}': a lossless publisher waited {PATIENCE_S:g} s for a subscription "
+                        "on the other side that is matched with it, and nobody reads it there: its messages "
+                        "are dropped until somebody does"
+                    )
             self._drop_unused(route)
-            if not (route.met or route.early) or self._routes.get(route.kind) is not route:
+            if not (route.met or route.early or route.is_full) or self._routes.get(route.kind) is not route:
                 self._unsure.discard(route)
 
     def close(self) -> None:
