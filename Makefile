@@ -52,9 +52,10 @@ $(STAMP): pyproject.toml $(CORE) | $(BIN)/python
 	fi
 	@touch $@
 
-# What an extra of pyproject.toml adds to busd, without installing that again.
+# What an extra of pyproject.toml adds to busd, without installing that again. Of its modules a third is ever imported,
+# and compiled then.
 EXTRA = $(BIN)/python -c "import tomllib; project = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
-	print(*project['optional-dependencies']['$(1)'], sep='\n')" | $(PIP) --requirement /dev/stdin
+	print(*project['optional-dependencies']['$(1)'], sep='\n')" | $(PIP) --no-compile --requirement /dev/stdin
 
 $(VENV)/.tools: pyproject.toml | $(STAMP)
 	@echo "installing the development tools into $(VENV): half a minute, 200 MB"
@@ -186,7 +187,7 @@ peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv
 	@echo "installing ROS 2's rclpy ($*) into .venv-$*: half a minute, 270 MB"
 	@mkdir -p $(@D)
 	@{ $(BIN)/python -m venv $(@D) \
-			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --requirement $<; } \
+			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --no-compile --requirement $<; } \
 		|| echo "rclpy ($*) can't be installed (there are packages for x86_64 and Python 3.10 to 3.14 only):" \
 			"what needs it says so"
 	@touch $@
