@@ -117,6 +117,7 @@ async def test_late_joiners(bridge: Bridge, distro: peer.Distro) -> None:
         await until(lambda: bridge.heard == ["latched"])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("distro", ["jazzy", "kilted"])
 async def test_either_may_come_again(bridge: Bridge, distro: peer.Distro) -> None:
     bridge.listen("/up")

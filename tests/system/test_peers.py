@@ -22,6 +22,7 @@ def machines() -> Iterator[Machines]:
         yield machines
 
 
+@pytest.mark.nightly
 def test_what_is_pulled_or_down_lets_nothing_through_and_comes_back(machines: Machines) -> None:
     cable = machines.connect("robot", "laptop")
     endpoint = f"tcp/{cable.address_of('robot')}:7447"
