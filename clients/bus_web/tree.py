@@ -31,8 +31,11 @@ _MOST_TEXT = 1000
 _MOST_BYTES = 32
 _MOST_DEPTH = 24
 _MOST_PARTS = 20_000
-"""Of one message, all in all."""
+"""Of one message, all in all; so what waits for a page is never much larger than its outbox."""
+_PART_BYTES = 100
+"""Texts and pictures count as a part for each of so many bytes."""
 _EXACT = 1 << 53
+_FOLDED = {"$folded": "too much to show"}
 
 
 def tree_of(message: Any, opened: Collection[str] = ()) -> Any:
@@ -51,9 +54,7 @@ class _Tree:
             case None | bool():
                 return value
             case str():
-                return (
-                    value if len(value) <= _MOST_TEXT else {"$text": len(value), "head": value[:_MOST_TEXT]}
-                )
+                return self._text(value)
             case int():
                 return value if -_EXACT < value < _EXACT else {"$number": str(value)}
             case float():
@@ -61,7 +62,7 @@ class _Tree:
             case bytes() | bytearray() | memoryview():
                 return {"$bytes": len(value), "head": bytes(value[:_MOST_BYTES]).hex()}
         if depth == _MOST_DEPTH or self._left < 0:
-            return {"$folded": "too much to show"}
+            return _FOLDED
         match value:
             case msgspec.Struct():
                 return self._struct(value, path, depth)
@@ -78,6 +79,13 @@ class _Tree:
             return self._array(value, len(value), path, depth)
         return str(value)
 
+    def _text(self, value: str) -> Any:
+        head = value[:_MOST_TEXT]
+        self._left -= len(head) // _PART_BYTES
+        if self._left < 0:
+            return _FOLDED
+        return value if len(value) <= _MOST_TEXT else {"$text": len(value), "head": head}
+
     def _struct(self, value: msgspec.Struct, path: str, depth: int) -> Any:
         parts = {}
         for name in value.__struct_fields__:
@@ -86,7 +94,8 @@ class _Tree:
                 parts[name] = self.tree(part, f"{path}.{name}" if path else name, depth + 1)
         picture = picture_of(value)
         if picture is not None:
-            parts["data"] = {"$image": picture}
+            self._left -= len(picture["data" if "data" in picture else "rgb"]) // _PART_BYTES
+            parts["data"] = _FOLDED if self._left < 0 else {"$image": picture}
         return parts
 
     def _array(self, value: Iterable[Any], length: int, path: str, depth: int) -> Any:

@@ -76,6 +76,17 @@ def test_too_deep_and_too_much() -> None:
     assert len(msgspec.json.encode(tree_of(Holder(wide)))) < 500_000
 
 
+def test_many_long_texts_and_many_pictures_are_too_much() -> None:
+    texts = tree_of(
+        Holder([["\u20ac" * 1000] * 20] * 1000), ["value", *(f"value.{at}" for at in range(1000))]
+    )
+    assert len(msgspec.json.encode(texts)) < 8 << 20
+    picture = Image(width=240, height=240, step=720, encoding="rgb8", data=bytes(240 * 720))
+    told = msgspec.json.encode(tree_of(Holder([picture] * 100), ["value"]))
+    assert 8 <= told.count(b"$image") < 16
+    assert len(told) < 4 << 20
+
+
 def test_images_have_a_picture_in_place_of_their_data() -> None:
     image = Image(width=2, height=1, step=6, encoding="rgb8", data=bytes(range(6)))
     told = msgspec.json.decode(msgspec.json.encode(tree_of(image)))
