@@ -36,7 +36,7 @@ def load(folder: Path = PAGE) -> Mapping[str, File]:
 
 
 def security_headers(host: str) -> dict[str, str]:
-    """Of every answer: what a page of this server may load, and who may have it in one of his."""
+    """Of every answer: what a page of this server may load, and that no other page may show it or read it."""
     return {
         "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
         f"img-src 'self'; connect-src 'self' ws://{host}; base-uri 'none'; form-action 'none'; "

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 __all__ = ["FOXGLOVE", "Ask", "Enter", "Gate", "Redirect", "Refuse"]
 
 FOXGLOVE = "https://app.foxglove.dev"
-"""The page of Foxglove, which may open connections; of it no token is less than of others."""
+"""The page of Foxglove, which may open connections; it needs the token like all others."""
 
 
 class Ask(NamedTuple):

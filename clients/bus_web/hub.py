@@ -17,11 +17,11 @@ _LOOK_S = 1.0
 _REST_S = 0.2
 """Between looks at a graph that changes and changes."""
 _ANSWER_S = 2.0
-"""busd answers in milliseconds; for whom it takes so long, it is away."""
+"""busd answers in milliseconds: after so long it is away."""
 
 
 class Watcher:
-    """Who is told of looks. Its methods must not raise."""
+    """Is told of looks. Its methods must not raise."""
 
     def looked(self, *, is_new: bool) -> None:
         """The model has a new look; `is_new`: with other nodes, endpoints or matches."""

@@ -2,7 +2,7 @@
 
 from the server             | what
 ----------------------------|--------------------------------------------------------------------
-hello                       | who serves, and how often values come
+hello                       | which bus it is
 graph                       | nodes, topics, endpoints, pairs: once, and when one of them changes
 history                     | of topics with messages, Hz in each of the last seconds: once
 rates                       | what has changed since the rates before, each second

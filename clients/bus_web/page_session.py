@@ -3,7 +3,6 @@
 import asyncio
 from typing import Any
 
-from bus.base.version import RELEASE
 from bus_web import page_protocol as protocol
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
@@ -50,7 +49,7 @@ class PageSession(Watcher):
 
     async def run(self) -> None:
         """Raises Mistake for what the page can't mean, and what the socket raises when it ends."""
-        self._notify("hello", release=RELEASE, bus=self._bus, most_hz=round(1 / _VALUE_S))
+        self._notify("hello", bus=self._bus)
         sending = self._loop.create_task(self._sender.run())
         try:
             async with self._hub.watching(self):

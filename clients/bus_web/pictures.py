@@ -27,7 +27,8 @@ _KINDS = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG\r\n", "image/png"))
 def picture_of(message: Any) -> dict[str, Any] | None:
     """What the page draws of an Image or a CompressedImage; None for all else, and what can't be drawn.
 
-    `width`, `height` and `rgb`, or of a compressed one `type` and `data`: bytes, which are base64 in JSON.
+    `width`, `height` and `rgb`, with the size that it had in `of`; or of a compressed one `type` and `data`.
+    Bytes are base64 in JSON.
     """
     fields = getattr(message, "__struct_fields__", ())
     if "data" not in fields or not isinstance(message.data, bytes | bytearray | memoryview):

@@ -9,8 +9,8 @@ _NS = 1_000_000_000
 _WINDOW_NS = 2 * _NS
 """Over so long a rate is taken: half a second of 10 Hz has four or five messages, or six."""
 _SILENCE_NS = 5 * _NS // 2
-"""Processes tell twice a second of what has changed, of a thousand endpoints every two seconds. Whoever has
-not told for longer, and for twice its usual pause, has nothing to tell."""
+"""Processes tell twice a second of what has changed, of a thousand endpoints every two seconds. One that
+has not told for longer, and for twice its usual pause, has nothing to tell."""
 
 HISTORY_S = 60
 """How many seconds a history has, a value for each."""

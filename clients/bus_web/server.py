@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed, NegotiationError
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from bus_web.connection import Connections
+from bus_web.connections import Connections
 from bus_web.files import File, security_headers
 from bus_web.gate import Ask, Enter, Gate, Redirect, Refuse
 from bus_web.page_protocol import Mistake
@@ -141,7 +141,7 @@ def _response(status: int, host: str, file: File | None, more: Mapping[str, str]
 
 
 def _silent() -> logging.Logger:
-    """Whoever hangs up in the middle of something is no news."""
+    """Clients that hang up in the middle of something are no news."""
     logger = logging.getLogger("bus_web.websockets")
     logger.propagate = False
     logger.disabled = True

@@ -1,7 +1,7 @@
 """What pages look at: one subscription for each topic, however many look, as long as one does.
 
-Best effort, with room for five: who looks holds nobody up. Messages come encoded; who wants values decodes
-those it shows.
+Best effort, with room for five, so that looking holds nobody up. Messages come encoded; a page decodes those
+that it shows.
 """
 
 import asyncio
@@ -62,7 +62,7 @@ class Heard:
 
 
 class Listener(Protocol):
-    """Who looks at a topic."""
+    """Hears what comes on a topic."""
 
     def hear(self, topic: str, heard: Heard) -> None:
         """A message has come. Must not raise."""

@@ -7,7 +7,7 @@ that begins with `$`, as no field's name does:
     {"$bytes": 4096, "head": "00ff.."}     as many octets, the first as hexadecimal digits
     {"$text": 5000, "head": "..."}         as many characters
     {"$number": "nan"}                     what is no number in JSON, or too long for a browser's
-    {"$map": [["key", value], ...]}        a dict
+    {"$map": [...], "length": 36}          a dict of 36, of which these are the first pairs of key and value
     {"$image": {...}}                      a picture (`bus_web.pictures`)
     {"$folded": "as deep as that"}         too deep, or too much
 """

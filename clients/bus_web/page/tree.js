@@ -105,6 +105,7 @@ export class Tree {
   }
 
   fill_picture({ canvas }, { $image: image }) {
+    if (image.of) setAttribute(canvas, "title", `${image.of.join(" × ")} pixels, shown small`);
     draw(canvas, image);
   }
 }
@@ -125,7 +126,10 @@ function plain(value) {
   if ("$text" in value) return `${value.head}… (${count(value.$text)} characters)`;
   if ("$bytes" in value) return `${value.head}${value.$bytes * 2 > value.head.length ? "…" : ""} (${size(value.$bytes)})`;
   if ("$number" in value) return value.$number;
-  if ("$map" in value) return value.$map.map(([key, part]) => `${plain(key)}: ${JSON.stringify(part)}`).join(", ");
+  if ("$map" in value) {
+    const pairs = value.$map.map(([key, part]) => `${plain(key)}: ${JSON.stringify(part)}`);
+    return [...pairs, ...(value.length > pairs.length ? [`… (${count(value.length)} in all)`] : [])].join(", ");
+  }
   return String(value.$folded);
 }
 

@@ -1,4 +1,4 @@
-"""Connections to the server, bounded in what they cost before somebody is let in, and whatever he says."""
+"""Connections to the server, bounded in what they cost before they are let in, and whatever they send."""
 
 import asyncio
 from weakref import WeakSet
@@ -15,8 +15,9 @@ _MOST_PONGS = 256 << 10
 
 
 class Connections:
-    """All that are open. Who has not been let in yet is a stranger, and there are only so many of those: when
-    one more comes, the oldest is cut off. So whoever asks at once is heard, however many others say nothing.
+    """All that are open. One that has not been let in yet is a stranger, and there are only so many of those:
+    when one more comes, the oldest is cut off. So one that asks at once is heard, however many others say
+    nothing.
     """
 
     def __init__(self) -> None:
