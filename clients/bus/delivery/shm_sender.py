@@ -203,7 +203,10 @@ class ShmSender:
         """After `put` gave False: call `on_room` when there may be room. Returns False where the caller
         should try again after a turn of the loop, which reads what the broker has sent."""
         # Not while unknown matches hold: no reader that has taken all there is would ring once that ends.
-        if not self._port.is_quiet() or self._move_known() or not self.writer.wait_for_room():
+        if not self._port.is_quiet() or self._move_known():
+            return False
+        if not self.writer.wait_for_room():
+            self._shm_context.wake_waiting(self)  # others that wait are not rung for any more
             return False
 
         def look() -> None:

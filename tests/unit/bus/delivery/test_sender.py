@@ -350,6 +350,22 @@ class TestKeepAll:
         assert isinstance(task.error, ConnectionClosed)
 
     @by_shared_memory
+    def test_of_two_that_wait_one_that_finds_room_before_its_sleep_wakes_the_other(self) -> None:
+        pair = Pair("shm", KEEP_ALL)
+        pair.publish(10_000, PADDING)
+        first = sending(pair.talker, pair.publisher)
+        pair.world.settle()
+        ring = pair.publisher._sender._ring
+        assert ring is not None
+        ring.writer.woken()  # as the second does, when something is taken while it lies down
+        pair.heard()
+        pair.world.settle()
+        assert not first.is_done
+        second = Task(pair.talker.soon, pair.publisher.wait_for_room())
+        pair.world.advance(0.1)
+        assert second.is_done and first.is_done and first.error is None
+
+    @by_shared_memory
     def test_while_one_waits_for_room_by_socket_nothing_turns_though_the_ring_has_room(self) -> None:
         pair = Pair("shm", KEEP_ALL)
         far = pair.world.client()
