@@ -1,0 +1,77 @@
+"""The bus as all clients of one server see it."""
+
+from unittest.mock import Mock
+
+import pytest
+
+from bus.errors import ConnectionClosed
+from bus.msg.std_msgs import String
+from bus_web import hub as module
+from bus_web.hub import Watcher
+from semantics import until
+from web_world import WebWorld
+
+
+class Seen(Watcher):
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def looked(self, *, is_new: bool) -> None:
+        self.told.append("new" if is_new else "same")
+
+    def lost(self, text: str) -> None:
+        self.told.append(text)
+
+
+async def test_it_looks_only_while_somebody_watches(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_LOOK_S", "_REST_S"):
+        monkeypatch.setattr(module, name, 0.001)
+    world, first, second = WebWorld(), Seen(), Seen()
+    world.add("publisher", "/talker", "/chatter", String)
+    world.look()
+    asked = Mock(side_effect=world.node.graph)
+    monkeypatch.setattr(world.node, "graph", asked)
+    async with world.hub.watching(first):
+        await until(lambda: len(first.told) > 1)
+        async with world.hub.watching(second):
+            await until(lambda: second.told)
+        seen = [*second.told]
+        await until(lambda: len(first.told) > 4)
+        assert second.told == seen, "it watches no more"
+    looks = asked.call_count
+    assert world.hub._tasks == []
+    async with world.hub.watching(second):
+        await until(lambda: asked.call_count > looks)
+    assert {*first.told} == {"same"}
+    await world.close()
+
+
+async def test_busd_goes_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_LOOK_S", "_REST_S"):
+        monkeypatch.setattr(module, name, 0.001)
+    world, seen = WebWorld(), Seen()
+    world.look()
+    async with world.hub.watching(seen):
+        await until(lambda: seen.told)
+        with monkeypatch.context() as away:
+            away.setattr(world.node, "graph", Mock(side_effect=ConnectionClosed("busd has ended")))
+            await until(lambda: world.hub.is_lost)
+        await until(lambda: not world.hub.is_lost)
+    assert seen.told.count("busd has ended") == 1, "it is said once"
+    assert seen.told[-1] == "same"
+    await world.close()
+
+
+async def test_types_that_differ_are_described(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_LOOK_S", "_REST_S"):
+        monkeypatch.setattr(module, name, 0.001)
+    world, seen = WebWorld(), Seen()
+    publisher = world.add("publisher", "/talker", "/chatter", String)
+    world.add("subscription", "/listener", "/chatter", type_name=publisher.type_name, type_hash="other")
+    world.look()
+    (before,) = world.hub.model.pairs("/chatter")
+    async with world.hub.watching(seen):
+        await until(lambda: "new" in seen.told)
+    assert before.reason != ""
+    assert world.hub._descriptions(publisher.type_name, publisher.type_hash) is not None
+    await world.close()
