@@ -37,8 +37,8 @@ class OwnTerminal:
         read, self._text = self._text[: found.end()], self._text[found.end() :]
         return read
 
-    def write(self, keys: str) -> None:
-        os.write(self._end, keys.encode())
+    def write(self, keys: str | bytes) -> None:
+        os.write(self._end, keys if isinstance(keys, bytes) else keys.encode())
 
     def mode(self) -> list[Any]:
         """How the terminal treats what is typed."""

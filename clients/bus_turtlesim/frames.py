@@ -11,6 +11,8 @@ __all__ = ["Frames", "Pictures", "Seen", "message"]
 
 _MOST_FRAMES = 250
 """Four seconds; who is later than that is sent the whole picture."""
+_MOST_SQUARES = 10_000
+"""In all of them: as JSON they are half as long as a picture."""
 _PICTURES = 8
 
 
@@ -30,12 +32,16 @@ class Frames:
 
     def __init__(self) -> None:
         self.newest = 0
-        self._frames: deque[tuple[bool, list[Square]]] = deque(maxlen=_MOST_FRAMES)
+        self._frames: deque[tuple[bool, list[Square]]] = deque()
+        self._squares = 0
 
     def add(self, squares: list[Square], *, is_cleared: bool) -> None:
         """A step has drawn this, after the canvas was cleared, where it was."""
         self._frames.append((is_cleared, squares))
+        self._squares += len(squares)
         self.newest += 1
+        while len(self._frames) > _MOST_FRAMES or self._squares > _MOST_SQUARES:
+            self._squares -= len(self._frames.popleft()[1])
 
     def since(self, number: int) -> tuple[bool, list[Square]] | None:
         """What came after frame `number`, as one; None where that is too long ago."""

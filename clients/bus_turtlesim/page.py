@@ -129,7 +129,8 @@ class Page:
 
     async def _send(self, connection: "ServerConnection", number: int) -> int:
         """Returns the number of the frame that it has now."""
-        if self._scene is None:  # another one came, and the next step will say
+        scene = self._scene
+        if scene is None:  # another one came, and the next step will say
             return number
         newest = self._frames.newest
         found = self._frames.since(number) if number >= 0 else None
@@ -138,6 +139,6 @@ class Page:
             await connection.send(picture)
             found = False, []
         is_cleared, squares = found
-        told: Any = message(*self._scene, squares, is_cleared=is_cleared)
+        told: Any = message(*scene, squares, is_cleared=is_cleared)
         await connection.send(json.encode(told).decode())
         return newest

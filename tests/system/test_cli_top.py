@@ -353,6 +353,18 @@ def test_the_terminal_is_put_back(world: None, keys: str, code: int) -> None:
         assert shown.mode() == before
 
 
+def test_what_is_typed_and_is_no_text(world: None) -> None:
+    with terminal("-d", "0.2") as shown:
+        shown.read_until("chatter")
+        shown.write(b"\x1b[M \xff\xfe\xe9")
+        shown.read_until("chatter")
+        shown.write("n")
+        shown.read_until("NODE")
+        shown.write("q")
+        shown.read_until(re.escape("\x1b[?1049l"))
+        assert shown.wait() == 0
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_the_terminal_is_put_back_after_a_signal(world: None, number: int) -> None:
     with terminal("-d", "0.2") as shown:

@@ -4,6 +4,7 @@ import asyncio
 import os
 from argparse import Namespace
 from collections.abc import Coroutine
+from contextlib import suppress
 from time import monotonic, monotonic_ns
 from typing import ClassVar
 
@@ -11,6 +12,7 @@ from textual import events
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
+from textual.drivers.linux_driver import LinuxDriver
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
@@ -81,6 +83,15 @@ class Help(ModalScreen[None]):
         self.dismiss()
 
 
+class _Driver(LinuxDriver):
+    """Keys from a terminal. What is no UTF-8, as of a mouse in the old way, is none, and no end either."""
+
+    def run_input_thread(self) -> None:
+        while not self.exit_event.is_set():
+            with suppress(UnicodeDecodeError):
+                super().run_input_thread()
+
+
 class Top(App[None]):
     """Shows the bus as `node` sees it, every `delay_s` seconds. `failure`: why it has ended by itself."""
 
@@ -113,7 +124,7 @@ class Top(App[None]):
     ]
 
     def __init__(self, node: Node, delay_s: float, state: State) -> None:
-        super().__init__(ansi_color=True)
+        super().__init__(driver_class=_Driver, ansi_color=True)
         self.failure: BaseException | None = None
         self._node = node
         self._delay_s = delay_s

@@ -39,6 +39,20 @@ def test_who_is_too_late_needs_the_whole_picture() -> None:
     assert frames.since(998) == (False, [square(998), square(999)])
 
 
+def test_who_misses_too_much_needs_the_whole_picture() -> None:
+    """As where turtles are teleported from wall to wall, many times in a step."""
+    frames = Frames()
+    for _ in range(3):
+        frames.add([square(1)] * 4000, is_cleared=False)
+    assert frames.since(0) is None
+    assert frames.since(1) == (False, [square(1)] * 8000)
+    frames.add([square(1)] * 10_001, is_cleared=False)
+    assert frames.since(3) is None
+    assert frames.since(4) == (False, [])
+    frames.add([square(2)], is_cleared=False)
+    assert frames.since(4) == (False, [square(2)])
+
+
 def test_a_turtle_keeps_its_picture() -> None:
     world, pictures = World(), Pictures()
     for _ in range(3):
