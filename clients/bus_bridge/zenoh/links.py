@@ -55,6 +55,7 @@ class Links:
             if missed % _PATIENCE:
                 continue
             reason = await self._probe(address)
+            self._reasons.pop(address.text, None)
             if reason:
                 self._answered.discard(address.text)
             elif address.text not in self._answered:
@@ -82,7 +83,7 @@ class Links:
                 found.append(LinkStatus(address.text, "refused" if refusal else "up", bus, refusal))
             elif self._options.router and links:
                 found.append(LinkStatus(address.text, "spare"))
-            elif self._is_joined(address, links):
+            elif address.text not in self._reasons and self._is_joined(address, links):
                 found.append(LinkStatus(address.text, "up", text="by another link"))
             else:
                 found.append(LinkStatus(address.text, "trying", text=self._reasons.get(address.text, "")))

@@ -55,3 +55,23 @@ async def test_who_comes_back_after_a_long_time_is_not_said_to_be_no_bridge() ->
         session.up = []
         assert await look() == []
         assert await look() == [other]
+
+
+async def test_an_address_that_refuses_is_not_up_by_a_link_with_another_port_there() -> None:
+    with socket.socket() as place:
+        place.bind(("127.0.0.1", 0))
+        where = f"tcp/127.0.0.1:{place.getsockname()[1]}"
+        session, said = Session(), list[str]()
+        session.up = [Link("f00", "tcp/127.0.0.1:1", "tcp/127.0.0.1:2")]
+        links = Links(ZenohOptions(connect=(where,)), session, said.append)  # type: ignore[arg-type]
+
+        async def status() -> tuple[str, str]:
+            for _ in range(3):
+                await links.look()
+            (found,) = links.status([])
+            return found.state, found.text
+
+        assert await status() == ("trying", "connection refused")
+        place.listen()
+        assert await status() == ("up", "by another link")
+        assert said == [f"--connect {where}: connection refused; trying on"]
