@@ -84,7 +84,7 @@ async def _connected(view: View, subprotocol: str) -> AsyncIterator[Any]:
 
     address = f"ws://{view.host}/?token={view.token}"
     async with connect(
-        address, subprotocols=[Subprotocol(subprotocol)], max_size=None, max_queue=1, proxy=None
+        address, subprotocols=[Subprotocol(subprotocol)], max_size=None, compression=None, proxy=None
     ) as socket:
         yield socket
 
