@@ -22,7 +22,7 @@ from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, Local
 from bus_bridge.zenoh import qos_text
 from bus_bridge.zenoh.engine import ZenohEngine
 from bus_bridge.zenoh.options import ZenohOptions
-from bus_bridge.zenoh.routes import ZenohReader
+from bus_bridge.zenoh.reading import ZenohReader
 
 SCHEMA = MessageSchema.of(String)
 GID = bytes(range(16))

@@ -16,6 +16,7 @@ from bus.schema import MessageSchema
 __all__ = [
     "ALONE_BYTES",
     "PACK_BYTES",
+    "EndpointKind",
     "Engine",
     "FarBus",
     "FarEndpoint",
@@ -30,7 +31,7 @@ __all__ = [
     "Writer",
 ]
 
-Kind = Literal["publisher", "subscription"]
+EndpointKind = Literal["publisher", "subscription"]
 Priority = Literal[
     "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"
 ]
@@ -81,7 +82,7 @@ class LocalNode(msgspec.Struct, frozen=True):
 class LocalEndpoint(msgspec.Struct, frozen=True):
     """A publisher or subscription of this bus that the far side is to see."""
 
-    kind: Kind
+    kind: EndpointKind
     gid: bytes
     node: LocalNode
     topic: str
@@ -141,7 +142,7 @@ class FarNode(msgspec.Struct, frozen=True):
 class FarEndpoint(msgspec.Struct, frozen=True):
     """A publisher or subscription on a far bus."""
 
-    kind: Kind
+    kind: EndpointKind
     gid: bytes
     """16 bytes, the same on every bus."""
     node: str

@@ -21,7 +21,8 @@ from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh import engine, presence
 from bus_bridge.zenoh.engine import ZenohEngine
 from bus_bridge.zenoh.options import ZenohOptions
-from bus_bridge.zenoh.routes import ZenohReader, ZenohWriter
+from bus_bridge.zenoh.reading import ZenohReader
+from bus_bridge.zenoh.writing import ZenohWriter
 from certificates import Certificates, make_certificates
 from conftest import WAIT_S, open_descriptors
 from ports import free_port

@@ -10,7 +10,7 @@ from bus.errors import BusError, ConfigurationError
 from bus.graph import Graph
 from bus.node import Node
 from bus.schema import MessageSchema
-from bus_bridge.core.exports import Exports, TopicRoute
+from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.local_graph import LocalGraph, Shown
 from bus_bridge.engine import Engine, LocalNode
 from bus_bridge.errors import NotCarried
@@ -103,7 +103,7 @@ class Announcing:
         for (
             shown
         ) in changes.publishers:  # not asked for: the publisher may have left before there is an answer
-            if (known := self._exports.schema((shown.topic, *_type_of(shown)))) is not None:
+            if (known := self._exports.schema(TypedTopic(shown.topic, *_type_of(shown)))) is not None:
                 self._schemas[_type_of(shown)] = known
         await self._learn({_type_of(one) for one in (*changes.subscriptions, *changes.publishers)})
         for shown in (*changes.subscriptions, *changes.publishers):
@@ -151,7 +151,7 @@ class Announcing:
 
     def _show_publisher(self, shown: Shown, schema: MessageSchema) -> None:
         local = shown.local
-        export, rule = self._exports.prepare((shown.topic, *_type_of(shown)), schema, shown)
+        export, rule = self._exports.prepare(TypedTopic(shown.topic, *_type_of(shown)), schema, shown)
         try:
             writer = self._engine.announce_publisher(local, schema, rule, export.flush)
         except BaseException:
@@ -160,9 +160,9 @@ class Announcing:
         self._publishers[local.gid] = shown
         self._exports.attach(export, writer, local.qos, rule)
 
-    def _show_short(self, route: TopicRoute, match: Match) -> None:
+    def _show_short(self, route: TopicExports, match: Match) -> None:
         """A publisher has said something, and was there too shortly to be seen in a graph."""
-        changes = self._local.look_at_short(match, route.kind)
+        changes = self._local.look_at_short(match, route.topic)
         for shown in changes.publishers:
             node = shown.local.node
             self._nodes.add(node.id)

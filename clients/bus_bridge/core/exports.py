@@ -5,7 +5,7 @@ There are taps for a topic and type while a far subscription is shown here. Owns
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -22,10 +22,8 @@ from bus_bridge.core.rules import Rules
 from bus_bridge.engine import ALONE_BYTES, PACK_BYTES, RouteRule, Sample, Writer
 from bus_bridge.packed import Packed
 
-__all__ = ["Exports", "Kind", "TopicRoute"]
+__all__ = ["Exports", "TopicExports", "TypedTopic"]
 
-Kind = tuple[str, str, str]
-"""A topic of this bus, and the name and hash of a type."""
 
 _BATCH = 256
 _SHORT_S = 0.4
@@ -39,22 +37,30 @@ _MOST_MET = 1000
 _new_sample: Any = tuple.__new__
 
 
-class TopicRoute:
+class TypedTopic(NamedTuple):
+    """A topic of this bus, and a type."""
+
+    name: str
+    type_name: str
+    type_hash: str
+
+
+class TopicExports:
     """The ways out of one topic and type."""
 
     def __init__(
         self,
-        kind: Kind,
+        topic: TypedTopic,
         schema: MessageSchema,
         depth: int,
         knows: Callable[[bytes], bool],
         hides: Callable[[bytes], bool],
         on_trouble: Callable[[str], object],
-        unsure: "set[TopicRoute]",
+        unsure: "set[TopicExports]",
         *,
         is_local: bool,
     ) -> None:
-        self.kind = kind
+        self.topic = topic
         self.schema = schema
         self.is_local = is_local
         """Whether only publishers that live on this bus go out, and none that other bridges have brought."""
@@ -178,7 +184,7 @@ class TopicRoute:
             try:
                 export.put(samples)
             except Exception as error:  # one way out must not end the others
-                self._on_trouble(f"'{self.kind[0]}': {type(error).__name__}: {error}")
+                self._on_trouble(f"'{self.topic.name}': {type(error).__name__}: {error}")
 
     def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
         if self._hides(gid):  # one that is to be seen may not be shown yet
@@ -220,29 +226,29 @@ class Exports:
         self._knows = knows
         self._hides = hides
         self._on_trouble = on_trouble
-        self._routes: dict[Kind, TopicRoute] = {}
-        self._unsure: set[TopicRoute] = set()
+        self._routes: dict[TypedTopic, TopicExports] = {}
+        self._unsure: set[TopicExports] = set()
         """Those to be swept, so that the many others cost nothing."""
-        self._of_gid: dict[bytes, tuple[TopicRoute, Export]] = {}
+        self._of_gid: dict[bytes, tuple[TopicExports, Export]] = {}
         self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], None]]] = {}
         self._loop = asyncio.get_running_loop()
-        self.on_short: Callable[[TopicRoute, Match], object] = lambda route, match: None
+        self.on_short: Callable[[TopicExports, Match], object] = lambda route, match: None
         """Called for a publisher that was there too shortly to be seen in a graph."""
         self.shown: dict[Export, Shown] = {}
         """What the far side sees."""
 
-    def __iter__(self) -> Iterator[tuple[TopicRoute, Export]]:
+    def __iter__(self) -> Iterator[tuple[TopicExports, Export]]:
         for route in self._routes.values():
             for export in route.exports.values():
                 yield route, export
 
-    def route(self, kind: Kind, schema: MessageSchema) -> TopicRoute:
-        found = self._routes.get(kind)
+    def route(self, topic: TypedTopic, schema: MessageSchema) -> TopicExports:
+        found = self._routes.get(topic)
         if found is None:
-            rule = self._rules.crossing(kind[0]).rule
+            rule = self._rules.crossing(topic.name).rule
             depth = rule.depth or depth_for(schema)
-            found = self._routes[kind] = TopicRoute(
-                kind,
+            found = self._routes[topic] = TopicExports(
+                topic,
                 schema,
                 depth,
                 self._knows,
@@ -253,22 +259,22 @@ class Exports:
             )
         return found
 
-    def schema(self, kind: Kind) -> MessageSchema | None:
+    def schema(self, topic: TypedTopic) -> MessageSchema | None:
         """None where no far subscription has that topic and type."""
-        found = self._routes.get(kind)
+        found = self._routes.get(topic)
         return None if found is None else found.schema
 
     # --- publishers of this bus
 
-    def prepare(self, kind: Kind, schema: MessageSchema, shown: Shown) -> tuple[Export, RouteRule]:
+    def prepare(self, topic: TypedTopic, schema: MessageSchema, shown: Shown) -> tuple[Export, RouteRule]:
         """The way out of a publisher that is about to be shown to the far side, and the rule for it."""
-        gid, route = shown.local.gid, self.route(kind, schema)
+        gid, route = shown.local.gid, self.route(topic, schema)
         export = route.export(gid)
         if export in self._leaving:
             timer, end = self._leaving[export]
             timer.cancel()
             end()
-            route = self.route(kind, schema)
+            route = self.route(topic, schema)
             export = route.export(gid)
         self._of_gid[gid] = route, export
         self.shown[export] = shown
@@ -311,9 +317,9 @@ class Exports:
 
     # --- far subscriptions, as they are shown here
 
-    async def hold(self, kind: Kind, schema: MessageSchema) -> TopicRoute:
+    async def hold(self, topic: TypedTopic, schema: MessageSchema) -> TopicExports:
         """Have the taps of a topic and type for one more far subscription. Raises BusError."""
-        route = self.route(kind, schema)
+        route = self.route(topic, schema)
         route.holders += 1
         try:
             async with route.opening:
@@ -325,7 +331,7 @@ class Exports:
             raise
         return route
 
-    async def release(self, route: TopicRoute) -> None:
+    async def release(self, route: TopicExports) -> None:
         """A far subscription needs them no longer."""
         route.holders -= 1
         async with route.opening:
@@ -335,7 +341,7 @@ class Exports:
         route.matches_changed()
         self._drop_unused(route)
 
-    async def _open_taps(self, route: TopicRoute) -> None:
+    async def _open_taps(self, route: TopicExports) -> None:
         profiles = (
             QoSProfile(
                 route.depth, reliability=Reliability.BEST_EFFORT, durability=Durability.BEST_AVAILABLE
@@ -353,11 +359,11 @@ class Exports:
         route.taps = taps
         route.begin()
 
-    async def _open_tap(self, route: TopicRoute, profile: QoSProfile) -> Subscription[Any]:
+    async def _open_tap(self, route: TopicExports, profile: QoSProfile) -> Subscription[Any]:
         tap: Subscription[Any] | None = None
         tap = await self._node.create_subscription(
             route.schema,
-            route.kind[0],
+            route.topic.name,
             profile,
             events=SubscriptionEvents(matched=lambda change: route.meet(tap)),
             raw=True,
@@ -383,12 +389,12 @@ class Exports:
             for export in tuple(route.exports.values()):
                 if export.has_waited_in_vain(now_s):
                     self._on_trouble(
-                        f"'{route.kind[0]}': a lossless publisher waited {PATIENCE_S:g} s for a subscription "
-                        "on the other side that is matched with it, and nobody reads it there: its messages "
-                        "are dropped until somebody does"
+                        f"'{route.topic.name}': a lossless publisher waited {PATIENCE_S:g} s for a "
+                        "subscription on the other side that is matched with it, and nobody reads it there: "
+                        "its messages are dropped until somebody does"
                     )
             self._drop_unused(route)
-            if not (route.met or route.early or route.is_full) or self._routes.get(route.kind) is not route:
+            if not (route.met or route.early or route.is_full) or self._routes.get(route.topic) is not route:
                 self._unsure.discard(route)
 
     def close(self) -> None:
@@ -401,12 +407,12 @@ class Exports:
                 export.close()
         self._routes.clear()
 
-    def _end(self, route: TopicRoute, export: Export) -> None:
+    def _end(self, route: TopicExports, export: Export) -> None:
         self.shown.pop(export, None)
         export.close()
         route.forget(export)
         self._drop_unused(route)
 
-    def _drop_unused(self, route: TopicRoute) -> None:
+    def _drop_unused(self, route: TopicExports) -> None:
         if not route.exports and not route.holders:
-            self._routes.pop(route.kind, None)
+            self._routes.pop(route.topic, None)

@@ -9,7 +9,7 @@ from bus.names import split_node_name
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Crossing, Rules
 from bus_bridge.core.status import SERVICE_TYPE
-from bus_bridge.engine import Kind, LocalEndpoint, LocalNode, RouteRule
+from bus_bridge.engine import EndpointKind, LocalEndpoint, LocalNode, RouteRule
 
 __all__ = ["Changes", "LocalGraph", "Shown"]
 
@@ -188,7 +188,7 @@ class LocalGraph:
         topic = self._to_wire(endpoint.topic, changes)
         if topic is None:
             return None
-        kind: Kind = "publisher" if endpoint.kind == "publisher" else "subscription"
+        kind: EndpointKind = "publisher" if endpoint.kind == "publisher" else "subscription"
         local = LocalEndpoint(
             kind, endpoint.gid, node, topic, endpoint.type_name, endpoint.type_hash, endpoint.qos
         )

@@ -18,7 +18,7 @@ from bus.publisher import Publisher
 from bus.qos import Durability, Liveliness, QoSProfile
 from bus.schema import MessageSchema
 from bus.subscription import Subscription
-from bus_bridge.core.exports import Exports, TopicRoute
+from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.far_graph import FarGraph, Mirrored, MirroredNode
 from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
@@ -63,7 +63,7 @@ class EndpointMirror:
         self.subscription: Subscription[Any] | None = None
         self.way: Import | None = None
         """Of a publisher's messages."""
-        self.route: TopicRoute | None = None
+        self.route: TopicExports | None = None
         """Of messages to a subscription."""
         self.sent_before = 0
         """What had gone that route before the subscription was there."""
@@ -362,8 +362,8 @@ class Mirrors:
 
     async def _open_subscription(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
         far = mirror.far
-        kind = far.topic, schema.type_name, schema.type_hash
-        route = await self._exports.hold(kind, schema)
+        topic = TypedTopic(far.topic, schema.type_name, schema.type_hash)
+        route = await self._exports.hold(topic, schema)
         try:
             subscription = await node.create_subscription(
                 schema,

@@ -98,8 +98,8 @@ class Reporting:
             account = export.account
             found.append(
                 RouteState(
-                    topic=route.kind[0],
-                    type_name=route.kind[1],
+                    topic=route.topic.name,
+                    type_name=route.topic.type_name,
                     direction="out",
                     node="" if shown is None else shown.node,
                     gid=export.gid.hex(),

@@ -24,7 +24,7 @@ from bus_bridge.dds.names import (
 )
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.participant import Participant, policies_of, user_data_in
-from bus_bridge.engine import FarEndpoint, FarNode, FarSide, Kind
+from bus_bridge.engine import EndpointKind, FarEndpoint, FarNode, FarSide
 from bus_bridge.errors import BridgeError
 
 __all__ = ["ENCLAVE", "MARK", "NO_SERVICES", "Discovery"]
@@ -71,9 +71,9 @@ class Discovery:
         of them."""
         self.refused: dict[str, bytes] = {}
         """Participants that are not heard for as long as they are there, by what the bridge calls them."""
-        self.publishers: dict[str, dict[bytes, qos.Kind]] = {}
+        self.publishers: dict[str, dict[bytes, qos.ReaderKind]] = {}
         """Far publishers by topic and gid."""
-        self._unknown: dict[bytes, tuple[int, bytes, Any, Kind]] = {}
+        self._unknown: dict[bytes, tuple[int, bytes, Any, EndpointKind]] = {}
         """Those whose type is not known, by gid: it may become so."""
         self.node_info: NodeInfo | None = None
         self._topics: dict[bytes, str] = {}
@@ -161,7 +161,7 @@ class Discovery:
             elif not is_alive:
                 self._endpoint_went(guid, sample.sample_info.instance_handle)
             elif sample.participant_key.bytes != self._participant.guid:
-                kind: Kind = "publisher" if what == "DcpsPublication" else "subscription"
+                kind: EndpointKind = "publisher" if what == "DcpsPublication" else "subscription"
                 handle = sample.sample_info.instance_handle
                 self._endpoint_came(handle, sample.participant_key.bytes, sample, kind)
         if len(samples) == _BATCH:
@@ -169,7 +169,7 @@ class Discovery:
         if samples:
             self._on_change()
 
-    def _endpoint_came(self, handle: int, participant: bytes, sample: Any, kind: Kind) -> None:
+    def _endpoint_came(self, handle: int, participant: bytes, sample: Any, kind: EndpointKind) -> None:
         said = user_data_of(user_data_in(sample.qos))
         if MARK in said or teller_of(participant) in self.refused:
             self.marked.add(handle)
@@ -192,7 +192,7 @@ class Discovery:
                     self.handles[gid] = handle
                     if kind == "publisher":
                         topic, offered = found.endpoint.topic, found.endpoint.qos
-                        self.publishers.setdefault(topic, {})[gid] = qos.Kind(
+                        self.publishers.setdefault(topic, {})[gid] = qos.ReaderKind(
                             offered.durability is Durability.TRANSIENT_LOCAL,
                             offered.reliability is Reliability.RELIABLE,
                         )
@@ -200,7 +200,7 @@ class Discovery:
                     self._tell(self._graph.endpoint_came(found, time.monotonic()))
 
     def _endpoint(
-        self, handle: int, participant: bytes, sample: Any, kind: Kind, type_hash: str
+        self, handle: int, participant: bytes, sample: Any, kind: EndpointKind, type_hash: str
     ) -> Found | None:
         topic, type_name = topic_from_dds(sample.topic_name), type_from_dds(sample.type_name)
         if topic is None:

@@ -17,7 +17,7 @@ from bus_bridge.dds.names import is_service_of_each_node, topic_to_dds, user_dat
 from bus_bridge.dds.node_info import NodeInfo
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import Participant
-from bus_bridge.dds.qos import Kind, kinds_for, of_publisher, of_subscription
+from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
 from bus_bridge.dds.reading import FarWay, Intake, Ways
 from bus_bridge.dds.writing import DdsWriter, NoWriter
 from bus_bridge.engine import (
@@ -181,7 +181,7 @@ class DdsEngine:
         text = f"{count} participant{'' if count == 1 else 's'}"
         return [LinkStatus(address, "up", self._bus.id, f"{text}, {refused} refused" if refused else text)]
 
-    def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: Kind) -> Intake | None:
+    def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake | None:
         """A reader for a subscription of this bus, told to ROS 2; None where all has ended."""
         if self._participant is None:
             return None
@@ -231,7 +231,7 @@ class DdsEngine:
         for subscription in self._subscriptions:
             subscription.adapt(self._far_kinds(subscription.endpoint.topic))
 
-    def _far_kinds(self, topic: str) -> set[Kind]:
+    def _far_kinds(self, topic: str) -> set[ReaderKind]:
         return set(self._discovery.publishers.get(topic, {}).values())
 
     def _refuse_service(self, endpoint: LocalEndpoint) -> None:
@@ -272,9 +272,9 @@ class _Subscription:
         self.endpoint = endpoint
         self._engine = engine
         self._known = known
-        self._intakes: dict[Kind, Intake] = {}
+        self._intakes: dict[ReaderKind, Intake] = {}
 
-    def adapt(self, far: set[Kind]) -> None:
+    def adapt(self, far: set[ReaderKind]) -> None:
         """Have the readers that these far publishers need."""
         wanted = kinds_for(self.endpoint.qos, far)
         if wanted == self._intakes.keys():

@@ -11,7 +11,7 @@ __all__ = [
     "GRAPH_TOPIC",
     "GRAPH_TYPE",
     "GRAPH_TYPE_HASH",
-    "Kind",
+    "TopicKind",
     "bare_node_name",
     "is_service_of_each_node",
     "kind_of",
@@ -24,7 +24,7 @@ __all__ = [
     "user_data_of",
 ]
 
-Kind = Literal["topic", "service", "graph", "other"]
+TopicKind = Literal["topic", "service", "graph", "other"]
 
 GRAPH_TOPIC: Final = "ros_discovery_info"
 GRAPH_TYPE: Final = "rmw_dds_common/msg/ParticipantEntitiesInfo"
@@ -45,7 +45,7 @@ _OF_EACH_NODE: Final = frozenset(
 )
 
 
-def kind_of(dds_topic: str) -> Kind:
+def kind_of(dds_topic: str) -> TopicKind:
     """What of ROS 2 a topic of DDS is."""
     if dds_topic.startswith("rt/"):
         return "topic"

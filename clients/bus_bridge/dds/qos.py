@@ -12,8 +12,8 @@ from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
 __all__ = [
     "DEPTH",
     "INFINITE",
-    "Kind",
     "Policies",
+    "ReaderKind",
     "kinds_for",
     "of_publisher",
     "of_subscription",
@@ -61,14 +61,14 @@ def of_publisher(profile: QoSProfile, depth: int) -> Policies:
     )
 
 
-class Kind(NamedTuple):
+class ReaderKind(NamedTuple):
     """What of a far publisher decides on the reader that gets most of it."""
 
     transient_local: bool
     reliable: bool
 
 
-def kinds_for(profile: QoSProfile, far: Collection[Kind]) -> set[Kind]:
+def kinds_for(profile: QoSProfile, far: Collection[ReaderKind]) -> set[ReaderKind]:
     """The readers that stand for a subscription of this bus, where there are these far publishers.
 
     Most have one. A subscription that takes the best durability has one for each that there is. What a
@@ -77,15 +77,15 @@ def kinds_for(profile: QoSProfile, far: Collection[Kind]) -> set[Kind]:
     """
     reliable = profile.reliability is Reliability.RELIABLE
     if profile.durability is Durability.VOLATILE:
-        return {Kind(False, reliable)}
+        return {ReaderKind(False, reliable)}
     if profile.durability is Durability.TRANSIENT_LOCAL:
-        far = [kind for kind in far if kind.transient_local] or [Kind(True, reliable)]
+        far = [kind for kind in far if kind.transient_local] or [ReaderKind(True, reliable)]
     return {
-        Kind(kind.transient_local, reliable or (kind.transient_local and kind.reliable)) for kind in far
-    } or {Kind(False, reliable)}
+        ReaderKind(kind.transient_local, reliable or (kind.transient_local and kind.reliable)) for kind in far
+    } or {ReaderKind(False, reliable)}
 
 
-def of_subscription(profile: QoSProfile, depth: int, kind: Kind) -> Policies:
+def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Policies:
     """What the reader of that kind requests that stands for a subscription of this bus."""
     return Policies(
         reliable=kind.reliable,

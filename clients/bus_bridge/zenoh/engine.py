@@ -20,8 +20,9 @@ from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions, check
 from bus_bridge.zenoh.presence import MAX_TOKENS, Interest, Presence
-from bus_bridge.zenoh.routes import ZenohReader, ZenohWriter
+from bus_bridge.zenoh.reading import ZenohReader
 from bus_bridge.zenoh.session import Declared, Query, Session
+from bus_bridge.zenoh.writing import ZenohWriter
 
 __all__ = ["ZenohEngine"]
 
@@ -84,9 +85,9 @@ class ZenohEngine:
         ):
             asked = session.source(take, _MAX_QUERIES, Query.drop, keeps_oldest=True)
             self._declared.append(session.answer(expression, asked))
-        heard = session.source(self._see_word, _MAX_QUERIES, lambda _: None)
+        heard = session.source(self._see_ack, _MAX_QUERIES, lambda _: None)
         self._declared.append(
-            session.subscribe(keys.word_keys(self._bus), lambda key, payload, _: heard.push((key, payload)))
+            session.subscribe(keys.ack_keys(self._bus), lambda key, payload, _: heard.push((key, payload)))
         )
         self._looking = asyncio.get_running_loop().create_task(self._look())
 
@@ -261,10 +262,10 @@ class ZenohEngine:
         if writer is not None:
             writer.see_interests(self._presence.interests(gid))
 
-    def _see_word(self, word: tuple[str, bytes]) -> None:
-        found, said = keys.parse_importer(word[0]), records.read_pair(word[1])
+    def _see_ack(self, ack: tuple[str, bytes]) -> None:
+        found, said = keys.parse_importer(ack[0]), records.read_pair(ack[1])
         if found is not None and said is not None and found[0] in self._writers:
-            self._writers[found[0]].see_word(found[1], *said)
+            self._writers[found[0]].see_ack(found[1], *said)
 
     def _answer_kept(self, query: Query) -> None:
         found = keys.parse_importer(query.key)

@@ -11,7 +11,7 @@ its start to its end: a bridge that comes back is told from the one that it was 
     busd/2/data/<topic without its first slash>/<type>/<hash>/<bus>/<gid>
     busd/2/type/<bus>/<type>/<hash>          queryable: how the type is described
     busd/2/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
-    busd/2/word/<bus>/<gid>/<importer>       how far the importer has come
+    busd/2/ack/<bus>/<gid>/<importer>        how far the importer has come
 
 Each part between two slashes is percent-encoded, so that no name means anything in a key expression. The
 slashes in the topic and the type of a data key stay: users can route by them. What comes in is hostile: a
@@ -35,6 +35,8 @@ __all__ = [
     "InterestToken",
     "NodeToken",
     "OtherVersion",
+    "ack_key",
+    "ack_keys",
     "bus_token",
     "data_key",
     "endpoint_token",
@@ -50,8 +52,6 @@ __all__ = [
     "token_run",
     "type_key",
     "type_keys",
-    "word_key",
-    "word_keys",
 ]
 
 VERSION = 2
@@ -226,12 +226,12 @@ def kept_keys(bus: str) -> str:
     return f"{_KEYS}/kept/{_part(bus)}/*/*"
 
 
-def word_key(bus: str, gid: bytes, importer: str) -> str:
-    return _join(f"{_KEYS}/word", bus, gid.hex(), importer)
+def ack_key(bus: str, gid: bytes, importer: str) -> str:
+    return _join(f"{_KEYS}/ack", bus, gid.hex(), importer)
 
 
-def word_keys(bus: str) -> str:
-    return f"{_KEYS}/word/{_part(bus)}/*/*"
+def ack_keys(bus: str) -> str:
+    return f"{_KEYS}/ack/{_part(bus)}/*/*"
 
 
 def parse_type(key: str) -> tuple[str, str] | None:
@@ -241,7 +241,7 @@ def parse_type(key: str) -> tuple[str, str] | None:
 
 
 def parse_importer(key: str) -> tuple[bytes, str] | None:
-    """The publisher's gid and the importing bus in a key that `kept_keys` or `word_keys` covers."""
+    """The publisher's gid and the importing bus in a key that `kept_keys` or `ack_keys` covers."""
     parts = key.split("/")
     if len(parts) != 6:
         return None

@@ -47,7 +47,7 @@ _PRIORITIES: dict[Priority, Any] = {
     "data_low": zenoh.Priority.DATA_LOW,
     "background": zenoh.Priority.BACKGROUND,
 }
-_WORDS = zenoh.Priority.INTERACTIVE_HIGH  # what keeps routes going overtakes what waits on them
+_OVERTAKING = zenoh.Priority.INTERACTIVE_HIGH  # what keeps routes going overtakes what waits on them
 
 
 class Link(NamedTuple):
@@ -344,13 +344,13 @@ class Session:
     # --- messages
 
     def put(self, key: str, payload: bytes) -> None:
-        """A word in between, which may be lost."""
+        """Something small, which may be lost."""
         with suppress(zenoh.ZError):
             self._zenoh.put(
                 key,
                 payload,
                 congestion_control=zenoh.CongestionControl.DROP,
-                priority=_WORDS,
+                priority=_OVERTAKING,
                 express=True,
                 allowed_destination=zenoh.Locality.REMOTE,
             )
@@ -382,7 +382,7 @@ class Session:
                     Callback(hear, end, indirect=False),
                     payload=payload,
                     timeout=timeout_s,
-                    priority=_WORDS,  # of the answer, too
+                    priority=_OVERTAKING,  # of the answer, too
                     congestion_control=zenoh.CongestionControl.DROP,
                     allowed_destination=zenoh.Locality.REMOTE,
                     consolidation=zenoh.ConsolidationMode.NONE,

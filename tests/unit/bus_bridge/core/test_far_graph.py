@@ -10,7 +10,7 @@ from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.far_graph import FarGraph, Wrong
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules, TopicRule
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Kind
+from bus_bridge.engine import EndpointKind, FarBus, FarEndpoint, FarNode
 
 
 def far(namespace: str = "", bounds: Bounds | None = None, **rules: Any) -> FarGraph:
@@ -29,7 +29,7 @@ def said(wrong: Wrong | None) -> str:
     return "" if wrong is None else wrong.reason
 
 
-def endpoint(gid: int, key: str, topic: str = "/t", kind: Kind = "publisher") -> FarEndpoint:
+def endpoint(gid: int, key: str, topic: str = "/t", kind: EndpointKind = "publisher") -> FarEndpoint:
     gid_bytes = gid.to_bytes(16, "big")
     return FarEndpoint(kind, gid_bytes, key, topic, "std_msgs/msg/String", "h", QoSProfile(10))
 

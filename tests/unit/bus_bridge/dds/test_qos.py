@@ -6,8 +6,8 @@ from bus.errors import ConfigurationError
 from bus.qos import PRESETS, Durability, History, Liveliness, QoSProfile, Reliability
 from bus_bridge.dds.qos import (
     INFINITE,
-    Kind,
     Policies,
+    ReaderKind,
     kinds_for,
     of_publisher,
     of_subscription,
@@ -42,7 +42,7 @@ def test_what_a_publisher_offers(profile: QoSProfile, offered: Policies) -> None
 _BEST = QoSProfile(durability=Durability.BEST_AVAILABLE)
 _ECHO = QoSProfile(reliability=Reliability.BEST_EFFORT, durability=Durability.BEST_AVAILABLE)
 _PLAIN, _PLAIN_BE, _KEPT, _KEPT_BE = (
-    Kind(kept, reliable) for kept in (False, True) for reliable in (True, False)
+    ReaderKind(kept, reliable) for kept in (False, True) for reliable in (True, False)
 )
 
 
@@ -63,7 +63,9 @@ _PLAIN, _PLAIN_BE, _KEPT, _KEPT_BE = (
         (_ECHO, [_KEPT_BE, _KEPT], {_KEPT, _KEPT_BE}),
     ],
 )
-def test_which_readers_a_subscription_needs(profile: QoSProfile, far: list[Kind], kinds: set[Kind]) -> None:
+def test_which_readers_a_subscription_needs(
+    profile: QoSProfile, far: list[ReaderKind], kinds: set[ReaderKind]
+) -> None:
     assert kinds_for(profile, far) == kinds
 
 
@@ -83,7 +85,7 @@ def test_which_readers_a_subscription_needs(profile: QoSProfile, far: list[Kind]
         (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), _PLAIN, Policies(depth=1000, manual=True)),
     ],
 )
-def test_what_a_reader_requests(profile: QoSProfile, kind: Kind, requested: Policies) -> None:
+def test_what_a_reader_requests(profile: QoSProfile, kind: ReaderKind, requested: Policies) -> None:
     assert of_subscription(profile, 1000, kind) == requested
 
 

@@ -82,6 +82,8 @@ def test_routes_have_one_key_for_each_publisher() -> None:
     key = keys.data_key("/a/b", "p/msg/T", "RIHS01_ab", "ro/bot", GID)
     assert key == f"busd/2/data/a/b/p/msg/T/RIHS01_ab/ro%2Fbot/{GID.hex()}"
     assert keys.parse_importer(keys.kept_key("robot", GID, "lap/top")) == (GID, "lap/top")
-    assert keys.parse_importer(keys.word_key("robot", GID, "laptop")) == (GID, "laptop")
-    assert keys.parse_importer("busd/2/word/robot/xy/laptop") is None
+    assert keys.parse_importer(keys.ack_key("robot", GID, "laptop")) == (GID, "laptop")
+    for one, those in ((keys.kept_key, keys.kept_keys), (keys.ack_key, keys.ack_keys)):
+        assert one("robot", GID, "laptop").startswith(those("robot").removesuffix("*/*"))
+    assert keys.parse_importer("busd/2/ack/robot/xy/laptop") is None
     assert keys.parse_type(keys.type_key("robot", "p/msg/T", "RIHS01_ab")) == ("p/msg/T", "RIHS01_ab")
