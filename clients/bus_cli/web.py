@@ -1,6 +1,7 @@
 """`bus web`: a page with the graph, rates, values and plots; one small server, for Foxglove too."""
 
 import os
+import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import TYPE_CHECKING
 
@@ -88,14 +89,7 @@ def _tell(addresses: "Addresses", *, as_json: bool) -> None:
 
 
 def _origin(text: str) -> str:
-    from urllib.parse import urlsplit
-
-    parts = urlsplit(text)
-    if (
-        parts.scheme not in ("http", "https")
-        or not parts.netloc
-        or parts.path not in ("", "/")
-        or parts.query
-    ):
+    """For argparse."""
+    if not re.fullmatch(r"https?://([\w.-]+|\[[\da-f:]+\])(:\d{1,5})?/?", text, re.ASCII | re.IGNORECASE):
         raise ArgumentTypeError(f"{text!r} is no origin, such as https://studio.example.org")
     return text

@@ -94,8 +94,10 @@ def _checked_path(text: str) -> Path:
         path = Path(text).expanduser().absolute()
     except RuntimeError:
         raise ArgumentTypeError(f"unix:{text}: there is no such user") from None
+    if not str(path).isprintable():
+        raise ArgumentTypeError(f"unix:{text!r}: its path has characters that can not be printed")
     length = len(os.fsencode(path))
-    if "\0" in text or length > _MOST_PATH_BYTES:
+    if length > _MOST_PATH_BYTES:
         raise ArgumentTypeError(
             f"a unix socket's path has {_MOST_PATH_BYTES} bytes at most; this one has {length}"
         )

@@ -17,7 +17,7 @@ from rows import for_each
         ("[::1]:65535", Place("::1", 65535), "[::1]:65535"),
         ("127.3.2.1:80", Place("127.3.2.1", 80), "127.3.2.1:80"),
         ("unix:/run/x.sock", Place(path=Path("/run/x.sock")), "127.0.0.1:8765"),
-        ("unix:/run/\udcff", Place(path=Path("/run/\udcff")), "127.0.0.1:8765"),
+        ("unix:/run/\u00e9", Place(path=Path("/run/\u00e9")), "127.0.0.1:8765"),
     ],
 )
 def test_places(text: str, place: Place, authority: str) -> None:
@@ -41,7 +41,10 @@ def test_places(text: str, place: Place, authority: str) -> None:
         ("[::]:0", "is not loopback; .* ssh -NL 8765:127.0.0.1:8765 HOST"),
         ("unix:", "say unix:PATH"),
         ("unix:/" + "x" * 107, "107 bytes at most; this one has 108"),
-        ("unix:/a\0b", "107 bytes at most"),
+        ("unix:/a\0b", "can not be printed"),
+        ("unix:/a\nb", "can not be printed"),
+        ("unix:/a\x1b[31m", r"'/a\\x1b\[31m'"),
+        ("unix:/a\udcff", "can not be printed"),
         ("unix:~nobody-of-this-name/x", "unix:~nobody-of-this-name/x: there is no such user"),
     ],
 )
