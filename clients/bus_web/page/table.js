@@ -2,7 +2,7 @@
 
 import { SECONDS } from "./bus.js";
 import { Kept, element, setAttribute, setChildren, setText, svg } from "./dom.js";
-import { age, count, plural, rate, shortType, size } from "./format.js";
+import { age, count, rate, shortType, size } from "./format.js";
 
 const PAGE = 100;
 const WIDTH = 72, HEIGHT = 20;
@@ -130,10 +130,10 @@ export class Table {
   }
 }
 
-// In the words of `bus top`: the reason of most losses, and how many pairs do not match.
+// The reason of most losses, and whether pairs do not match; Lost and Lost/s say the rest.
 function why({ lost, lostPerS, why: reason, cut }) {
-  const loss = lost ? `${lostPerS ? "loses now" : "has lost"}: ${reason.replaceAll("_", " ")}` : "";
-  return [loss, cut ? `${plural(cut, "pair")} ${cut === 1 ? "does" : "do"} not match` : ""].filter(Boolean).join("; ");
+  const loss = lost ? `${lostPerS ? "now: " : ""}${reason.replaceAll("_", " ")}` : "";
+  return [loss, cut ? (cut === 1 ? "no match" : `${count(cut)} no match`) : ""].filter(Boolean).join("; ");
 }
 
 // From zero to a quarter above the most, so that a steady rate is a line and no block.
