@@ -37,8 +37,10 @@ class Window:
         self._lossless = lossless
         self._flying = _Flying()
         self._importers: dict[str, _Importer] = {}
-        self._span = self._threshold = _FIRST_SPAN
+        self._span = _FIRST_SPAN
         """Bytes that may be between the bridges."""
+        self._threshold = WINDOW_BYTES
+        """Up to this span it grows by all that arrives, as in TCP's slow start; beyond, step by step."""
         self._shrunk_at = 0
         self._unasked = 0
 
