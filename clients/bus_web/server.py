@@ -23,7 +23,7 @@ __all__ = ["Handler", "Server"]
 Handler = Callable[[ServerConnection], Awaitable[None]]
 """Speaks one subprotocol on a connection until that ends. Raises Mistake for what the client can't mean."""
 
-_MOST_CLIENTS = 64
+_MOST_CLIENTS = 16
 _MOST_FRAME_BYTES = 64 << 10
 """What a client may send in one frame; more, where it may publish."""
 _OPEN_S, _CLOSE_S, _PING_S = 5.0, 1.0, 20.0

@@ -259,6 +259,15 @@ class TestMistakes:
             with server.viewer() as other:
                 other.hear("hello")
 
+    def test_more_clients_than_there_can_be(self, daemon: Daemon) -> None:
+        with serving() as server, ExitStack() as clients:
+            for _ in range(16):
+                clients.enter_context(server.viewer()).hear("hello")
+            with server.viewer() as refused, pytest.raises(ConnectionClosed) as ended:
+                refused.hear("never")
+            assert ended.value.rcvd is not None
+            assert (ended.value.rcvd.code, ended.value.rcvd.reason) == (1008, "16 clients are here already")
+
     def test_topics_that_are_not_there_or_no_topics(self, daemon: Daemon) -> None:
         with serving() as server, server.viewer() as viewer:
             viewer.say("look", topics={"/nothing": [], "no topic": ["a.b"], "": []})
