@@ -356,10 +356,8 @@ def test_the_terminal_is_put_back(world: None, keys: str, code: int) -> None:
 def test_what_is_typed_and_is_no_text(world: None) -> None:
     with terminal("-d", "0.2") as shown:
         shown.read_until("chatter")
-        shown.write(b"\x1b[M \xff\xfe\xe9")
-        shown.read_until("chatter")
-        shown.write("n")
-        shown.read_until("NODE")
+        shown.write(b"\x1b[M \xff\xfe\xe9n")
+        shown.read_until(r"\[NODE\]")
         shown.write("q")
         shown.read_until(re.escape("\x1b[?1049l"))
         assert shown.wait() == 0

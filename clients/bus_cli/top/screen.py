@@ -3,8 +3,9 @@
 import asyncio
 import os
 from argparse import Namespace
+from codecs import getincrementaldecoder
 from collections.abc import Coroutine
-from contextlib import suppress
+from functools import partial
 from time import monotonic, monotonic_ns
 from typing import ClassVar
 
@@ -12,7 +13,7 @@ from textual import events
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
-from textual.drivers.linux_driver import LinuxDriver
+from textual.drivers import linux_driver
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
@@ -52,6 +53,10 @@ docs/look.md has what the columns mean. Any key closes this."""
 _KEYS = "s sort  r reverse  / filter  h hidden  n nodes  Enter values  space pause  ? help  q quit"
 
 
+# textual's thread that reads keys would end at what is no UTF-8, as of a mouse in the old way.
+vars(linux_driver)["getincrementaldecoder"] = lambda name: partial(getincrementaldecoder(name), "replace")
+
+
 def run(args: Namespace) -> int:
     """Until `q`. Raises KeyboardInterrupt at Ctrl-C, CommandError or BusError where the bus is lost."""
     return run_stream(_run(args))
@@ -81,15 +86,6 @@ class Help(ModalScreen[None]):
 
     def on_click(self) -> None:
         self.dismiss()
-
-
-class _Driver(LinuxDriver):
-    """Keys from a terminal. What is no UTF-8, as of a mouse in the old way, is none, and no end either."""
-
-    def run_input_thread(self) -> None:
-        while not self.exit_event.is_set():
-            with suppress(UnicodeDecodeError):
-                super().run_input_thread()
 
 
 class Top(App[None]):
@@ -124,7 +120,7 @@ class Top(App[None]):
     ]
 
     def __init__(self, node: Node, delay_s: float, state: State) -> None:
-        super().__init__(driver_class=_Driver, ansi_color=True)
+        super().__init__(ansi_color=True)
         self.failure: BaseException | None = None
         self._node = node
         self._delay_s = delay_s
