@@ -151,12 +151,15 @@ def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
 
 
 @pytest.fixture(autouse=True)
-def no_signals_blocked() -> Iterator[None]:
-    """What a test blocks, the programs of all later tests would not hear."""
+def signals_as_before() -> Iterator[None]:
+    """What a test blocks, the programs of all later tests would not hear; what it has end a process, a later
+    test would end this one by."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     after = signal.pthread_sigmask(signal.SIG_SETMASK, before)
     assert after == before
+    assert {number: signal.signal(number, handler) for number, handler in handlers.items()} == handlers
 
 
 @pytest.fixture(autouse=True)

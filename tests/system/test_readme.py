@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import tomllib
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -286,6 +285,6 @@ def test_what_is_typed_exists(tmp_path: Path) -> None:
 def test_the_programs_that_pip_installs_are_there() -> None:
     scripts = PROJECT["scripts"]
     assert set(scripts) == {"busd", "bus"}
-    for place in scripts.values():
+    for place in scripts.values():  # not imported here: the program `bus` begins with how a Ctrl-C ends it
         module, _, function = place.partition(":")
-        assert callable(getattr(import_module(module), function))
+        subprocess.run([sys.executable, "-c", f"from {module} import {function}"], check=True)
