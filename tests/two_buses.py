@@ -15,7 +15,7 @@ __all__ = ["bridge", "script_on", "wait_for_graph_of"]
 
 @contextmanager
 def bridge(path: Path, *words: str) -> Iterator[Running]:
-    """`bus bridge` on the bus at `path`, which has said that it is ready."""
+    """`bus bridge` on the bus at `path`. It has said what that bus is called, and may not listen yet."""
     with start("bridge", *words, "--socket", str(path)) as running:
         running.error_line_with("this bus is ")
         yield running

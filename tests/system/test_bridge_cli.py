@@ -197,7 +197,8 @@ class TestMistakes:
     @needs_zenoh
     def test_a_port_in_use(self, daemon: Daemon, far: Daemon) -> None:
         place = f"tcp/127.0.0.1:{free_port()}"
-        with bridge(daemon.path, "zenoh", "--listen", place):
+        with bridge(daemon.path, "zenoh", "--listen", place) as first:
+            first.error_line_with("listening on")
             result = bus("bridge", "zenoh", "--listen", place, "--socket", str(far.path))
         assert result.err.endswith(f"\ncan't listen on {place}: address already in use\n")
         assert result.code == 1 and "Traceback" not in result.err
