@@ -71,10 +71,6 @@ class ZenohWriter:
     def lost(self) -> dict[str, int]:
         return self._lost
 
-    @property
-    def interests(self) -> frozenset[Interest]:
-        return self._interests
-
     def write(self, samples: Sequence[Sample]) -> int:
         """As `Writer.write`. What a best effort publisher sends beyond the link's speed is lost here."""
         gone = len(samples)
