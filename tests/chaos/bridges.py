@@ -24,11 +24,11 @@ from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import bus
 import netns
-from bridged_world import Stream, World
+from bridged_world import Bridge, Stream, World
 from bus.runner import loop_factory
 from conftest import WAIT_S
 
@@ -101,7 +101,9 @@ class Storms:
 
     async def round(self, deeds: list[Deed]) -> None:
         """Do them, and see what holds. Raises Broken."""
-        before = self._counted() if not any(deed.kills for deed in deeds) else None
+        before = None if any(deed.kills for deed in deeds) else await self._counted()
+        # What is heard after this was said after the count, so no loss is in the count and missing as well.
+        await asyncio.gather(*(self._flows(stream) for stream in self._streams.values()))
         marks = {name: len(stream.heard) for name, stream in self._streams.items()}
         pending = []
         for deed in deeds:
@@ -133,20 +135,34 @@ class Storms:
     async def _accounts(self, name: str, missing: int, before: int) -> None:
         """What is missing was counted. What the bridges tell in the graph is some tenths of a second old."""
         end = time.monotonic() + _BACK_S
-        while (counted := self._counted()[name] - before) < missing:
+        while (counted := (await self._counted())[name] - before) < missing:
             if time.monotonic() > end:
                 raise Broken(f"{name}: {missing} are missing, {counted} are counted")
             await asyncio.sleep(0.1)
 
-    def _counted(self) -> dict[str, int]:
+    async def _counted(self) -> dict[str, int]:
         """For each stream what was counted as dropped or lost."""
-        routes = [route for bridge in self._world.bridges for route in bridge.status()["routes"]]
+        # Not by the loop, which has to take what comes meanwhile.
+        told = await asyncio.gather(*(asyncio.to_thread(self._status, one) for one in self._world.bridges))
+        routes = [route for status in told for route in status["routes"]]
         found = {}
         for name, stream in self._streams.items():
             here = sum(stream.subscription.statistics().dropped.values())
             there = sum(sum(one["dropped"].values()) for one in routes if one["topic"] == stream.topic)
             found[name] = here + there
         return found
+
+    def _status(self, bridge: Bridge) -> dict[str, Any]:
+        """What it says of itself, as soon as it is on its bus again."""
+        end = time.monotonic() + _BACK_S
+        while True:
+            try:
+                return bridge.status()
+            except AssertionError as error:
+                if time.monotonic() > end:
+                    raise Broken(
+                        f"{bridge.node} of {bridge.side.name} does not say how it is: {error}"
+                    ) from None
 
     async def _flows(self, stream: Stream) -> float:
         try:
