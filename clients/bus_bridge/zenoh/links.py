@@ -59,7 +59,7 @@ class Links:
             if reason:
                 self._answered.discard(address.text)
             elif address.text not in self._answered:
-                self._answered.add(address.text)  # zenoh tries again within two seconds
+                self._answered.add(address.text)  # zenoh tries again within a second
             elif not self._is_joined(address, links):
                 who = "router of zenoh" if self._options.router else "bridge of busd"
                 reason = f"somebody listens there, but no {who} that takes this one"

@@ -30,7 +30,8 @@ __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 _T = TypeVar("_T")
 
 _LEASE_MS = 10_000
-_RETRY = {"period_init_ms": 500, "period_max_ms": 2000, "period_increase_factor": 2}
+_RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
+_OPEN_MS = 4000  # then begin anew: TCP asks less and less often, and the cable may be back meanwhile
 _QUEUE_BATCHES = 16  # of 64 KiB, for each priority of each link: the most that zenoh has
 _WAIT_BEFORE_DROP_US = 1000
 _MAX_MESSAGE_BYTES = 4 << 20  # larger ones of busd's come in parts, and descriptions of types are smaller
@@ -499,6 +500,7 @@ def _config(options: ZenohOptions, zenoh_id: str) -> Any:
         "connect/retry": _RETRY,
         "timestamping/enabled": False,
         "transport/shared_memory/enabled": False,
+        "transport/unicast/open_timeout": _OPEN_MS,
         "transport/link/tx/lease": _LEASE_MS,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAIT_BEFORE_DROP_US,
         "transport/link/rx/max_message_size": _MAX_MESSAGE_BYTES,
