@@ -108,6 +108,8 @@ class Peer(Holder):
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     types: dict[MessageType, int] = field(default_factory=dict)
     """Declared types with the size of their schemas."""
+    refused_types: dict[MessageType, str] = field(default_factory=dict)
+    """Declared types that busd has not taken, and why."""
     lapsed: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
     is_silent: bool = False

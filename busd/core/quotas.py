@@ -191,7 +191,7 @@ class Quotas:
         """Raise QuotaExceeded where there is no room for another type."""
         limits = self.limits
         _check(
-            ("types", peer, len(peer.types), 1, limits.endpoints_per_peer),
+            ("types", peer, len(peer.types) + len(peer.refused_types), 1, limits.endpoints_per_peer),
             ("bytes of types", peer, peer.schema_bytes, 1, limits.control_bytes_per_peer),
             ("bytes of types", peer.user, peer.user.schema_bytes, 1, limits.control_bytes_per_user),
         )

@@ -76,9 +76,6 @@ class Registry:
         self._absentees = absentees
 
     def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
-        size, most = len(message.schema), self._quotas.limits.schema_bytes
-        if size > most:
-            raise RemoteProtocolError(f"schema of {size} bytes, the limit is {most}")
         for text in (message.type_name, message.type_hash):
             if not 0 < len(text) <= _MAX_TYPE_NAME:
                 raise RemoteProtocolError(
@@ -89,7 +86,15 @@ class Registry:
         kind = (message.type_name, message.type_hash)
         if kind in peer.types:
             return
+        peer.refused_types.pop(kind, None)
         self._quotas.check_type(peer)
+        size, most = len(message.schema), self._quotas.limits.schema_bytes
+        if size > most:  # said to who makes an endpoint of it: nobody waits for an answer to this message
+            peer.refused_types[kind] = (
+                f"the schema of {message.type_name} has {size} bytes, the limit is {most}; "
+                "in busd.toml it is schema_bytes of [limits]"
+            )
+            return
         self._graph.add_type(peer, kind, message.schema, is_free=self._access_guard.access.is_free(peer.uid))
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
@@ -319,6 +324,8 @@ class Registry:
         self._quotas.check_endpoint(now_ns, peer, topic.name, self._graph.topics, matches)
         kind = (message.type_name, message.type_hash)
         if kind not in peer.types:
+            if reason := peer.refused_types.get(kind):
+                raise ConfigurationError(reason)
             self._quotas.check_type(peer)  # then it was declared, and there was no room for it
             raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
         if message.qos.durability is Durability.BEST_AVAILABLE:

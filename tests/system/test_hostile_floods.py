@@ -178,8 +178,12 @@ class TestOneThatWantsTooMuch:
 
     def test_a_schema_too_large(self, peer: RawPeer) -> None:
         schema = msgspec.msgpack.encode(bytes(300_000))
-        peer.hello().send(m.DeclareType("big/msg/T", "hash", schema))
-        assert peer.fault().startswith("schema of 300005 bytes, the limit is 262144")
+        node = peer.hello().node()
+        for _ in range(20):
+            peer.send(m.DeclareType("big/msg/T", "hash", schema))
+        answer = peer.publisher(node, "/t", type_name="big/msg/T", type_hash="hash")
+        assert answer.text.startswith("the schema of big/msg/T has 300005 bytes, the limit is 262144; ")
+        assert isinstance(peer.publisher(node, "/t"), m.Created)
 
     @with_limits(history_bytes_per_peer=4 * MiB, message_bytes=MiB)
     def test_history(self, peer: RawPeer, other: RawPeer) -> None:

@@ -1,5 +1,6 @@
 """Each limit of a process and of a user, reached on purpose: who does is told, and nobody else notices."""
 
+import asyncio
 import contextlib
 import os
 import signal
@@ -10,6 +11,7 @@ from pathlib import Path
 from statistics import median
 
 import pytest
+from msgspec import defstruct
 
 import bus
 from bus.qos import History, QoSProfile
@@ -248,6 +250,30 @@ def test_schemas_of_a_user(daemon: Daemon) -> None:
             refused.add(peer.publisher(node, "/t", type_name=name, type_hash="hash").resource)
         assert refused == {"bytes of types of a process", f"bytes of types of user {UID}"}
         assert resident_bytes(daemon.pid) - before < 16 * MiB
+
+
+@with_limits(schema_bytes=KiB)
+async def test_a_schema_that_is_too_long(daemon: Daemon, tmp_path: Path) -> None:
+    """Refused to who makes an endpoint of it, who keeps all else, and gets it where the limit is raised."""
+    small, large, huge = (defstruct("Wide", [(f"a{at}", int) for at in range(n)]) for n in (3, 200, 40_000))
+    refusal = (
+        r"the schema of local/msg/Wide has \d+ bytes, the limit is 1024; in busd.toml it is schema_bytes"
+    )
+    async with bus.Node("wide", arguments=[]) as node:
+        publisher = await node.create_publisher(small, "/small", 10)
+        subscription = await node.create_subscription(small, "/small", 10)
+        for make in (node.create_publisher, node.create_subscription):
+            with pytest.raises(bus.ConfigurationError, match=refusal):
+                await make(large, "/large", 10)
+            with pytest.raises(bus.ConfigurationError, match="more than the 1048576 that go to busd in one"):
+                await make(huge, "/huge", 10)
+        (tmp_path / "busd.toml").write_text(f"[limits]\nschema_bytes = {64 * KiB}\n")
+        os.kill(daemon.pid, signal.SIGHUP)
+        await asyncio.to_thread(wait_until, lambda: "reloaded" in daemon.log.read_text())
+        await node.create_publisher(large, "/large", 10)
+        publisher.publish(small(1, 2, 3))
+        assert (await subscription.receive())[0] == small(1, 2, 3)
+    assert "cut off" not in daemon.log.read_text()
 
 
 def test_what_everybody_holds(daemon: Daemon, other: RawPeer) -> None:

@@ -29,6 +29,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from foxglove_client import OLDER, SDK, looking
+from neighbours import with_limits
 from vendoring import FOXGLOVE
 from web_clients import CAMERA, Serving, Silent, own_bytes, serving
 
@@ -372,6 +373,19 @@ class TestMistakes:
             told = client.hear("status")
             assert "(and 24999 more)" in told["message"] or "(and 24998 more)" in told["message"]
             assert client.message()[0] == 1
+
+    @with_limits(schema_bytes=1024)
+    def test_a_type_that_is_too_long_for_busd(self, daemon: Daemon) -> None:
+        """It is told, and everybody's messages come as before."""
+        long = {"id": 1, "topic": "/long", "encoding": "cdr", "schemaName": "no/msg/Long"}
+        long["schema"] = "\n".join(f"int8 a{field}" for field in range(100))
+        with script(TALKER, "0.01"), serving("--allow-publish") as server, looking(server) as client:
+            client.subscribe({1: "/topic"})
+            client.say("advertise", channels=[long])
+            text = client.hear("status")["message"]
+            assert text.startswith("channel 1 (/long): the schema of no/msg/Long has ")
+            assert client.message()[0] == 1
+        assert "cut off" not in daemon.log.read_text()
 
     def test_files_and_services(self, daemon: Daemon) -> None:
         with serving() as server, looking(server) as client:

@@ -340,10 +340,11 @@ class Process:
     def subscription(self, topic: str, qos: QoSProfile | None = None, **more: Any) -> "Subscription":
         return self._own_node().subscription(topic, qos, **more)
 
-    def declare_type(self, kind: tuple[str, str]) -> None:
-        if kind not in self._types:
+    def declare_type(self, kind: tuple[str, str], schema: bytes = b"") -> None:
+        """Once; with a schema each time."""
+        if schema or kind not in self._types:
             self._types.add(kind)
-            self.tell(m.DeclareType(type_name=kind[0], type_hash=kind[1]))
+            self.tell(m.DeclareType(type_name=kind[0], type_hash=kind[1], schema=schema or b"\xc0"))
 
     def graph(self, *, statistics: bool = False) -> m.GraphSnapshot:
         return self.request(m.GetGraph(request=0, statistics=statistics), m.GraphSnapshot)

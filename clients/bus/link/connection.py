@@ -19,6 +19,7 @@ from bus.base.version import RELEASE
 from bus.errors import (
     BrokerUnavailable,
     BusError,
+    ConfigurationError,
     ConnectionClosed,
     RemoteProtocolError,
 )
@@ -31,7 +32,14 @@ from bus.transport.stream import Stream
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
-from bus.wire.layout import LEAVING, NAMESAKES, PROTOCOL_VERSION, SILENCE
+from bus.wire.layout import (
+    FRAME_HEAD_BYTES,
+    LEAVING,
+    MAX_CONTROL_BYTES,
+    NAMESAKES,
+    PROTOCOL_VERSION,
+    SILENCE,
+)
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Buffer
 from bus.wire.session import Role, Session
@@ -235,12 +243,25 @@ class Connection:
             self._watch_in(min(due_s))
 
     def declare_type(self, support: TypeSupport[Any]) -> None:
-        """Make a message type known, once for each connection."""
-        if (support.name, support.hash) not in self._types:
-            self._types.add((support.name, support.hash))
-            self.send(
-                m.DeclareType(type_name=support.name, type_hash=support.hash, schema=support.description)
+        """Make a message type known, once for each connection.
+
+        Raises ConfigurationError where its schema is longer than any busd would read.
+        """
+        if (support.name, support.hash) in self._types:
+            return
+        schema = support.description
+        frame = m.encode_frame(m.DeclareType(type_name=support.name, type_hash=support.hash, schema=schema))
+        if len(frame) - FRAME_HEAD_BYTES > MAX_CONTROL_BYTES:
+            raise ConfigurationError(
+                f"the schema of {support.name} has {len(schema)} bytes, "
+                f"more than the {MAX_CONTROL_BYTES} that go to busd in one message"
             )
+        self._types.add((support.name, support.hash))
+        self.send(frame)
+
+    def forget_type(self, support: TypeSupport[Any]) -> None:
+        """Perhaps busd has not taken it: say it again with the next endpoint."""
+        self._types.discard((support.name, support.hash))
 
     def resolve(self, message: Any) -> bool:
         """Handle what concerns the connection itself; returns whether it did.

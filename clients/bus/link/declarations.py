@@ -179,14 +179,11 @@ class Declarations:
         self._check(node)
         connection.share()
         connection.declare_type(endpoint._support)
-        await self._declare(
-            connection,
-            endpoint,
-            node._id,
-            admit,
-            undo,
-            endpoint._shared,
-        )
+        try:
+            await self._declare(connection, endpoint, node._id, admit, undo, endpoint._shared)
+        except (ConfigurationError, QuotaExceeded):
+            connection.forget_type(endpoint._support)  # it may be what was refused
+            raise
         self._check(node)
 
     async def declare_again(self, connection: Connection) -> None:

@@ -18,8 +18,8 @@ from bus_web.hub import Hub
 __all__ = ["Publishing"]
 
 _MOST_CHANNELS = 256
-_MOST_SCHEMA = 256 << 10
-"""Bytes of a type's description: busd cuts off whoever has a longer one."""
+_MOST_DEFINITION = 256 << 10
+"""Characters of a type's definition: to read a long one holds up everybody else."""
 _DEPTH = 10
 
 
@@ -98,12 +98,8 @@ class Publishing:
         except ConfigurationError:
             if not one.schema or one.schema_encoding not in (None, "ros2msg"):
                 raise
-            _check_size(len(one.schema))  # before it is read
-            schema = schema_of_definition(name, one.schema)
-            _check_size(len(schema.encoded))
-            return schema
-
-
-def _check_size(size: int) -> None:
-    if size > _MOST_SCHEMA:
-        raise ConfigurationError(f"its definition has {size} bytes; {_MOST_SCHEMA} are the most")
+            if (size := len(one.schema)) > _MOST_DEFINITION:
+                raise ConfigurationError(
+                    f"its definition has {size} characters; {_MOST_DEFINITION} are the most"
+                ) from None
+            return schema_of_definition(name, one.schema)

@@ -3,10 +3,11 @@
 import msgspec
 import pytest
 
-from broker_world import ALL_MAY, NUMBER, TEXT, Process, World, refused
+from broker_world import ALL_MAY, NUMBER, TEXT, UID, Process, World, refused
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import NAMESAKES
+from busd.core.access import Access
 from busd.core.limits import Limits, TopicRule
 from rows import for_each
 
@@ -197,8 +198,33 @@ class TestTypes:
         process.tell(m.DeclareType(type_name="a", type_hash="1", schema=(b"\xd9\xff" + b"x" * 255)))
         assert process.cut_reason is None
         long = msgspec.msgpack.encode("x" * ONE_KIB)
-        process.tell(m.DeclareType(type_name="b", type_hash="1", schema=long))
-        assert process.cut_reason == "schema of 1027 bytes, the limit is 1024"
+        process.declare_type(("b", "1"), long)
+        for make in (process.publisher, process.subscription):
+            answer = refused(make, "/t", kind=("b", "1"))
+            text = "the schema of b has 1027 bytes, the limit is 1024; in busd.toml it is schema_bytes"
+            assert answer.text.startswith(text)
+            assert (answer.resource, answer.again) == ("", False)
+        process.publisher("/t", kind=("a", "1"))
+        assert process.cut_reason is None
+
+    def test_schemas_that_are_too_long_count_as_types(self) -> None:
+        process = World(Limits(schema_bytes=ONE_KIB, endpoints_per_peer=2)).process()
+        for name in "abcdef":
+            process.declare_type((name, "1"), bytes(ONE_KIB + 1))
+        assert refused(process.publisher, "/t", kind=("b", "1")).text.startswith("the schema of b has 1025 ")
+        answer = refused(process.publisher, "/t", kind=("f", "1"))
+        assert (answer.resource, answer.used, answer.limit) == ("types of a process", 2, 2)
+
+    def test_a_schema_that_a_larger_limit_lets_in(self) -> None:
+        world = World(Limits(schema_bytes=ONE_KIB, endpoints_per_peer=1))
+        process, kind = world.process(), ("a", "1")
+        process.declare_type(kind, bytes(ONE_KIB + 1))
+        limits = Limits(schema_bytes=2 * ONE_KIB, endpoints_per_peer=1)
+        world.broker.reconfigure(world.now_ns, limits, (), Access(UID))
+        text = refused(process.publisher, "/t", kind=kind).text
+        assert text.startswith("the schema of a has 1025 bytes, the limit is 1024; ")
+        process.declare_type(kind, bytes(ONE_KIB + 1))
+        process.publisher("/t", kind=kind)
 
     @for_each("text", ["a\nb", "\x1b[2J", "a\u202eb", "a\x00"])
     @for_each("field", ["type_name", "type_hash"])
