@@ -130,6 +130,7 @@ class Subscription(Endpoint[M]):
         self._left_broker = link.broker
         self._ack_bytes = self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
+        self._held_back: frozenset[bytes] = frozenset()
         self._arrivals = link.waiters()
         self._on_arrival: Callable[[], object] | None = None
         self._on_end: Callable[[BusError], object] | None = None
@@ -210,6 +211,27 @@ class Subscription(Endpoint[M]):
         if self._dispatcher is not None:
             raise ConfigurationError("a subscription that delivers to a callback announces no arrivals")
         self._on_arrival = callback
+
+    def hold_back(self, publisher_gid: bytes) -> None:
+        """Give one publisher no more room, until `release`: if it is lossless, it waits, and others go on.
+
+        For bridges, where the way of one may be stuck. By shared memory nothing more of it is taken. By
+        socket what it has had room for still comes, and it hears no more that something was taken.
+        """
+        self._held_back |= {publisher_gid}
+        if self._rings is not None:
+            self._rings.hold(publisher_gid, is_on=True)
+
+    def release(self, publisher_gid: bytes) -> None:
+        """End what `hold_back` has begun."""
+        if publisher_gid not in self._held_back or self._refusal is not None:
+            return
+        self._held_back -= {publisher_gid}
+        if self._rings is None or not self._rings.hold(publisher_gid, is_on=False):
+            for proxy in self._receiver.tracker.values():
+                if proxy.shown_gid == publisher_gid and proxy.taken_seq > proxy.acked_seq:
+                    self._acknowledge(proxy)
+        self._link.soon(self._wake)
 
     async def receive(self) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.
@@ -329,6 +351,8 @@ class Subscription(Endpoint[M]):
                 super()._handle(message)
                 if rings is not None and message.route == "shm":
                     rings.attach(proxy, message, descriptors, received_seq)
+                    if proxy.shown_gid in self._held_back:
+                        rings.hold(proxy.shown_gid, is_on=True)
                 self._tell_liveliness(1, 0)
             case m.Unmatched(other=other, last_seq=last_seq):
                 super()._handle(message)
@@ -463,6 +487,8 @@ class Subscription(Endpoint[M]):
     def _acknowledge(self, proxy: PublisherProxy) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""
         samples = proxy.taken_seq - proxy.acked_seq
+        if proxy.shown_gid in self._held_back:
+            return
         if proxy.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
             self._send_ack(proxy)
         elif self._ack_timer is None:
@@ -471,7 +497,7 @@ class Subscription(Endpoint[M]):
     def _acknowledge_all(self) -> None:
         self._ack_timer = None
         for proxy in self._receiver.tracker.values():
-            if proxy.taken_seq > proxy.acked_seq:
+            if proxy.taken_seq > proxy.acked_seq and proxy.shown_gid not in self._held_back:
                 self._send_ack(proxy)
 
     def _send_ack(self, proxy: PublisherProxy) -> None:

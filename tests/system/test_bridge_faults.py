@@ -272,6 +272,43 @@ async def test_a_lossless_publisher_that_is_stuck_does_not_hold_up_another_of_it
         assert await received(subscription, 5) == [*range(5)]
 
 
+async def test_a_lossless_publisher_that_has_filled_its_route_holds_up_no_other_of_its_topic(
+    world: Made, route: str
+) -> None:
+    """It waits itself, with no more in the bridge than that has room for, and a window on its way there."""
+    async with world() as made:
+        left, right, one, _ = await made.pair()
+        talker, listener = await left.node("talker"), await right.node("listener")
+        lossless = bus.QoSProfile(history="keep_all")
+        stuck, other = [await talker.create_publisher(String, "texts", lossless) for _ in range(2)]
+        subscription = await listener.create_subscription(String, "texts", lossless)
+        await stuck.wait_for_subscriptions()
+        await until(lambda: sum(way.is_flowing for way in one.bridge.status().routes) == 2)
+        readers = one.engine.writers[stuck.gid].readers
+        (reader,) = readers
+        readers[reader] = WINDOW_BYTES
+        text = "x" * 10_000
+
+        async def flood() -> None:
+            for number in range(2000):
+                await stuck.send(String(data=f"{number} {text}"))
+
+        flooding = asyncio.create_task(flood())
+        (export,) = [export for _, export in one.bridge._exports if export.gid == stuck.gid]
+        await until(lambda: export.is_full)
+        for number in range(300):  # more than a window
+            await other.send(String(data=f"{number} {text}"))
+            (heard,) = await received(subscription, 1)
+            assert heard == f"{number} {text}"
+        assert not flooding.done()
+        assert export.waiting < 700
+        readers[reader] = 0
+        one.engine.writers[stuck.gid].on_change()
+        assert await received(subscription, 2000) == [f"{number} {text}" for number in range(2000)]
+        await flooding
+        assert not any(way.dropped for way in one.bridge.status().routes)
+
+
 async def test_a_lossless_publisher_that_the_far_side_never_reads_goes_on_after_a_while(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -154,8 +154,16 @@ class Receiver(Generic[M]):
         """Bring what waits in the rings into the queue, in its order; not what comes meanwhile."""
         if self.reader is None:
             return
-        left = self.reader.waiting()
-        while left > 0 and (batch := self.reader.take(min(left, _MOST_AT_ONCE), bytes)):
+        self.reader.takes_held = True  # what stays in a ring that is left would be lost
+        try:
+            self._drain(self.reader)
+        finally:
+            self.reader.takes_held = False
+        self.trim()
+
+    def _drain(self, reader: "shm.native.Reader[PublisherProxy]") -> None:
+        left = reader.waiting()
+        while left > 0 and (batch := reader.take(min(left, _MOST_AT_ONCE), bytes)):
             left -= len(batch)
             for payload, stamp_ns, seq, proxy, received_ns in batch:
                 if stamp_ns < 0:
@@ -166,7 +174,6 @@ class Receiver(Generic[M]):
                 self._queue.append(run)
                 self._samples -= 1  # until they are taken
                 self._bytes -= len(payload)
-        self.trim()
 
     def set_depth(self, depth: int) -> None:
         self._queue.set_depth(depth)

@@ -260,6 +260,8 @@ class Reader(Generic[S]):
     is_report_due: bool
     """May be set to False: the counters were reported, and change once more. Code that reports the change
     sets it."""
+    takes_held: bool
+    """Whether what is held is taken all the same. May be set."""
     expected: int
     """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
 
@@ -295,6 +297,11 @@ class Reader(Generic[S]):
         """Its publisher has gone: what is there may still be taken, then the ring is left (`pop_left`)."""
     def detach(self, source: S) -> None:
         """Leave a ring at once. Nothing happens where it is not attached."""
+    def hold(self, source: S, is_on: bool, /) -> None:
+        """Whether what `source` publishes stays in its ring for now: that fills, and a lossless one waits.
+
+        Nothing happens where it is not attached.
+        """
     def next_seq(self, source: S) -> int:
         """The number that is taken next; 0 where it is not attached."""
     def prepare(

@@ -169,6 +169,7 @@ struct feed {
     struct ring_reader ring;
     struct ring_record head; /* where has_head: the record ring.next, its bytes not yet validated */
     bool has_head;
+    bool is_held;            /* what waits stays where it is: see Reader.hold() */
     uint32_t ticket;         /* not yet admitted: copies, does not pin. 0: admitted */
     PyObject *source;
     Mapping *memory;
@@ -209,6 +210,7 @@ struct Reader {
     uint64_t depth, finishings;
     uint64_t bound; /* on what may wait: the depth, and the history of late joins until nothing waits; 0: none */
     bool tells_cursor;
+    char takes_held;           /* what is held is taken all the same */
     uint64_t samples, bytes, expired, undecodable;
     struct ages ages;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all that they have stepped over */
@@ -365,7 +367,13 @@ static inline uint64_t writer_next_stamp(Writer *self, uint64_t stamp_ns)
 
 /* Looks at all rings, leaves those that are done with, and passes over what is beyond the depth. */
 int reader_poll(Reader *self);
-/* The feed whose next record is the oldest of all. NULL: nothing waits, or an error is set. */
+/* Whether nothing is to be taken of the feed for now. */
+static inline bool reader_holds(const Reader *self, const struct feed *feed)
+{
+    return feed->is_held && !self->takes_held;
+}
+
+/* The feed whose next record is the oldest of all that are not held. NULL: nothing waits, or an error is set. */
 struct feed *reader_oldest(Reader *self);
 /* Samples were taken or passed over. */
 void reader_show(Reader *self);

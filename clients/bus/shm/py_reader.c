@@ -298,6 +298,21 @@ static PyObject *reader_detach(PyObject *object, PyObject *source)
     Py_RETURN_NONE;
 }
 
+static PyObject *reader_hold(PyObject *object, PyObject *args)
+{
+    Reader *self = (Reader *)object;
+    PyObject *source;
+    int is_on;
+    if (!PyArg_ParseTuple(args, "Op", &source, &is_on))
+        return NULL;
+    struct feed *feed = find(self, source);
+    if (feed != NULL)
+        feed->is_held = is_on;
+    if (PyErr_Occurred())
+        return NULL;
+    Py_RETURN_NONE;
+}
+
 static PyObject *reader_next_seq(PyObject *object, PyObject *source)
 {
     const struct feed *feed = find((Reader *)object, source);
@@ -415,6 +430,7 @@ static PyMethodDef methods[] = {
     {"extend", (PyCFunction)(void (*)(void))reader_extend, KEYWORDS, NULL},
     {"finish", reader_finish, METH_O, NULL},
     {"detach", reader_detach, METH_O, NULL},
+    {"hold", reader_hold, METH_VARARGS, NULL},
     {"next_seq", reader_next_seq, METH_O, NULL},
     {"waiting", reader_waiting, METH_NOARGS, NULL},
     {"prepare", (PyCFunction)(void (*)(void))reader_prepare, KEYWORDS, NULL},
@@ -436,6 +452,7 @@ static PyMemberDef members[] = {
     {"undecodable", T_ULONGLONG, offsetof(Reader, undecodable), READONLY, NULL},
     {"is_busy", T_BOOL, offsetof(Reader, is_busy), 0, NULL},
     {"is_report_due", T_BOOL, offsetof(Reader, is_report_due), 0, NULL},
+    {"takes_held", T_BOOL, offsetof(Reader, takes_held), 0, NULL},
     {0},
 };
 

@@ -19,7 +19,7 @@ struct feed *reader_oldest(Reader *self)
     struct feed *oldest = NULL;
     for (size_t i = 0; i < self->count; i++) {
         struct feed *feed = self->feeds[i];
-        if (feed->waiting == 0)
+        if (feed->waiting == 0 || reader_holds(self, feed))
             continue;
         const enum ring_status status = feed_look(feed, self->bound);
         if (status == RING_CORRUPT) {
@@ -284,7 +284,7 @@ static bool has_lost(Reader *self)
 bool reader_has_more(const Reader *self)
 {
     for (size_t i = 0; i < self->count; i++)
-        if (feed_newest(self->feeds[i]) >= self->feeds[i]->ring.next)
+        if (feed_newest(self->feeds[i]) >= self->feeds[i]->ring.next && !reader_holds(self, self->feeds[i]))
             return true;
     return false;
 }

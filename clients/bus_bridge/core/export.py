@@ -16,8 +16,10 @@ from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED,
 __all__ = ["PATIENCE_S", "Export"]
 
 _MOST_BYTES = 64 << 20
+_MOST_LOSSLESS_BYTES = 256 << 20
+"""As a subscription: all that a lossless publisher had room for before it waited."""
 _LOSSLESS_BYTES = 1 << 20
-"""So much of a lossless publisher waits here before that waits itself: it holds up others then."""
+"""So much of a lossless publisher waits here before that waits itself."""
 PATIENCE_S = 30.0
 """So long a lossless publisher waits for a way that its match on the far side makes us expect."""
 _AT_ONCE = 256
@@ -35,7 +37,7 @@ class Export:
         gid: bytes,
         depth: int,
         is_matched: Callable[[bytes], bool],
-        on_free: Callable[[], object],
+        on_free: Callable[[bytes], object],
         *,
         is_lossless: bool = False,
     ) -> None:
@@ -49,7 +51,7 @@ class Export:
         self._is_lossless = is_lossless
         self._is_matched = is_matched
         self._on_free = on_free
-        self._waiting = Waiting(_MOST_BYTES)
+        self._waiting = Waiting(_MOST_LOSSLESS_BYTES if is_lossless else _MOST_BYTES)
         self._last = 0
         self._waits_since_s: float | None = None
         self._is_given_up = False
@@ -59,6 +61,7 @@ class Export:
         """The publisher is shown to the far side."""
         self.writer = writer
         self._is_lossless = qos.is_lossless
+        self._waiting.max_bytes = _MOST_LOSSLESS_BYTES if qos.is_lossless else _MOST_BYTES
         self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth
         self._limit = None if rule.max_rate_hz is None else RateLimit(rule.max_rate_hz)
         self.flush()
@@ -134,7 +137,7 @@ class Export:
         if waiting and writer is not None and not writer.is_wanted and not self._is_matched(self.gid):
             self.account.drop(NOT_WANTED, waiting.clear())
         if was_full and not self.is_full:
-            self._on_free()
+            self._on_free(self.gid)
 
     def has_waited_in_vain(self, now_s: float) -> bool:
         """To be asked from time to time: whether its publisher is held up for a far side that does not read
@@ -149,7 +152,7 @@ class Export:
             return False
         self._is_given_up, self._waits_since_s = True, None
         self.account.drop(NOT_WANTED, self._waiting.clear())
-        self._on_free()
+        self._on_free(self.gid)
         return True
 
     def close(self) -> None:
@@ -158,7 +161,7 @@ class Export:
         writer, self.writer = self.writer, None
         if writer is not None:
             writer.close()
-        self._on_free()
+        self._on_free(self.gid)
 
     def _wait(self, samples: Sequence[Sample]) -> None:
         writer, depth = self.writer, self._depth

@@ -80,8 +80,10 @@ class TopicExports:
         self._knows = knows
         self._hides = hides
         self._on_trouble = on_trouble
+        self.full: set[bytes] = set()
+        """Lossless publishers that wait until there is room."""
         self._unsure = unsure
-        """Where it is put while it has `early` or `met`, or is full."""
+        """Where it is put while it has `early`, `met` or `full`."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
         self._loop = asyncio.get_running_loop()
@@ -122,11 +124,6 @@ class TopicExports:
         """Whether something has come that was not taken yet."""
         return any(tap.statistics().queued for tap in self.taps)
 
-    @property
-    def is_full(self) -> bool:
-        """Whether lossless publishers are to wait."""
-        return any(one.is_full for one in self.exports.values())
-
     def export(self, gid: bytes, *, is_lossless: bool = False) -> Export:
         """That of a publisher, made when it is first asked for."""
         found = self.exports.get(gid)
@@ -148,14 +145,13 @@ class TopicExports:
             export.is_fresh = True
         self.met = {gid: match for gid, match in self.met.items() if not self._knows(gid)}
         for tap in self.taps:
+            for gid in self.full if tap.qos.is_lossless else ():
+                tap.hold_back(gid)
             tap.set_arrival_callback(lambda tap=tap: self.take(tap))  # type: ignore[misc]
             self.take(tap)
 
     def take(self, tap: Subscription[Any]) -> None:
         """Something has come, or may be taken now."""
-        if tap.qos.is_lossless and self.is_full:
-            self._unsure.add(self)
-            return  # so its publishers wait, until there is room
         pack = tap.take_packed(PACK_BYTES, ALONE_BYTES)
         if pack is not None:
             if pack.has_more:
@@ -185,6 +181,11 @@ class TopicExports:
                 export.put(samples)
             except Exception as error:  # one way out must not end the others
                 self._on_trouble(f"'{self.topic.name}': {type(error).__name__}: {error}")
+            if export.is_full and gid not in self.full:
+                self.full.add(gid)
+                self._unsure.add(self)
+                for one in self._lossless_taps:
+                    one.hold_back(gid)
 
     def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
         if self._hides(gid):  # one that is to be seen may not be shown yet
@@ -193,10 +194,14 @@ class TopicExports:
         self._unsure.add(self)
         return self.export(gid, is_lossless=is_lossless)
 
-    def _on_free(self) -> None:
-        for tap in self.taps:
-            if tap.qos.is_lossless:
-                self._take_on(tap)
+    def _on_free(self, gid: bytes) -> None:
+        self.full.discard(gid)
+        for tap in self._lossless_taps:
+            tap.release(gid)
+
+    @property
+    def _lossless_taps(self) -> list[Subscription[Any]]:
+        return [tap for tap in self.taps if tap.qos.is_lossless]
 
     def _take_on(self, tap: Subscription[Any]) -> None:
         if tap not in self._due:
@@ -394,7 +399,7 @@ class Exports:
                         "its messages are dropped until somebody does"
                     )
             self._drop_unused(route)
-            if not (route.met or route.early or route.is_full) or self._routes.get(route.topic) is not route:
+            if not (route.met or route.early or route.full) or self._routes.get(route.topic) is not route:
                 self._unsure.discard(route)
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ class Waiting:
     """At most `max_bytes`, but always room for one message. What came packed waits so."""
 
     def __init__(self, max_bytes: int) -> None:
-        self._max_bytes = max_bytes
+        self.max_bytes = max_bytes
         self._parts: deque[Sample | Packed] = deque()
         self._count = 0
         self._bytes = 0
@@ -48,7 +48,7 @@ class Waiting:
         replaced = 0 if depth is None else max(0, self._count - depth)
         self.remove(replaced)
         over = 0
-        while self._bytes > self._max_bytes and self._count > 1:
+        while self._bytes > self.max_bytes and self._count > 1:
             self.remove(1)
             over += 1
         return replaced, over

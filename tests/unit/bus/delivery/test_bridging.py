@@ -17,6 +17,7 @@ from client_world import SUPPORT, TOPIC, Client, ClientWorld
 LOSSLESS = QoSProfile(history="keep_all")
 FAR = m.Origin("zenoh", "far")
 GID = b"g" * 16
+PADDING = "x" * 200_000
 
 
 class Stage:
@@ -126,6 +127,139 @@ class TestTaps:
 def mirror_node(mirror: GraphMirror) -> int:
     assert mirror.graph is not None
     return mirror.graph.nodes[0].id
+
+
+class Held(Stage):
+    """Two lossless publishers and a tap that gives the first no more room."""
+
+    def __init__(self, *, shares: bool) -> None:
+        super().__init__(shares=shares)
+        self.first, self.second = self.publisher(LOSSLESS), self.publisher(LOSSLESS)
+        self.tap = self.bridge.subscription(LOSSLESS, role="tap", local_only=True)
+        self.world.settle()
+        self.tap.hold_back(self.first.gid)
+        self.heard: list[tuple[int, int]] = []
+
+    def fill(self) -> int:
+        """Publish until the first must wait, and take meanwhile; returns how many it has said."""
+        said = 0
+        while self.talker.publish(self.first, 1, PADDING):
+            said += 1
+            self.world.settle()
+            self.take()
+            assert said < 2_000, "there is always room"
+        return said
+
+    def take(self) -> list[tuple[int, int]]:
+        self.world.advance(0.1)
+        found = self.bridge.take(self.tap)
+        self.heard += found
+        return found
+
+    def goes_on(self, said: int) -> None:
+        """Once released, all of the first comes, and there is room."""
+        self.tap.release(self.first.gid)
+        self.take()
+        assert [number for who, number in self.heard if who == 1] == [*range(1, said + 1)]
+        self.world.advance(1)
+        assert self.talker.publish(self.first, 1, PADDING) == 1
+        assert self.take() == [(1, said + 1)]
+        found = self.tap.statistics()
+        assert not found.dropped and found.expected == found.delivered == len(self.heard)
+
+
+class TestHoldingBack:
+    def test_one_publisher_waits_and_the_other_goes_on(self, shares: bool) -> None:
+        stage = Held(shares=shares)
+        said = stage.fill()
+        for number in range(1, 200):
+            assert stage.talker.publish(stage.second, 1, PADDING) == 1
+            assert stage.take() == [(2, number)]
+        assert stage.talker.publish(stage.first, 1, PADDING) == 0
+        assert stage.tap.statistics().queued == (said if shares else 0)
+        stage.goes_on(said)
+
+    def test_nothing_of_it_is_taken_out_of_its_ring(self) -> None:
+        if not shm.is_available():
+            pytest.skip("no shared memory here")
+        stage = Held(shares=True)
+        stage.talker.publish(stage.first, 3)
+        assert stage.take() == [] and stage.tap.take_packed(1000, 500) is None
+        stage.talker.publish(stage.second, 3)
+        stage.world.advance(0.1)
+        pack = stage.tap.take_packed(1000, 500)
+        assert pack is not None and (pack.publisher_gid, pack.messages) == (stage.second.gid, 3)
+        assert not pack.has_more
+        stage.tap.release(stage.first.gid)
+        assert stage.take() == [(1, 1), (1, 2), (1, 3)]
+
+    def test_who_waits_for_a_message_is_woken_where_one_is_there_then(self, shares: bool) -> None:
+        stage = Held(shares=shares)
+        arrivals: list[int] = []
+        stage.tap.set_arrival_callback(lambda: arrivals.append(len(stage.bridge.take(stage.tap))))
+        stage.talker.publish(stage.first, 3)
+        stage.world.settle()
+        assert sum(arrivals) == (0 if shares else 3)
+        stage.tap.release(stage.first.gid)
+        stage.world.settle()
+        assert sum(arrivals) == 3
+
+    def test_it_is_held_back_by_the_next_busd_too(self, shares: bool) -> None:
+        stage = Held(shares=shares)
+        said = stage.fill()
+        stage.world.restart_broker()
+        stage.world.connect_all()
+        stage.world.advance(15)
+        said += stage.fill()  # the window by socket begins anew
+        assert stage.talker.publish(stage.second, 1) == 1
+        assert stage.take() == [(2, 1)]
+        stage.goes_on(said)
+
+    def test_a_publisher_that_comes_later_may_be_held_back_before(self, shares: bool) -> None:
+        stage = Held(shares=shares)
+        stage.tap.hold_back(GID)
+        third = stage.talker.publisher(LOSSLESS, gid=GID)
+        stage.world.settle()
+        said = 0
+        while stage.talker.publish(third, 1, PADDING):
+            said += 1
+            stage.take()
+            assert said < 2_000
+        stage.tap.release(GID)
+        stage.take()
+        assert [number for _, number in stage.heard] == [*range(1, said + 1)]
+
+    def test_what_waits_in_the_ring_comes_where_the_match_goes_by_socket_then(self) -> None:
+        if not shm.is_available():
+            pytest.skip("no shared memory here")
+        stage = Held(shares=True)
+        said = stage.fill()
+        refusal = m.RefuseRoute(endpoint=stage.tap._id, other=stage.first._id, text="a test")
+        stage.bridge.send_about(stage.tap, refusal)
+        stage.world.settle()
+        said += stage.fill()
+        assert stage.talker.publish(stage.second, 1) == 1
+        stage.take()
+        assert stage.heard[-1] == (2, 1)
+        stage.goes_on(said)
+
+    def test_what_it_has_said_last_stays_for_later(self, shares: bool) -> None:
+        stage = Held(shares=shares)
+        stage.talker.publish(stage.first, 3)
+        stage.world.settle()
+        stage.talker.close(stage.first)
+        assert stage.take() == ([] if shares else [(1, 1), (1, 2), (1, 3)])
+        stage.tap.release(stage.first.gid)
+        stage.take()
+        assert stage.heard == [(1, 1), (1, 2), (1, 3)]
+
+    def test_none_is_known_once_it_is_closed(self, shares: bool) -> None:
+        stage = Held(shares=shares)
+        stage.fill()
+        stage.bridge.close(stage.tap)
+        stage.tap.release(stage.first.gid)
+        stage.world.advance(1)
+        assert stage.talker.publish(stage.first, 1, PADDING) == 1
 
 
 class TestMirrors:

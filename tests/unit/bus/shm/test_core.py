@@ -5,7 +5,7 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -405,3 +405,69 @@ def test_nothing_is_left_of_many_rounds(talker: Talker, listener: Listener) -> N
         counts.append((sys.getallocatedblocks(), sys.getrefcount(source), sys.getrefcount(payload)))
     assert counts[3][1:] == counts[1][1:] == counts[0][1:]
     assert counts[3][0] - counts[1][0] < 100
+
+
+class TestHold:
+    """What is held stays in its ring, and the writer finds no room."""
+
+    @pytest.fixture
+    def ends(self) -> Iterator[tuple[Talker, Talker, Listener]]:
+        """The publisher that is held, another one, and who reads both."""
+        held, other, listener = Talker(4096, 64), Talker(4096, 64), Listener(tells_cursor=True)
+        listener.join(held, 1, start=1)
+        listener.join(other, 2, start=1)
+        listener.reader.hold(1, True)
+        yield held, other, listener
+        for end in (held, other, listener):
+            end.close()
+
+    def test_others_are_taken(self, ends: tuple[Talker, Talker, Listener]) -> None:
+        held, other, listener = ends
+        held.write(b"a", b"b")
+        other.write(b"c")
+        assert listener.take() == [b"c"] and listener.take() == []
+        assert listener.reader.waiting() == 2
+        other.write(b"d")
+        found = listener.reader.take_packed(1000, 500, 0)
+        assert found is not None and found[0] == 2 and found[-1] is False  # no more that may be taken
+        listener.reader.hold(1, False)
+        assert listener.take() == [b"a", b"b"]
+
+    def test_its_writer_waits(self, ends: tuple[Talker, Talker, Listener]) -> None:
+        held, other, listener = ends
+        for end, status in ((held, core.FULL), (other, True)):
+            while (last := end.writer.write(bytes(500))) is True:
+                pass
+            assert last == core.FULL
+            listener.take()
+            assert end.writer.write(bytes(500)) == status
+        listener.reader.hold(1, False)
+        listener.take()
+        assert held.writer.write(bytes(500)) is True
+
+    def test_it_is_taken_all_the_same_where_the_reader_says_so(
+        self, ends: tuple[Talker, Talker, Listener]
+    ) -> None:
+        held, _, listener = ends
+        held.write(b"a")
+        listener.reader.takes_held = True
+        assert listener.take() == [b"a"]
+        listener.reader.takes_held = False
+        held.write(b"b")
+        assert listener.take() == []
+
+    def test_a_publisher_that_has_gone_stays_until_what_is_held_was_taken(
+        self, ends: tuple[Talker, Talker, Listener]
+    ) -> None:
+        held, _, listener = ends
+        held.write(b"a")
+        listener.reader.finish(1)
+        assert listener.take() == [] and listener.reader.pop_left() == []
+        listener.reader.hold(1, False)
+        assert listener.take() == [b"a"] and listener.take() == []
+        assert [source for source, *_ in listener.reader.pop_left()] == [1]
+
+    def test_nothing_happens_where_nobody_is_read(self, listener: Listener) -> None:
+        listener.reader.hold(7, True)
+        with pytest.raises(TypeError):
+            listener.reader.hold(7)  # type: ignore[call-arg]

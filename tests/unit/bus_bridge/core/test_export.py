@@ -1,9 +1,11 @@
 from collections.abc import Sequence
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.qos import QoSProfile
+from bus_bridge.core import export
 from bus_bridge.core.export import Export
 from bus_bridge.engine import RouteRule, Sample
 
@@ -46,7 +48,7 @@ class Way:
     def put(self, *numbers: int) -> None:
         self.export.put([Sample(b"1234", number, number) for number in numbers])
 
-    def _free(self) -> None:
+    def _free(self, gid: bytes) -> None:
         self.frees += 1
 
     @property
@@ -129,6 +131,16 @@ def test_a_lossless_publisher_waits_for_bytes_too() -> None:
     assert not way.export.is_full
     way.export.put([Sample(bytes(1 << 19), 2, 2)])
     assert way.export.is_full
+
+
+def test_a_lossless_publisher_that_had_room_for_more_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The window of its own way here may be larger than what others may have waiting."""
+    monkeypatch.setattr(export, "_MOST_BYTES", 8)
+    for qos, waiting in ((QoSProfile(history="keep_all"), 5), (QoSProfile(10), 2)):
+        way = Way(qos).attach()
+        way.writer.room = 0
+        way.put(*range(1, 6))
+        assert (way.export.waiting, way.closes) == (waiting, True)
 
 
 def test_numbers_that_are_missing_were_lost_in_the_tap() -> None:

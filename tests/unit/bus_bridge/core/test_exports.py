@@ -1,0 +1,129 @@
+"""What taps have taken, and which publishers they hold back. Taps are lists here."""
+
+from collections import deque
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+from bus.msg.std_msgs import Int32
+from bus.qos import QoSProfile
+from bus.schema import schema_of
+from bus.subscription import MessageInfo
+from bus.types.support import type_support
+from bus_bridge.core.exports import TopicExports, TypedTopic
+from bus_bridge.engine import RouteRule, Sample
+
+LOSSLESS = QoSProfile(history="keep_all")
+STUCK, OTHER = b"s" * 16, b"o" * 16
+
+
+class Tap:
+    def __init__(self, qos: QoSProfile) -> None:
+        self.qos = qos
+        self.matches = [SimpleNamespace(gid=gid) for gid in (STUCK, OTHER)]
+        self.waiting: deque[tuple[bytes, MessageInfo]] = deque()
+        self.held: set[bytes] = set()
+
+    def come(self, gid: bytes, *numbers: int) -> None:
+        self.waiting += [(b"1234", MessageInfo(number, number, number, number, gid)) for number in numbers]
+
+    def take_packed(self, most_bytes: int, longest: int) -> None:
+        return None
+
+    def take_many(self, limit: int) -> list[tuple[bytes, MessageInfo]]:
+        taken = [one for one in self.waiting if one[1].publisher_gid not in self.held][:limit]
+        for one in taken:
+            self.waiting.remove(one)
+        return taken
+
+    def set_arrival_callback(self, callback: object) -> None: ...
+
+    def hold_back(self, gid: bytes) -> None:
+        self.held.add(gid)
+
+    def release(self, gid: bytes) -> None:
+        self.held.discard(gid)
+
+
+class Writer:
+    is_wanted = True
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+        self.numbers: list[int] = []
+        self.lost: dict[str, int] = {}
+
+    def write(self, samples: Sequence[Sample]) -> int:
+        sent = samples[: self.room]
+        self.room -= len(sent)
+        self.numbers += [one.number for one in sent]
+        return len(sent)
+
+    def close(self) -> None: ...
+
+
+class Stage:
+    """The ways out of a stuck publisher and another one, by taps of both kinds."""
+
+    def __init__(self) -> None:
+        self.unsure: set[Any] = set()
+        topic = TypedTopic("/numbers", "std_msgs/msg/Int32", "h")
+        self.route = TopicExports(
+            topic,
+            schema_of(type_support(Int32)),
+            3,
+            lambda gid: True,
+            lambda gid: False,
+            print,
+            self.unsure,
+            is_local=True,
+        )
+        self.writers = {STUCK: Writer(0), OTHER: Writer(100)}
+        for gid, writer in self.writers.items():
+            self.route.export(gid).attach(writer, LOSSLESS, RouteRule())
+        self.open()
+
+    def open(self) -> None:
+        self.lossy, self.tap = taps = Tap(QoSProfile(5)), Tap(LOSSLESS)
+        self.route.taps = [*taps]  # type: ignore[list-item]
+        self.route.begin()
+
+    def take(self) -> None:
+        self.route.take(self.tap)  # type: ignore[arg-type]
+
+
+async def test_one_that_is_full_is_held_back_and_no_other() -> None:
+    stage = Stage()
+    stage.tap.come(STUCK, 1, 2)
+    stage.take()
+    assert stage.tap.held == set() and stage.unsure == set()
+    stage.tap.come(STUCK, 3, 4)
+    stage.tap.come(OTHER, 1)
+    stage.take()
+    assert stage.tap.held == {STUCK} and stage.lossy.held == set() and stage.unsure == {stage.route}
+    stage.tap.come(STUCK, 5)
+    stage.tap.come(OTHER, 2, 3)
+    stage.take()
+    assert stage.writers[OTHER].numbers == [1, 2, 3]
+    assert stage.route.exports[STUCK].waiting == 4
+    stage.writers[STUCK].room = 100
+    stage.route.exports[STUCK].flush()
+    assert stage.tap.held == set() and stage.route.full == set()
+    stage.take()
+    assert stage.writers[STUCK].numbers == [1, 2, 3, 4, 5]
+
+
+async def test_it_is_held_back_by_taps_that_are_made_anew() -> None:
+    stage = Stage()
+    stage.tap.come(STUCK, 1, 2, 3)
+    stage.take()
+    stage.open()
+    assert stage.tap.held == {STUCK} and stage.lossy.held == set()
+
+
+async def test_one_that_has_gone_is_held_back_no_more() -> None:
+    stage = Stage()
+    stage.tap.come(STUCK, 1, 2, 3)
+    stage.take()
+    stage.route.exports[STUCK].close()
+    assert stage.tap.held == set() and stage.route.full == set()
