@@ -28,8 +28,6 @@ _MOST_BYTES = 64 << 20
 _LINGER_S = 2.0
 """How long messages are still read after the last subscription has gone: with busd it comes back soon."""
 _RETRY_S = 2.0
-_MATCHED_S = 1.0
-"""So soon after a mirror is made, those that waited for it are matched."""
 _STUCK_S = 2.0
 _MAX_TIME_NS = 1 << 63
 _AT_ONCE = 256
@@ -64,11 +62,13 @@ class Import:
         self._lost_before: dict[str, int] = {} if past is None else past.lost_before
         """By reason, what earlier readers had and lost."""
         self._last = 0 if past is None else past.last
-        self._is_fresh = past is None or not (past.was_wanted and past.last)
-        """What comes next may begin anywhere."""
+        self._is_fresh = True
+        """Nothing has come yet since it is read: what comes next may begin anywhere. What was missed until then
+        is lost for `_listeners` only."""
+        self._listeners: frozenset[bytes] = frozenset() if past is None else past.listeners
+        """Subscriptions that had what came before, by gid."""
         # A new mirror has none of what late joiners get, so that is to come once more.
         self._may_repeat = past is not None and endpoint.qos.durability is Durability.TRANSIENT_LOCAL
-        self._made_s = self._loop.time()
         self._lifespan_ns = endpoint.qos.lifespan_ns
         self._is_lossless = endpoint.qos.is_lossless
         self._limit = None if max_rate_hz is None else RateLimit(max_rate_hz)
@@ -117,19 +117,19 @@ class Import:
     def begin_again(self, endpoint: FarEndpoint, *, is_renumbered: bool = False) -> None:
         """The far side was away and is back: what it had before does not come twice, and what was missed is
         lost. `is_renumbered`: it may count from 1 again."""
-        was_wanted = self._is_wanted
+        listeners = self._listening
         self._stop()
         self._endpoint = endpoint
         if is_renumbered:
             self._last = 0
-        elif was_wanted and self._last:
-            self._is_fresh, self._made_s = False, self._loop.time()
+        else:
+            self._listeners = listeners
         self.look()
 
     def past(self) -> Past:
         """For the way that follows, should the publisher come back; to be asked before this one ends."""
         lost = {} if self._reader is None else self._reader.lost
-        return Past(self._last, self._is_wanted, self.account, summed(self._lost_before, lost))
+        return Past(self._last, self._listening, self.account, summed(self._lost_before, lost))
 
     def end(self) -> None:
         """The bridge ends: read no more; what waits is lost."""
@@ -197,8 +197,16 @@ class Import:
     # --- inside
 
     @property
-    def _is_wanted(self) -> bool:
-        return self._reader is not None and self._timer is None
+    def _listening(self) -> frozenset[bytes]:
+        """Subscriptions that lack what does not come from now on."""
+        if not self._last:
+            return frozenset()
+        before = self._listeners if self._is_fresh else frozenset[bytes]()
+        return before | self._matched if self._reader is not None else before
+
+    @property
+    def _matched(self) -> frozenset[bytes]:
+        return frozenset(match.gid for match in self.publisher.matches)
 
     def _is_next(self, samples: Sequence[Sample]) -> bool:
         """Whether they go on where the last ones ended, each once: they nearly always do."""
@@ -226,7 +234,7 @@ class Import:
                 if number <= self._last:
                     account.drop(REPEATED)
                     continue
-                if not self._is_fresh:
+                if not self._is_fresh or self._listeners & self._matched:
                     account.lost += number - self._last - 1
                 self._last, self._is_fresh = number, False
             found.append(sample)
@@ -302,8 +310,6 @@ class Import:
         self._on_trouble(str(error))
 
     def _read(self) -> None:
-        if self._loop.time() - self._made_s > _MATCHED_S:
-            self._is_fresh = True  # those that listen now have missed nothing
         try:
             self._reader = self._engine.read(self._endpoint, self._schema, self.receive)
         except BusError as error:
@@ -315,4 +321,4 @@ class Import:
         if reader is not None:
             self._lost_before = summed(self._lost_before, reader.lost)
             reader.close()
-        self._is_fresh = True
+        self._is_fresh, self._listeners = True, frozenset()

@@ -16,8 +16,8 @@ class Past(NamedTuple):
 
     last: int
     """The number of the last message that came; 0 for none."""
-    was_wanted: bool
-    """Whether subscriptions were there: what they have missed since is lost."""
+    listeners: frozenset[bytes]
+    """The subscriptions that were there, by gid: what they have missed since is lost."""
     account: Account
     lost_before: dict[str, int]
     """By reason, what its readers had and lost."""

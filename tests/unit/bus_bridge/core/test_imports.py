@@ -6,32 +6,38 @@ from typing import Any
 
 import pytest
 
+from bus.endpoint import Match
 from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
-from bus_bridge.core import imports
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
 from bus_bridge.engine import FarEndpoint, Sample
+from bus_bridge.errors import BridgeError
 
 LOSSLESS = QoSProfile(history="keep_all")
+LISTENER, OTHER = b"listener" * 2, b"another." * 2
+
+
+def matched(*gids: bytes) -> tuple[Match, ...]:
+    return tuple(Match("/listener", gid, QoSProfile(10), "shm") for gid in gids)
 
 
 class Publisher:
     """Takes as many messages as it has room for."""
 
     def __init__(self) -> None:
-        self.subscriptions = 1
+        self.matches = matched(LISTENER)
         self.room = 1 << 30
         self.published: list[tuple[bytes, int | None]] = []
         self.error: Exception | None = None
         self._has_room = asyncio.Event()
 
     def get_subscription_count(self) -> int:
-        return self.subscriptions
+        return len(self.matches)
 
     def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool:
         if self.error is not None:
@@ -55,12 +61,15 @@ class Engine:
     """Its reader, too."""
 
     def __init__(self) -> None:
+        self.error: BridgeError | None = None
         self.lost: dict[str, int] = {}
         self.credit = 0
         self.reads = 0
         self.closes = 0
 
     def read(self, endpoint: FarEndpoint, schema: MessageSchema, on_samples: Callable[..., None]) -> "Engine":
+        if self.error is not None:
+            raise self.error
         self.reads += 1
         return self
 
@@ -168,10 +177,10 @@ async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> N
 async def test_what_nobody_listened_to_is_not_lost() -> None:
     way = Way()
     way.receive(1, 2, 3)
-    way.publisher.subscriptions = 0
+    way.publisher.matches = ()
     way.way.look()
     way.way.begin_again(way.endpoint)
-    way.publisher.subscriptions = 1
+    way.publisher.matches = matched(LISTENER)
     way.way.look()
     way.receive(3, 7)
     assert way.way.losses == {"repeated": 1}
@@ -196,18 +205,43 @@ async def test_a_new_mirror_goes_on_where_the_one_before_ended() -> None:
     assert (way.way.account.taken, way.way.account.sent) == (7, 5)
 
 
-@pytest.mark.parametrize("was_wanted", [True, False])
-async def test_who_listens_only_after_the_return_has_missed_nothing(
-    *, was_wanted: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("before", "now", "lost"),
+    [
+        ([LISTENER], [LISTENER], 5),
+        ([LISTENER, OTHER], [OTHER], 5),
+        ([OTHER], [LISTENER], 0),  # who listens only after the return has missed nothing
+        ([], [LISTENER], 0),
+    ],
+)
+async def test_what_was_missed_is_lost_for_those_that_listened_before(
+    before: list[bytes], now: list[bytes], lost: int
 ) -> None:
-    monkeypatch.setattr(imports, "_MATCHED_S", -1.0 if was_wanted else 1.0)
-    way = Way(past=Past(3, was_wanted, Account(), {}))
-    way.receive(3, 9)
-    assert way.way.losses == {"repeated": 1}
+    way = Way(past=Past(3, frozenset(before), Account(), {}))
+    way.publisher.matches = matched(*now)  # however long after the return
+    way.receive(3, 9, 10)
+    assert way.way.account.dropped == {"repeated": 1} and way.way.account.lost == lost
+    way.receive(12)
+    assert way.way.account.lost == lost + 1
+
+
+async def test_what_is_missed_until_the_far_side_can_be_read_again_is_lost() -> None:
+    way = Way()
+    way.receive(1, 2, 3)
+    way.engine.error = BridgeError("the publisher is not known yet")
+    way.way.begin_again(way.endpoint)
+    assert way.troubles == ["the publisher is not known yet"]
+    assert way.way.past().listeners == {LISTENER}
+    way.engine.error = None
+    way.way.begin_again(way.endpoint)
+    way.receive(7)
+    assert way.way.losses == {"lost_on_the_way": 3}
 
 
 async def test_a_new_latched_mirror_has_for_late_joiners_what_the_one_before_had() -> None:
-    way = Way(QoSProfile(5, durability="transient_local"), past=Past(5, True, Account(), {}))
+    way = Way(
+        QoSProfile(5, durability="transient_local"), past=Past(5, frozenset((LISTENER,)), Account(), {})
+    )
     way.receive(4, 5, 6, 6)
     assert len(way.publisher.published) == 3
     assert way.way.losses == {"repeated": 1}

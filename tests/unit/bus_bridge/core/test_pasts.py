@@ -3,7 +3,7 @@ from bus_bridge.core.pasts import Past, Pasts
 
 
 def past(last: int) -> Past:
-    return Past(last, True, Account(), {})
+    return Past(last, frozenset(), Account(), {})
 
 
 def test_who_is_back_finds_where_it_ended_once() -> None:
