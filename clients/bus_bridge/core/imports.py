@@ -63,8 +63,8 @@ class Import:
         """By reason, what earlier readers had and lost."""
         self._last = 0 if past is None else past.last
         self._is_fresh = True
-        """Nothing has come yet since it is read: what comes next may begin anywhere. What was missed until then
-        is lost for `_listeners` only."""
+        """Nothing has come yet since it is read: what comes next may begin anywhere. What was missed until
+        then is lost for `_listeners` only."""
         self._listeners: frozenset[bytes] = frozenset() if past is None else past.listeners
         """Subscriptions that had what came before, by gid."""
         # A new mirror has none of what late joiners get, so that is to come once more.
@@ -306,7 +306,7 @@ class Import:
     def _fail(self, error: BusError, count: int = 1) -> None:
         reason = TOO_LARGE if isinstance(error, PayloadTooLarge) else REFUSED
         self.account.drop(reason, count)
-        self.is_broken = isinstance(error, ConnectionClosed)
+        self.is_broken |= isinstance(error, ConnectionClosed)
         self._on_trouble(str(error))
 
     def _read(self) -> None:

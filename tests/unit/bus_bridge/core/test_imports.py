@@ -280,8 +280,11 @@ async def test_what_this_bus_does_not_take_is_counted_and_said() -> None:
     way.receive(2)
     assert way.way.losses == {"too_large": 1, "refused": 1}
     assert way.way.is_broken
-    way.publisher.error = RuntimeError("a fault")
+    way.publisher.error = PayloadTooLarge("/t", size_bytes=2, limit_bytes=1)
     way.receive(3)
+    assert way.way.is_broken  # until there is another one
+    way.publisher.error = RuntimeError("a fault")
+    way.receive(4)
     assert way.troubles[-1] == "RuntimeError: a fault"
 
 
