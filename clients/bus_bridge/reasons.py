@@ -3,7 +3,6 @@
 from typing import Final
 
 __all__ = [
-    "BRIDGE_FULL",
     "DISCONNECTED",
     "EXPIRED",
     "LINK_FULL",
@@ -38,8 +37,6 @@ REFUSED: Final = "refused"
 """This bus or DDS did not take it."""
 LINK_FULL: Final = "link_full"
 """Of a best effort publisher: messages come faster than the link to another bus takes them."""
-BRIDGE_FULL: Final = "bridge_full"
-"""Of a lossless publisher of ROS 2: this bus' subscriptions had no room for long."""
 UNDECODABLE: Final = "undecodable"
 """It is no message of its type, so DDS can't have it, or has sent it."""
 LOST: Final = "lost_on_the_way"

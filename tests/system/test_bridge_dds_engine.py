@@ -360,31 +360,6 @@ async def test_a_payload_that_is_no_message_is_counted(bridge: Bridge, alone: Al
     assert writer.lost == {"undecodable": 2}
 
 
-async def test_what_a_lossless_publisher_says_waits_until_there_is_room(bridge: Bridge, alone: Alone) -> None:
-    policies = Policy.Reliability.Reliable(10**9), Policy.History.KeepAll
-    bridge.listen("/chatter", LOSSLESS)
-    writer = alone.writer("/chatter", *policies)
-    endpoint = await until(lambda: bridge.far.find("publisher", "/chatter"))
-    endpoint = msgspec.structs.replace(
-        endpoint, qos=LOSSLESS
-    )  # history is not told for keep all of each vendor
-    sizes: list[int] = []
-    way = bridge.engine.read(
-        endpoint, STRING, lambda samples: sizes.extend(len(one.payload) for one in samples)
-    )
-    await until(lambda: writer.get_matched_subscriptions())
-    for _ in range(12):
-        say(writer, "x" * 2**20)
-    await until(lambda: sum(sizes) > 2**22)
-    await asyncio.sleep(0)
-    assert len(sizes) == 4
-    while len(sizes) < 12:
-        before = len(sizes)
-        way.taken(sizes[0])
-        await until(lambda before=before: len(sizes) > before)
-    assert way.lost == {}
-
-
 async def test_a_peer_that_hangs_holds_nobody_up(bridge: Bridge) -> None:
     loop = asyncio.get_running_loop()
     room = asyncio.Event()

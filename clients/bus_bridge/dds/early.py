@@ -4,7 +4,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from bus_bridge.reasons import BRIDGE_FULL, REPLACED
+from bus_bridge.reasons import MEMORY, REPLACED
 
 __all__ = ["Arrived", "Early"]
 
@@ -21,8 +21,8 @@ _NOTHING = _Kept(deque(maxlen=0), Counter())
 
 
 class Early:
-    """By handle of a writer. At most `max_bytes` of all together, and `depth` messages of each; without
-    `depth` the newest go where there is no room, not the oldest."""
+    """By handle of a writer. At most `depth` messages of each (None: as many as there are) and `max_bytes` of
+    all together; the oldest of the writer whose message comes go beyond that."""
 
     def __init__(self, depth: int | None, max_bytes: int) -> None:
         self._depth = depth
@@ -45,16 +45,17 @@ class Early:
         if kept is None:
             kept = self._by_handle[handle] = _Kept(deque(), Counter())
         messages, size = kept.messages, len(one[0])
-        if self._depth is None and self._bytes + size > self._max_bytes:
-            kept.lost[BRIDGE_FULL] += 1
-            return is_first
         messages.append(one)
         self._bytes += size
-        while messages and self._depth is not None:
-            if len(messages) <= self._depth and self._bytes <= self._max_bytes:
+        while messages:
+            if self._bytes > self._max_bytes:
+                reason = MEMORY
+            elif self._depth is not None and len(messages) > self._depth:
+                reason = REPLACED
+            else:
                 break
             self._bytes -= len(messages.popleft()[0])
-            kept.lost[REPLACED] += 1
+            kept.lost[reason] += 1
         return is_first
 
     def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[str, int]]:

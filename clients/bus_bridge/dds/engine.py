@@ -151,14 +151,7 @@ class DdsEngine:
         handle = self._discovery.handles.get(endpoint.gid)
         if handle is None:
             raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
-        way = FarWay(
-            self._ways,
-            endpoint.gid,
-            handle,
-            self._learn(schema),
-            on_samples,
-            is_lossless=endpoint.qos.is_lossless,
-        )
+        way = FarWay(self._ways, endpoint.gid, handle, self._learn(schema), on_samples)
         self._ways.begin(topic_to_dds(endpoint.topic), way)
         return way
 

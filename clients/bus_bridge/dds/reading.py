@@ -6,7 +6,6 @@ before a best-effort one. Another takes over where that one goes, without a mess
 """
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Final
 
@@ -16,7 +15,7 @@ from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies, strength
 from bus_bridge.engine import Sample
-from bus_bridge.reasons import BRIDGE_FULL, UNDECODABLE
+from bus_bridge.reasons import UNDECODABLE
 from bus_ros.cdr import CdrError
 
 __all__ = ["FarWay", "Intake", "Ways"]
@@ -29,11 +28,10 @@ _LINGER_S: Final = 0.02
 _CATCH_UP_S: Final = 1.0
 """How long after a change messages come that the earlier reader may have had."""
 _EARLY_BYTES: Final = 8 * 2**20
+_EARLY_BYTES_OF_ALL: Final = 64 * 2**20
+"""For subscriptions that keep all."""
 _PATIENCE_S: Final = 10.0
 """How long what a writer says waits for its way to be made. What it keeps for late joiners waits on."""
-_WINDOW: Final = 4 * 2**20
-"""Bytes of a lossless way that may be on their way to this bus' subscriptions."""
-_MOST_HELD: Final = 64 * 2**20
 
 
 class Intake:
@@ -60,8 +58,9 @@ class Intake:
         self._is_hushed = False
         """Whether it is looked into in each turn of the loop, and DDS need not call."""
         self._holds = 0
-        keeps_all = policies.keep_all
-        self._early = Early(None if keeps_all else known.depth, _MOST_HELD if keeps_all else _EARLY_BYTES)
+        self._early = (
+            Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
+        )
         """What came before it was known who carries it."""
         self._settled: set[int] = set()
         """Handles of which that was known once, or nobody wanted to know."""
@@ -165,8 +164,6 @@ class FarWay:
         handle: int,
         known: KnownType,
         on_samples: Callable[[Sequence[Sample]], None],
-        *,
-        is_lossless: bool,
     ) -> None:
         self.gid = gid
         self.handle = handle
@@ -181,12 +178,8 @@ class FarWay:
         self._decode = known.codec.decode
         self._on_samples = on_samples
         self._loop = asyncio.get_running_loop()
-        self._is_lossless = is_lossless
-        self._outstanding = 0
         self._early: list[Arrived] = []
         self._is_closed = False
-        self._held: deque[Sample] = deque()
-        self._held_bytes = 0
 
     def begin(self, carrier: Intake | None) -> None:
         """From now on `carrier` has its messages; what this one had before goes on too, where it is new."""
@@ -228,21 +221,7 @@ class FarWay:
             samples = [Sample(decode(data), 0, time_ns) for data, time_ns in batch]
         except CdrError:
             samples = self._right_ones(batch)
-        if not self._is_lossless:
-            self._on_samples(samples)
-            return
-        size = sum([len(sample.payload) for sample in samples])
-        if not self._held and self._outstanding + size <= _WINDOW:
-            self._outstanding += size
-            self._on_samples(samples)
-            return
-        for sample in samples:
-            if self._held_bytes + len(sample.payload) > _MOST_HELD:
-                self._lose(BRIDGE_FULL)
-            else:
-                self._held.append(sample)
-                self._held_bytes += len(sample.payload)
-        self._go_on()
+        self._on_samples(samples)
 
     def _right_ones(self, batch: Sequence[Arrived]) -> list[Sample]:
         samples = []
@@ -254,24 +233,11 @@ class FarWay:
         return samples
 
     def taken(self, size: int) -> None:
-        self._outstanding = max(self._outstanding - size, 0)
-        if self._held:
-            self._go_on()
+        """No writer of DDS waits for that: what has no room waits in the bridge, and counts there."""
 
     def close(self) -> None:
         self._is_closed = True
-        self._held.clear()
         self._ways.end(self)
-
-    def _go_on(self) -> None:
-        samples = []
-        while self._held and self._outstanding < _WINDOW:
-            sample = self._held.popleft()
-            self._held_bytes -= len(sample.payload)
-            self._outstanding += len(sample.payload)
-            samples.append(sample)
-        if samples:
-            self._on_samples(samples)
 
     def _lose(self, reason: str, count: int = 1) -> None:
         self.lost[reason] = self.lost.get(reason, 0) + count

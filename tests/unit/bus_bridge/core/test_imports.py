@@ -11,6 +11,7 @@ from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
+from bus_bridge.core import imports
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
@@ -268,6 +269,19 @@ async def test_what_is_dropped_gives_credit_too() -> None:
     way.receive(1, 2)
     assert way.engine.credit == 8
     assert way.way.losses == {"repeated": 2}
+
+
+async def test_what_has_no_room_is_held_up_to_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(imports, "_MOST_BYTES", 4)
+    monkeypatch.setattr(imports, "_STUCK_S", 0.0)
+    way = Way(LOSSLESS)
+    way.publisher.room = 0
+    way.receive(1, 2, 3)
+    way.receive(4)
+    assert (way.way.waiting, way.engine.credit) == (2, 4)
+    assert way.way.losses == {"memory_limit": 2} and way.closes
+    await way.way.finish()
+    assert way.way.losses == {"memory_limit": 2, "disconnected": 2} and way.closes
 
 
 async def test_what_this_bus_does_not_take_is_counted_and_said() -> None:
