@@ -18,9 +18,6 @@ from busd.process.logs import LOG_FORMATS, LOG_LEVELS
 
 __all__ = ["Config", "load"]
 
-_OF_BRIDGES = "bridge"
-"""The table that bridges read, and busd does not."""
-
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All that busd.toml can set.
@@ -41,6 +38,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """The users that can reach the socket at all."""
     access: tuple[AccessRule, ...] = ()
     """What users other than the daemon's own and root may do; the first that matches decides."""
+    bridge: object = None
+    """What bridges read when they start: busd only sees whether it has changed."""
 
     def __post_init__(self) -> None:
         for key, known in (("log_level", LOG_LEVELS), ("log_format", LOG_FORMATS)):
@@ -67,7 +66,7 @@ def load(path: Path) -> Config:
 
 def _config(content: Mapping[str, object]) -> Config:
     places = {name: f"limits.{name}" for name in Limits.__struct_fields__}
-    known = {name: name for name in (*Config.__struct_fields__, _OF_BRIDGES)}
+    known = {name: name for name in Config.__struct_fields__}
     check_keys("", content, known, elsewhere=places)
     return Config(
         log_level=checked("log_level", content.get("log_level", "info"), str),
@@ -81,4 +80,5 @@ def _config(content: Mapping[str, object]) -> Config:
             filled(key, rule, AccessTable).rule(key)
             for key, rule in each_of("access", content.get("access", []))
         ),
+        bridge=content.get("bridge"),
     )

@@ -54,7 +54,7 @@ class Reloader:
         if self._path is None:
             raise ConfigurationError("busd was started without --config, so there is nothing to reload")
         config = load(self._path)
-        changes = list(_changes(self.config, config))
+        changes = [*_changes(self.config, config), *_changes_for_bridges(self.config.bridge, config.bridge)]
         if changes:
             self._apply(config)
             self.config = config
@@ -78,7 +78,7 @@ def ends_with_terminal() -> bool:
 def _changes(old: Any, new: Any, place: str = "") -> Iterator[str]:
     for name in old.__struct_fields__:
         before, after = getattr(old, name), getattr(new, name)
-        if before == after:
+        if before == after or name == "bridge":
             continue
         if isinstance(before, msgspec.Struct) and type(before) is type(after):
             yield from _changes(before, after, f"{place}{name}.")
@@ -88,6 +88,15 @@ def _changes(old: Any, new: Any, place: str = "") -> Iterator[str]:
             yield f"{place}{name}: {change}"
         else:
             yield f"{place}{name}: {_shown(before)} -> {_shown(after)}"
+
+
+def _changes_for_bridges(old: object, new: object) -> Iterator[str]:
+    if old == new:
+        return
+    before, after = (one if isinstance(one, dict) else {} for one in (old, new))
+    tables = [name for name in before | after if before.get(name) != after.get(name)]
+    names = ", ".join(f"bridge.{name}" for name in tables) or "bridge"
+    yield f"{names}: changed, which a bridge reads when it starts"
 
 
 def _count(rules: tuple[object, ...]) -> str:

@@ -60,6 +60,18 @@ class TestAConfiguration:
         config.write_text("[[topics]]\npattern = '/camera/**'\nmax_depth = 3\n")
         hang_up(daemon, f"reloaded {config}: limits.depth: 5 -> 100000; topics: 1 rule, changed")
 
+    def test_of_bridges_is_theirs(self, daemon: Daemon, config: Path) -> None:
+        config.write_text("[bridge.zenoh]\nconnect = 'tcp/robot:7447'\n[bridge.ros2]\ndomain = 1\n")
+        reads = "changed, which a bridge reads when it starts"
+        hang_up(daemon, f"reloaded {config}: bridge.zenoh, bridge.ros2: {reads}\n")
+        config.write_text("log_level = 'debug'\n[bridge.zenoh]\nconnect = 'tcp/robot:7447'\n")
+        hang_up(daemon, f"log_level: info -> debug; bridge.ros2: {reads}\n")
+        config.write_text("log_level = 'debug'\n")
+        hang_up(daemon, f"reloaded {config}: bridge.zenoh: {reads}\n")
+        config.write_text("bridge = 3\nlog_level = 'debug'\n")
+        hang_up(daemon, f"reloaded {config}: bridge: {reads}\n")
+        hang_up(daemon, "nothing has changed")
+
     def test_may_be_another_log(self, daemon: Daemon, config: Path, peer: RawPeer) -> None:
         config.write_text("log_format = 'json'\n")
         hang_up(daemon, '"severity": "INFO", "name": "busd", "message": "reloaded ')

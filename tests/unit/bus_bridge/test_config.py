@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from bus.errors import ConfigurationError
 from bus_bridge.config import load, merged
@@ -80,7 +81,7 @@ def test_everything_can_be_set(file: Path) -> None:
     assert load(file, Ros2Table) == Ros2Table(
         domain_id=3, interface="eth0", peers=("10.0.0.7",), distro="humble"
     )
-    assert load_busd(file) == Config()  # busd has nothing to do with it
+    assert structs.replace(load_busd(file), bridge=None) == Config()  # busd has nothing to do with it
 
 
 @for_each(
