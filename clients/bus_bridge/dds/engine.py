@@ -19,7 +19,7 @@ from bus_bridge.dds.options import DdsOptions
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import ReaderKind, kinds_for, of_publisher, of_subscription
 from bus_bridge.dds.reading import FarWay, Intake, Ways
-from bus_bridge.dds.writing import DdsWriter, NoWriter
+from bus_bridge.dds.writing import DdsWriter
 from bus_bridge.engine import (
     FarBus,
     FarEndpoint,
@@ -108,15 +108,14 @@ class DdsEngine:
         on_change: Callable[[], None],
     ) -> Writer:
         self._refuse_service(endpoint)
-        if self._participant is None:
-            return NoWriter()
+        participant = self._joined()
         known = self._learn(schema)
         if endpoint.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._far.warn(
                 "ROS 2 sees publishers with manual liveliness as automatic: what they assert does not cross"
             )
         writer = DdsWriter(
-            self._participant,
+            participant,
             topic_to_dds(endpoint.topic),
             known,
             of_publisher(endpoint.qos, rule.depth or known.depth),
@@ -132,8 +131,6 @@ class DdsEngine:
 
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
         self._refuse_service(endpoint)
-        if self._participant is None:
-            return lambda: None
         subscription = _Subscription(self, endpoint, self._learn(schema))
         subscription.adapt(self._far_kinds(endpoint.topic))
         self._subscriptions.add(subscription)
@@ -151,8 +148,9 @@ class DdsEngine:
         handle = self._discovery.handles.get(endpoint.gid)
         if handle is None:
             raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
-        way = FarWay(self._ways, endpoint.gid, handle, self._learn(schema), on_samples)
-        self._ways.begin(topic_to_dds(endpoint.topic), way)
+        known = self._learn(schema)
+        way = FarWay(self._ways, endpoint.gid, handle, topic_to_dds(endpoint.topic), known, on_samples)
+        self._ways.begin(way)
         return way
 
     def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
@@ -174,13 +172,12 @@ class DdsEngine:
         text = f"{count} participant{'' if count == 1 else 's'}"
         return [LinkStatus(address, "up", self._bus.id, f"{text}, {refused} refused" if refused else text)]
 
-    def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake | None:
-        """A reader for a subscription of this bus, told to ROS 2; None where all has ended."""
-        if self._participant is None:
-            return None
+    def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake:
+        """A reader for a subscription of this bus, told to ROS 2. Raises NotCarried where all has ended."""
+        participant = self._joined()
         policies = of_subscription(endpoint.qos, known.depth, kind)
         topic = topic_to_dds(endpoint.topic)
-        intake = Intake(self._ways, self._participant, topic, known, policies, self._user_data(known))
+        intake = Intake(self._ways, participant, topic, known, policies, self._user_data(known))
         self._ways.add(intake)
         self._node_of(endpoint.node).readers[intake.gid] = None
         self._say_nodes()
@@ -214,8 +211,14 @@ class DdsEngine:
             self._ways.close()
             for writer in list(self._writers):
                 writer.close()
+            self._subscriptions.clear()
             participant.leave()
         return participant
+
+    def _joined(self) -> Participant:
+        if self._participant is None:
+            raise NotCarried(f"{self._address()} is not heard any more: {self._refusal}")
+        return self._participant
 
     def _discovered(self) -> None:
         for writer in self._writers:
@@ -273,9 +276,7 @@ class _Subscription:
         if wanted == self._intakes.keys():
             return
         for kind in wanted - self._intakes.keys():
-            intake = self._engine.make_intake(self.endpoint, self._known, kind)
-            if intake is not None:
-                self._intakes[kind] = intake
+            self._intakes[kind] = self._engine.make_intake(self.endpoint, self._known, kind)
         for kind in self._intakes.keys() - wanted:
             self._engine.retire_intake(self.endpoint, self._intakes.pop(kind))
 

@@ -9,7 +9,6 @@ from typing import Final, Literal
 
 __all__ = [
     "GRAPH_TOPIC",
-    "GRAPH_TYPE",
     "GRAPH_TYPE_HASH",
     "TopicKind",
     "bare_node_name",
@@ -27,7 +26,6 @@ __all__ = [
 TopicKind = Literal["topic", "service", "graph", "other"]
 
 GRAPH_TOPIC: Final = "ros_discovery_info"
-GRAPH_TYPE: Final = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 GRAPH_TYPE_HASH: Final = "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e"
 
 _SERVICE: Final = re.compile(r"r(?:q|r)(/.+?)(?:Request|Reply)", re.DOTALL)

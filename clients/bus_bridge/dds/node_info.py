@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from bus_bridge.dds import raw
 from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode, encode
-from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE, GRAPH_TYPE_HASH, type_to_dds, user_data
+from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE_HASH, type_to_dds, user_data
 from bus_bridge.dds.options import Distro
 from bus_bridge.dds.participant import Endpoint, Participant
 from bus_bridge.dds.qos import Policies
@@ -20,6 +20,7 @@ __all__ = ["NodeInfo"]
 _POLICIES: Final = Policies(transient_local=True)
 _PROBE_AFTER_S: Final = 0.1
 _PROBE_AGAIN_S: Final = 1.0
+_MOST_EARLY: Final = 1000
 _ALL: Final = Policies(transient_local=True, keep_all=True)
 
 
@@ -93,11 +94,10 @@ class NodeInfo:
                 self._writer = self._make_writer()
                 self._said = b""
                 self.say(self._nodes)
+        self._silent.add(handle)
         if (early := self._early.pop(handle, None)) is not None:
             self._hear(handle, early)
-            return
-        self._silent.add(handle)
-        if self._timer is None:
+        elif self._timer is None:
             self._timer = self._loop.call_later(_PROBE_AFTER_S, self._probe)
 
     def ignore(self, handle: int) -> None:
@@ -122,12 +122,12 @@ class NodeInfo:
 
     def _make_reader(self, size: int) -> Endpoint:
         typehash = {"typehash": GRAPH_TYPE_HASH} if size == GID_SIZE else {}
-
-        def on_data() -> None:
-            self._loop.call_soon_threadsafe(self._take, size)
-
         return self._participant.make_reader(
-            GRAPH_TOPIC, self._type(size), _ALL, user_data({**typehash, **self._mark}), on_data
+            GRAPH_TOPIC,
+            self._type(size),
+            _ALL,
+            user_data({**typehash, **self._mark}),
+            lambda: self._loop.call_soon_threadsafe(self._take),
         )
 
     def _probe(self) -> None:
@@ -144,29 +144,23 @@ class NodeInfo:
                 self._probes.append(self._make_reader(size))
             self._timer = self._loop.call_later(_PROBE_AGAIN_S, self._probe)
 
-    def _take(self, size: int) -> None:
+    def _take(self) -> None:
         if self._is_closed:
             return
-        for reader in (self._readers[size], *self._probes):
-            self._take_from(reader, size)
-
-    def _take_from(self, reader: Endpoint, size: int) -> None:
-        take = raw.taker_of(reader.entity)
-        while found := take(64):
-            for data, info in found:
-                handle = info.publication_handle
-                if not info.valid_data:
-                    continue
-                if handle in self._ignored:
-                    continue
-                if handle not in self._writers:
-                    if len(self._early) >= 1000:
-                        self._early.clear()
-                    self._early[handle] = data
-                elif self._writers[handle][1] == size:
-                    self._hear(handle, data)
+        for reader in (*self._readers.values(), *self._probes):
+            take = raw.taker_of(reader.entity)
+            while found := take(64):
+                for data, info in found:
+                    if info.valid_data and info.publication_handle not in self._ignored:
+                        self._hear(info.publication_handle, data)
 
     def _hear(self, handle: int, data: bytes) -> None:
+        """Where both forms are spoken, it may come twice: each of our readers hears every writer."""
+        if handle not in self._writers:
+            if len(self._early) >= _MOST_EARLY:
+                self._early.pop(next(iter(self._early)))
+            self._early[handle] = data
+            return
         owner, size = self._writers[handle]
         self._silent.discard(handle)
         try:
@@ -195,12 +189,13 @@ def _info_type(gid_size: int) -> Any:
     from cyclonedds.idl import make_idl_struct, types
 
     def make(name: str, fields: dict[str, Any]) -> Any:
-        return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", fields, dataclassify=False)
+        return make_idl_struct(
+            f"{name}_", type_to_dds(f"rmw_dds_common/msg/{name}"), fields, dataclassify=False
+        )
 
     text: Any = types.bounded_str[256]
     gid = make("Gid", {"data": types.array[types.uint8, gid_size]})
     gids: Any = types.sequence[gid]
     fields = {"node_namespace": text, "node_name": text, "reader_gid_seq": gids, "writer_gid_seq": gids}
     nodes: Any = types.sequence[make("NodeEntitiesInfo", fields)]
-    assert type_to_dds(GRAPH_TYPE).endswith("ParticipantEntitiesInfo_")
     return make("ParticipantEntitiesInfo", {"gid": gid, "node_entities_info_seq": nodes})

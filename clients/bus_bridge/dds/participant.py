@@ -129,7 +129,7 @@ class Participant:
         idl_type: Any,
         policies: Policies,
         user_data: bytes,
-        on_data: Callable[[], None],
+        on_data: Callable[[], object],
         on_matched: Callable[[], object] | None = None,
     ) -> "Endpoint":
         """A reader; `hush` of the result keeps `on_data` from being called. Raises BridgeError."""

@@ -162,11 +162,13 @@ class FarWay:
         ways: "Ways",
         gid: bytes,
         handle: int,
+        topic: str,
         known: KnownType,
         on_samples: Callable[[Sequence[Sample]], None],
     ) -> None:
         self.gid = gid
         self.handle = handle
+        self.topic = topic
         self.lost: dict[str, int] = {}
         self.carrier: Intake | None = None
         self.last_ns = 0
@@ -279,8 +281,7 @@ class Ways:
         self._intakes[intake.topic].remove(intake)
         if not self._intakes[intake.topic]:
             del self._intakes[intake.topic]
-        carried = [way for way in self._by_topic.get(intake.topic, {}).values() if way.carrier is intake]
-        heirs = {heir for way in carried if (heir := self._best(intake.topic, way)) is not None}
+        heirs = {heir for way in self._carried(intake) if (heir := self._best(way)) is not None}
         if not heirs:
             self._finish(intake, heirs)
             return
@@ -289,25 +290,23 @@ class Ways:
         self._lingering.add(intake)
         self._loop.call_later(_LINGER_S, self._finish, intake, heirs)
 
-    def begin(self, topic: str, way: FarWay) -> None:
+    def begin(self, way: FarWay) -> None:
         """A far publisher is to be read."""
         way.last_ns = self._last_ns.get(way.gid, 0)
         self.by_handle[way.handle] = way
-        self._by_topic.setdefault(topic, {})[way.handle] = way
-        self._choose(topic, way)
+        self._by_topic.setdefault(way.topic, {})[way.handle] = way
+        self._choose(way)
 
     def end(self, way: FarWay) -> None:
         """It is not read any more."""
         if self.by_handle.get(way.handle) is way:
             del self.by_handle[way.handle]
-            for topic, ways in list(self._by_topic.items()):
-                ways.pop(way.handle, None)
-                if not ways:
-                    del self._by_topic[topic]
+            del self._by_topic[way.topic][way.handle]
+            if not self._by_topic[way.topic]:
+                del self._by_topic[way.topic]
             self._last_ns[way.gid] = way.last_ns
-        for intakes in self._intakes.values():
-            for intake in intakes:
-                intake.early(way.handle)
+        for intake in self._intakes.get(way.topic, ()):
+            intake.early(way.handle)
         way.carrier = None
 
     def keep_only(self, gids: Container[bytes]) -> None:
@@ -318,29 +317,32 @@ class Ways:
     def choose_all(self, topic: str) -> None:
         """What is matched with what may have changed."""
         for way in list(self._by_topic.get(topic, {}).values()):
-            self._choose(topic, way)
+            self._choose(way)
 
-    def _choose(self, topic: str, way: FarWay) -> None:
+    def _choose(self, way: FarWay) -> None:
         if way.carrier is not None and way.carrier.is_retiring:
             return  # `_finish` will
-        best = self._best(topic, way)
+        best = self._best(way)
         if best is way.carrier:
             return
         while way.carrier is not None and way.carrier.drain():
             pass
         way.begin(best)
 
-    def _best(self, topic: str, way: FarWay) -> Intake | None:
-        candidates = [one for one in self._intakes.get(topic, ()) if way.handle in one.matched]
+    def _carried(self, intake: Intake) -> list[FarWay]:
+        return [way for way in self._by_topic.get(intake.topic, {}).values() if way.carrier is intake]
+
+    def _best(self, way: FarWay) -> Intake | None:
+        candidates = [one for one in self._intakes.get(way.topic, ()) if way.handle in one.matched]
         return max(candidates, key=lambda one: (strength(one.policies), one is way.carrier), default=None)
 
     def _finish(self, intake: Intake, heirs: set[Intake]) -> None:
-        carried = [way for way in self._by_topic.get(intake.topic, {}).values() if way.carrier is intake]
+        carried = self._carried(intake)
         while heirs and intake.drain():
             pass
         intake.close()
         self._lingering.discard(intake)
         for way in carried:
-            way.begin(self._best(intake.topic, way))
+            way.begin(self._best(way))
         for heir in heirs:
             heir.release()

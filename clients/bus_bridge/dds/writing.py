@@ -16,7 +16,7 @@ from bus_bridge.engine import Sample
 from bus_bridge.reasons import REFUSED, UNDECODABLE
 from bus_ros.cdr import CdrError
 
-__all__ = ["DdsWriter", "NoWriter"]
+__all__ = ["DdsWriter"]
 
 _FIRST_PAUSE_S: Final = 0.001
 _LONGEST_PAUSE_S: Final = 0.02
@@ -105,18 +105,3 @@ class DdsWriter:
     def _try_again(self) -> None:
         self._timer = None
         self._on_change()
-
-
-class NoWriter:
-    """Of a publisher that the far side does not get to see."""
-
-    is_wanted = False
-
-    def __init__(self) -> None:
-        self.lost: dict[str, int] = {}
-
-    def write(self, samples: Sequence[Sample]) -> int:
-        return len(samples)
-
-    def close(self) -> None:
-        pass
