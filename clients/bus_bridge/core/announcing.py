@@ -100,9 +100,8 @@ class Announcing:
         for node in changes.nodes:
             self._nodes.add(node.id)
             self._engine.announce_node(node)
-        for (
-            shown
-        ) in changes.publishers:  # not asked for: the publisher may have left before there is an answer
+        for shown in changes.publishers:
+            # Known without asking for it: the publisher may have left before there is an answer.
             if (known := self._exports.schema(TypedTopic(shown.topic, *_type_of(shown)))) is not None:
                 self._schemas[_type_of(shown)] = known
         await self._learn({_type_of(one) for one in (*changes.subscriptions, *changes.publishers)})

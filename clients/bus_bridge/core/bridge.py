@@ -139,7 +139,7 @@ class Bridge:
             namespace=self._options.naming.namespace,
             uptime_s=monotonic() - self._began_s,
             links=self._engine.links(),
-            buses=[one.id for one in self._far.buses],
+            buses=self._far.buses,
             shown_there=self._announcing.counts,
         )
 
@@ -154,7 +154,7 @@ class Bridge:
         inform(self._log, f"bus '{bus.id}' is there")
 
     def bus_went(self, bus_id: str, reason: str) -> None:
-        if all(one.id != bus_id for one in self._far.buses):
+        if bus_id not in self._far.buses:
             return
         inform(self._log, f"bus '{bus_id}' has gone: {reason}")
         self._mirrors.bus_went(bus_id)

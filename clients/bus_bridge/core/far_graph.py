@@ -53,8 +53,8 @@ class Wrong(NamedTuple):
 
 
 class _Bus:
-    def __init__(self, bus: FarBus) -> None:
-        self.bus = bus
+    def __init__(self, bus_id: str) -> None:
+        self.id = bus_id
         self.tellers: dict[str, _Teller] = {}
         self.nodes = 0
         self.endpoints = 0
@@ -72,7 +72,7 @@ class _Teller:
         self.types: set[tuple[str, str]] = set()
 
     def wrong(self, reason: str) -> Wrong:
-        return Wrong(self.bus.bus.id, self.name, reason)
+        return Wrong(self.bus.id, self.name, reason)
 
 
 class FarGraph:
@@ -104,14 +104,13 @@ class FarGraph:
         """To be mirrored, by gid: of two that have the same, the one that came first."""
 
     @property
-    def buses(self) -> list[FarBus]:
-        return [one.bus for one in self._buses.values()]
+    def buses(self) -> list[str]:
+        """Ids of the far buses that are there."""
+        return [*self._buses]
 
     def ways(self, gid: bytes) -> list[str]:
         """The buses by which an endpoint with this gid comes; not this one's own, by a way around."""
-        return [
-            self._nodes[key].bus.bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes
-        ]
+        return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
 
     def wrong(self, key: str, reason: str) -> Wrong | None:
         """That something is wrong with an endpoint of a node; None where that has gone."""
@@ -130,9 +129,8 @@ class FarGraph:
         if wrong:
             return Wrong(bus.id, "", wrong)
         if bus.id in self._buses:
-            self._buses[bus.id].bus = bus
             return None
-        made = self._buses[bus.id] = _Bus(bus)
+        made = self._buses[bus.id] = _Bus(bus.id)
         whole = made.tellers[""] = _Teller(made, "", self._news_of(bus.id, "", now_s))
         if whole.news.is_too_much(now_s):
             del self._buses[bus.id]
@@ -166,7 +164,7 @@ class FarGraph:
             return teller.wrong(wrong)
         known = self._nodes.get(node.key)
         if known is not None and known is not teller:
-            return teller.wrong(f"it names a node of '{known.name or known.bus.bus.id}' as its own")
+            return teller.wrong(f"it names a node of '{known.name or known.bus.id}' as its own")
         if teller.nodes.get(node.key) == node:
             return None
         if known is not None:
@@ -234,7 +232,7 @@ class FarGraph:
         found = known.pop((bus, teller), None) or News(self._bounds, now_s)
         known[bus, teller] = found
         if len(known) > 2 * (self._bounds.buses + self._bounds.nodes):
-            here = {(one.bus.id, name) for one in self._buses.values() for name in one.tellers}
+            here = {(one.id, name) for one in self._buses.values() for name in one.tellers}
             del known[next(one for one in known if one not in here and one != (bus, teller))]
         return found
 

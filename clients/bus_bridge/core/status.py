@@ -24,7 +24,7 @@ class LinkState(msgspec.Struct, kw_only=True):
 
     address: str = ""
     state: str = "trying"
-    """`up`, `trying` or `refused`."""
+    """`up`, `trying`, `refused`, or `spare`: another address is used in its place."""
     bus: str = ""
     """The id of the far bus, where it is known."""
     text: str = ""
