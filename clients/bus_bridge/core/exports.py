@@ -337,14 +337,16 @@ class Exports:
         return route
 
     async def release(self, route: TopicExports) -> None:
-        """A far subscription needs them no longer."""
+        """A far subscription needs them no longer. Cancellation: they are closed, or not needed by it."""
         route.holders -= 1
-        async with route.opening:
-            if not route.holders:
-                taps, route.taps = route.taps, []
-                await asyncio.gather(*(tap.close() for tap in taps))
-        route.matches_changed()
-        self._drop_unused(route)
+        try:
+            async with route.opening:
+                if not route.holders:
+                    taps, route.taps = route.taps, []
+                    await asyncio.gather(*(tap.close() for tap in taps))
+        finally:
+            route.matches_changed()
+            self._drop_unused(route)
 
     async def _open_taps(self, route: TopicExports) -> None:
         profiles = (

@@ -1,5 +1,6 @@
 """What taps have taken, and which publishers they hold back. Taps are lists here."""
 
+import asyncio
 from collections import deque
 from collections.abc import Sequence
 from types import SimpleNamespace
@@ -10,7 +11,8 @@ from bus.qos import QoSProfile
 from bus.schema import schema_of
 from bus.subscription import MessageInfo
 from bus.types.support import type_support
-from bus_bridge.core.exports import TopicExports, TypedTopic
+from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
+from bus_bridge.core.rules import Rules
 from bus_bridge.engine import RouteRule, Sample
 
 LOSSLESS = QoSProfile(history="keep_all")
@@ -127,3 +129,17 @@ async def test_one_that_has_gone_is_held_back_no_more() -> None:
     stage.take()
     stage.route.exports[STUCK].close()
     assert stage.tap.held == set() and stage.route.full == set()
+
+
+async def test_a_tap_that_does_not_end_leaves_nothing_behind() -> None:
+    node: Any = None
+    exports = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)
+    topic = TypedTopic("/numbers", "std_msgs/msg/Int32", "h")
+    route = exports.route(topic, schema_of(type_support(Int32)))
+    tap: Any = SimpleNamespace(close=asyncio.Event().wait)
+    route.taps, route.holders = [tap], 1
+    releasing = asyncio.create_task(exports.release(route))
+    await asyncio.sleep(0)
+    releasing.cancel()
+    await asyncio.wait((releasing,))
+    assert exports.schema(topic) is None and route.taps == []
