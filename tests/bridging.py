@@ -2,22 +2,33 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import bus
+from bus.msg.std_msgs import Int32
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.core.bridge import Bridge, BridgeOptions
 from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import Rules
-from conftest import Daemon
-from engine_pair import Network, PairEngine
+from conftest import WAIT_S, Daemon
+from engine_pair import Network, PairEngine, Switch
 from forks import Forks
+from semantics import until
 
-__all__ = ["Site", "World", "world"]
+__all__ = ["KEPT", "LATCHED", "LOSSLESS", "Made", "Running", "Site", "Talk", "World", "received", "world"]
+
+LATCHED = bus.QoSProfile(1, durability="transient_local")
+KEPT = bus.QoSProfile(10, durability="transient_local")
+LOSSLESS = bus.QoSProfile(history="keep_all")
+
+
+async def received(subscription: bus.Subscription[Any], number: int) -> list[Any]:
+    """The `data` of the next so many messages."""
+    return [(await subscription.receive())[0].data for _ in range(number)]
 
 
 class Site:
@@ -88,6 +99,50 @@ class Running:
         await self.start()
 
 
+class Talk:
+    """Two buses whose bridges are linked: what `publisher` says on the left one, `subscription` hears on the
+    right one, once `is_on`."""
+
+    def __init__(
+        self,
+        sides: tuple[Site, Site, Running, Running],
+        link: Switch,
+        publisher: bus.Publisher[Any],
+        subscription: bus.Subscription[Any],
+    ) -> None:
+        self.left, self.right, self.one, self.other = sides
+        self.link = link
+        self.publisher = publisher
+        self.subscription = subscription
+
+    async def is_on(self) -> None:
+        """Each knows of the other."""
+        await self.publisher.wait_for_subscriptions()
+        await self.subscription.wait_for_publishers()
+
+    async def cut(self) -> None:
+        """The link goes, and each has heard of it."""
+        self.link.down()
+        await until(lambda: self.publisher.get_subscription_count() == 0)
+        await until(lambda: self.subscription.get_publisher_count() == 0)
+
+    async def exchange(self) -> None:
+        """Publish numbers until they arrive, and see that each comes once."""
+        await self.is_on()
+        said = 0
+        heard: list[int] = []
+        async with asyncio.timeout(WAIT_S):
+            while not heard or heard[-1] != said:
+                if not heard:  # what was said before the way was there may be lost
+                    said += 1
+                    self.publisher.publish(Int32(data=said))
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(0.2):
+                        heard += await received(self.subscription, 1)
+        assert heard == list(range(heard[0], said + 1))
+        assert self.subscription.take() is None
+
+
 class World:
     """Makes buses and bridges; what is still there at the end is ended."""
 
@@ -113,9 +168,23 @@ class World:
         self.network.join(one.engine, other.engine)
         return left, right, one, other
 
+    async def talk(
+        self, qos: bus.QoSProfile | int = 10, *, heard: bus.QoSProfile | int | None = None, kind: Any = Int32
+    ) -> Talk:
+        """A pair whose nodes `talker` and `listener` have the topic `numbers`. `heard`: another QoS there."""
+        left, right, one, other = await self.pair()
+        publisher = await (await left.node("talker")).create_publisher(kind, "numbers", qos)
+        listener = await right.node("listener")
+        subscription = await listener.create_subscription(kind, "numbers", qos if heard is None else heard)
+        return Talk((left, right, one, other), self.network.links[-1], publisher, subscription)
+
+
+Made = Callable[[], AbstractAsyncContextManager[World]]
+"""What the fixture `world` gives."""
+
 
 @pytest.fixture
-def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: Forks) -> Iterator[Callable[[], Any]]:
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: Forks) -> Iterator[Made]:
     """`async with world() as made:` gives a World."""
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
     daemons: list[Daemon] = []

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import bus
-from bridging import world
+from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
 from bus.msg.std_msgs import Int32, String
 from bus.names import service_of_topic
 from bus.srv.example_interfaces import AddTwoInts
@@ -21,27 +21,14 @@ __all__ = ["world"]
 
 pytestmark = pytest.mark.either_loop
 
-Made = Callable[[], Any]
-LATCHED = bus.QoSProfile(1, durability="transient_local")
-KEPT = bus.QoSProfile(10, durability="transient_local")
-LOSSLESS = bus.QoSProfile(history="keep_all")
-
-
-async def received(subscription: bus.Subscription[Any], number: int) -> list[Any]:
-    return [(await subscription.receive())[0].data for _ in range(number)]
-
 
 async def test_a_talker_is_heard_on_the_other_bus(world: Made) -> None:
     async with world() as made:
-        left, right, *_ = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(String, "chatter")
-        subscription = await listener.create_subscription(String, "chatter")
-        await publisher.wait_for_subscriptions()
-        await subscription.wait_for_publishers()
+        talk = await made.talk(kind=String)
+        await talk.is_on()
         for number in range(3):
-            publisher.publish(String(data=str(number)))
-        assert await received(subscription, 3) == ["0", "1", "2"]
+            talk.publisher.publish(String(data=str(number)))
+        assert await received(talk.subscription, 3) == ["0", "1", "2"]
 
 
 async def test_the_graph_shows_the_other_bus_as_it_is(world: Made) -> None:
@@ -135,22 +122,18 @@ async def test_a_service_is_called_on_the_other_bus(world: Made) -> None:
 
 async def test_nothing_is_lost_where_both_sides_say_so(world: Made) -> None:
     async with world() as made:
-        left, right, one, other = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "numbers", LOSSLESS)
-        subscription = await listener.create_subscription(Int32, "numbers", LOSSLESS)
-        await publisher.wait_for_subscriptions()
-        await subscription.wait_for_publishers()
+        talk = await made.talk(LOSSLESS)
+        await talk.is_on()
         number = 20_000
 
         async def publish() -> None:
             for index in range(number):
-                await publisher.send(Int32(data=index))
+                await talk.publisher.send(Int32(data=index))
 
         publishing = asyncio.create_task(publish())
-        assert await received(subscription, number) == list(range(number))
+        assert await received(talk.subscription, number) == list(range(number))
         await publishing
-        for bridge in (one, other):
+        for bridge in (talk.one, talk.other):
             await until(lambda bridge=bridge: bridge.bridge.status().routes[0].sent == number)
             (route,) = bridge.bridge.status().routes
             assert (route.taken, route.waiting, route.dropped) == (number, 0, {})
@@ -178,13 +161,15 @@ async def test_what_a_publisher_says_at_once_crosses_whoever_it_is(world: Made) 
             await watcher.close()
 
 
-async def test_what_is_said_while_a_publisher_is_being_made_known_crosses(world: Made) -> None:
+async def test_what_is_said_while_a_publisher_is_being_made_known_crosses(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The bridge has seen it in the graph, and is still asking for something that it needs to show it."""
     async with world() as made:
         left, right, one, _ = await made.pair()
         talker, listener = await left.node("talker"), await right.node("listener")
         subscription = await listener.create_subscription(String, "chatter", 10)
-        await talker.wait_for_graph(lambda graph: graph.subscriptions_of("/chatter"))
+        await talker.wait_for_graph(lambda graph: bool(graph.subscriptions_of("/chatter")))
         announcing, gate, asked = one.bridge._announcing, asyncio.Event(), asyncio.Event()
         learn = announcing._learn
 
@@ -193,7 +178,7 @@ async def test_what_is_said_while_a_publisher_is_being_made_known_crosses(world:
             await gate.wait()
             await learn(types)
 
-        announcing._learn = learn_late
+        monkeypatch.setattr(announcing, "_learn", learn_late)
         async with bus.Node("once", arguments=[], socket=left.socket) as node:
             publisher = await node.create_publisher(String, "chatter", 10)
             await publisher.wait_for_subscriptions()
@@ -211,7 +196,7 @@ async def test_nothing_crosses_without_a_subscription_and_once_with_three(world:
         (link,) = made.network.links
         talker, listener = await left.node("talker"), await right.node("listener")
         publisher = await talker.create_publisher(Int32, "numbers", 10)
-        await listener.wait_for_graph(lambda graph: graph.publishers_of("/numbers"))
+        await listener.wait_for_graph(lambda graph: bool(graph.publishers_of("/numbers")))
         for number in range(10):
             publisher.publish(Int32(data=number))
         assert publisher.get_subscription_count() == 0
@@ -245,7 +230,7 @@ async def test_what_two_other_buses_say_to_each_other_is_not_read_here(world: Ma
         await publisher.wait_for_subscriptions()
         await subscription.wait_for_publishers()
         graph = await looker.wait_for_graph(
-            lambda graph: graph.publishers_of("/chatter") and graph.subscriptions_of("/chatter")
+            lambda graph: bool(graph.publishers_of("/chatter") and graph.subscriptions_of("/chatter"))
         )
         publisher.publish(String(data="hello"))
         assert await received(subscription, 1) == ["hello"]
@@ -361,16 +346,12 @@ async def test_mismatches_are_told_on_both_buses(world: Made) -> None:
 
 async def test_the_original_is_told_by_gid_and_source_time(world: Made) -> None:
     async with world() as made:
-        left, right, *_ = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        schema = bus.MessageSchema.of(Int32)
-        publisher = await talker.create_publisher(schema, "numbers", 10)
-        subscription = await listener.create_subscription(Int32, "numbers", 10)
-        await publisher.wait_for_subscriptions()
+        talk = await made.talk()
+        await talk.is_on()
         hour_ago_ns = 1_700_000_000_000_000_000
-        publisher.publish_encoded(bytes([0x91, 7]), source_time_ns=hour_ago_ns)
-        _, info = await subscription.receive()
-        assert (info.publisher_gid, info.source_timestamp) == (publisher.gid, hour_ago_ns)
+        talk.publisher.publish_encoded(bytes([0x91, 7]), source_time_ns=hour_ago_ns)
+        _, info = await talk.subscription.receive()
+        assert (info.publisher_gid, info.source_timestamp) == (talk.publisher.gid, hour_ago_ns)
 
 
 async def test_one_endpoint_that_the_engine_refuses_ends_nothing(world: Made) -> None:
@@ -406,7 +387,7 @@ async def test_the_status_is_a_service(world: Made) -> None:
         asker = await right.node("asker")
         talker = await left.node("talker")
         await talker.create_publisher(String, "chatter", 10)
-        graph = await asker.wait_for_graph(lambda graph: graph.publishers_of("/chatter"))
+        graph = await asker.wait_for_graph(lambda graph: bool(graph.publishers_of("/chatter")))
         names = [name for name, types in graph.services().items() if SERVICE_TYPE in types]
         assert names == ["/bridge_pair/get_status"]
         client = await asker.create_client(GetStatus, names[0])

@@ -2,14 +2,13 @@
 
 import asyncio
 from collections.abc import Callable
-from contextlib import suppress
 from time import process_time
 from typing import Any
 
 import pytest
 
 import bus
-from bridging import world
+from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
 from bus.msg.std_msgs import Int32, String
 from bus_bridge.core import export, mirrors
 from bus_bridge.core.bounds import Bounds
@@ -23,51 +22,20 @@ __all__ = ["world"]
 
 pytestmark = pytest.mark.either_loop
 
-Made = Callable[[], Any]
-LATCHED = bus.QoSProfile(1, durability="transient_local")
-KEPT = bus.QoSProfile(10, durability="transient_local")
-
-
-async def received(subscription: bus.Subscription[Any], number: int) -> list[Any]:
-    return [(await subscription.receive())[0].data for _ in range(number)]
-
-
-async def exchange(publisher: Any, subscription: Any) -> None:
-    """Publish numbers until they arrive, and see that each comes once."""
-    await publisher.wait_for_subscriptions()
-    await subscription.wait_for_publishers()
-    said = 0
-    heard: list[int] = []
-    async with asyncio.timeout(WAIT_S):
-        while not heard or heard[-1] != said:
-            if not heard:  # what was said before the way was there may be lost
-                said += 1
-                publisher.publish(Int32(data=said))
-            with suppress(TimeoutError):
-                async with asyncio.timeout(0.2):
-                    heard += await received(subscription, 1)
-    assert heard == list(range(heard[0], said + 1))
-    assert subscription.take() is None
-
 
 async def test_a_link_that_goes_and_comes_back(world: Made) -> None:
     async with world() as made:
-        left, right, *_ = await made.pair()
-        (link,) = made.network.links
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "numbers", 10)
-        subscription = await listener.create_subscription(Int32, "numbers", 10)
-        keeper = await talker.create_publisher(Int32, "state", LATCHED)
+        talk = await made.talk()
+        keeper, listener = await talk.left.node("keeper"), await talk.right.node("state_listener")
+        publisher = await keeper.create_publisher(Int32, "state", LATCHED)
         state = await listener.create_subscription(Int32, "state", KEPT)
-        keeper.publish(Int32(data=7))
+        publisher.publish(Int32(data=7))
         assert await received(state, 1) == [7]
         for _ in range(3):
-            await exchange(publisher, subscription)
-            link.down()
-            await until(lambda: publisher.get_subscription_count() == 0)
-            await until(lambda: subscription.get_publisher_count() == 0)
-            link.up()
-        await exchange(publisher, subscription)
+            await talk.exchange()
+            await talk.cut()
+            talk.link.up()
+        await talk.exchange()
         late = await listener.create_subscription(Int32, "state", KEPT)
         assert await received(late, 1) == [7]
         assert state.take() is None  # it has had it
@@ -75,45 +43,35 @@ async def test_a_link_that_goes_and_comes_back(world: Made) -> None:
 
 async def test_what_is_missed_while_a_link_is_down_is_counted(world: Made) -> None:
     async with world() as made:
-        left, right, _, other = await made.pair()
-        (link,) = made.network.links
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "numbers", 10)
-        subscription = await listener.create_subscription(Int32, "numbers", 10)
-        await exchange(publisher, subscription)
-        link.down()
-        await until(lambda: publisher.get_subscription_count() == 0)
-        await until(lambda: subscription.get_publisher_count() == 0)
+        talk = await made.talk()
+        await talk.exchange()
+        await talk.cut()
         for number in range(3):
-            publisher.publish(Int32(data=number))
-        link.up()
-        await exchange(publisher, subscription)
-        publisher.publish(Int32(data=-1))
-        assert await received(subscription, 1) == [-1]
-        (route,) = other.bridge.status().routes
+            talk.publisher.publish(Int32(data=number))
+        talk.link.up()
+        await talk.exchange()
+        talk.publisher.publish(Int32(data=-1))
+        assert await received(talk.subscription, 1) == [-1]
+        (route,) = talk.other.bridge.status().routes
         assert route.dropped["lost_on_the_way"] >= 3
-        assert route.sent + route.dropped["lost_on_the_way"] == publisher.statistics().published
+        assert route.sent + route.dropped["lost_on_the_way"] == talk.publisher.statistics().published
 
 
 async def test_what_is_latched_comes_once_though_nodes_go_before_their_bus(world: Made) -> None:
     """Of a link that ends, an engine may tell piece by piece."""
     async with world() as made:
-        left, right, _, other = await made.pair()
-        (link,) = made.network.links
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "state", KEPT)
-        publisher.publish(Int32(data=7))
-        subscription = await listener.create_subscription(Int32, "state", KEPT)
-        assert await received(subscription, 1) == [7]
-        for node in tuple(other.bridge._far.nodes):
-            other.bridge.node_went(node)
+        talk = await made.talk(KEPT)
+        talk.publisher.publish(Int32(data=7))
+        assert await received(talk.subscription, 1) == [7]
+        for node in tuple(talk.other.bridge._far.nodes):
+            talk.other.bridge.node_went(node)
         await asyncio.sleep(0.05)
-        link.down()
-        await until(lambda: publisher.get_subscription_count() == 0)
-        link.up()
-        await publisher.wait_for_subscriptions()
-        publisher.publish(Int32(data=8))
-        assert await received(subscription, 1) == [8]
+        talk.link.down()
+        await until(lambda: talk.publisher.get_subscription_count() == 0)
+        talk.link.up()
+        await talk.publisher.wait_for_subscriptions()
+        talk.publisher.publish(Int32(data=8))
+        assert await received(talk.subscription, 1) == [8]
 
 
 async def test_what_is_latched_is_there_for_late_joiners_however_long_the_link_was_down(
@@ -122,31 +80,23 @@ async def test_what_is_latched_is_there_for_late_joiners_however_long_the_link_w
     monkeypatch.setattr(mirrors, "_LINGER_S", 0.0)
     monkeypatch.setattr(mirrors, "_GONE_S", 0.0)
     async with world() as made:
-        left, right, *_ = await made.pair()
-        (link,) = made.network.links
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "state", LATCHED)
-        publisher.publish(Int32(data=7))
-        first = await listener.create_subscription(Int32, "state", KEPT)
-        assert await received(first, 1) == [7]
-        link.down()
-        await until(lambda: first.get_publisher_count() == 0)
-        link.up()
-        await first.wait_for_publishers()
-        late = await listener.create_subscription(Int32, "state", KEPT)
+        talk = await made.talk(LATCHED, heard=KEPT)
+        talk.publisher.publish(Int32(data=7))
+        assert await received(talk.subscription, 1) == [7]
+        await talk.cut()
+        talk.link.up()
+        await talk.subscription.wait_for_publishers()
+        late = await (await talk.right.node("late")).create_subscription(Int32, "numbers", KEPT)
         assert await received(late, 1) == [7]
 
 
 async def test_bridges_that_restart_leave_no_copies(world: Made) -> None:
     async with world() as made:
-        left, right, one, other = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "numbers", 10)
-        subscription = await listener.create_subscription(Int32, "numbers", 10)
+        talk = await made.talk()
         for number in range(20):
-            await (one, other)[number % 2].restart()
-        await exchange(publisher, subscription)
-        graph = await listener.graph()
+            await (talk.one, talk.other)[number % 2].restart()
+        await talk.exchange()
+        graph = await (await talk.right.node("watcher")).graph()
         assert len(graph.publishers_of("/numbers")) == 1
         assert len(graph.taps) <= 2
 
@@ -154,13 +104,11 @@ async def test_bridges_that_restart_leave_no_copies(world: Made) -> None:
 @pytest.mark.parametrize("side", ["left", "right"])
 async def test_a_busd_that_is_killed_and_comes_back(world: Made, side: str) -> None:
     async with world() as made:
-        left, right, one, other = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "numbers", 10)
-        subscription = await listener.create_subscription(Int32, "numbers", 10)
-        await exchange(publisher, subscription)
-        site, bridge = (left, one) if side == "left" else (right, other)
-        before = len(one.engine.announced), len(other.engine.announced)
+        talk = await made.talk()
+        await talk.exchange()
+        site = talk.left if side == "left" else talk.right
+        engines = talk.one.engine, talk.other.engine
+        before = [len(engine.announced) for engine in engines]
         site.daemon.kill()
         site.daemon.restart()
         observer = await site.node("observer")
@@ -169,9 +117,10 @@ async def test_a_busd_that_is_killed_and_comes_back(world: Made, side: str) -> N
                 len(graph.publishers_of("/numbers")) == 1 and len(graph.subscriptions_of("/numbers")) == 1
             )
         )
-        await exchange(publisher, subscription)
-        assert bridge.bridge is not None
-        again = one.engine.announced[before[0] :] + other.engine.announced[before[1] :]
+        await talk.exchange()
+        again = [
+            one for engine, count in zip(engines, before, strict=True) for one in engine.announced[count:]
+        ]
         assert [one.topic for one in again if one.topic == "/numbers"] == []
 
 
@@ -220,42 +169,36 @@ async def test_many_nodes_at_once_and_quiet_afterwards(world: Made) -> None:
 
 async def test_a_lossless_route_that_hangs_holds_up_no_other(world: Made) -> None:
     async with world() as made:
-        left, right, one, _ = await made.pair()
-        (link,) = made.network.links
-        talker, listener = await left.node("talker"), await right.node("listener")
-        lossless = bus.QoSProfile(history="keep_all")
-        publisher = await talker.create_publisher(String, "lossless", lossless)
-        subscription = await listener.create_subscription(String, "lossless", lossless)
-        here = await talker.create_publisher(Int32, "here", 10)
-        local = await talker.create_subscription(Int32, "here", 10)
-        await publisher.wait_for_subscriptions()
-        await until(lambda: any(route.is_flowing for route in one.bridge.status().routes))
-        link.hang()
+        talk = await made.talk(LOSSLESS, kind=String)
+        bystander = await talk.left.node("bystander")
+        here = await bystander.create_publisher(Int32, "here", 10)
+        local = await bystander.create_subscription(Int32, "here", 10)
+        await talk.publisher.wait_for_subscriptions()
+        await until(lambda: any(route.is_flowing for route in talk.one.bridge.status().routes))
+        talk.link.hang()
         text = "x" * 10_000
 
         async def flood() -> None:
             for _ in range(2000):
-                await publisher.send(String(data=text))
+                await talk.publisher.send(String(data=text))
 
         flooding = asyncio.create_task(flood())
         for number in range(100):
             here.publish(Int32(data=number))
             assert await received(local, 1) == [number]
-        (route,) = [one for one in one.bridge.status().routes if one.topic == "/lossless"]
+        (route,) = [one for one in talk.one.bridge.status().routes if one.topic == "/numbers"]
         assert route.waiting < 2000
         assert not flooding.done()
-        link.go_on()
-        assert await received(subscription, 2000) == [text] * 2000
+        talk.link.go_on()
+        assert await received(talk.subscription, 2000) == [text] * 2000
         await flooding
 
 
 async def test_a_lossless_publisher_that_is_stuck_does_not_hold_up_another_of_its_topic(world: Made) -> None:
     async with world() as made:
-        left, right, one, _ = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        lossless = bus.QoSProfile(history="keep_all")
-        stuck, other = [await talker.create_publisher(Int32, "numbers", lossless) for _ in range(2)]
-        subscription = await listener.create_subscription(Int32, "numbers", lossless)
+        talk = await made.talk(LOSSLESS)
+        stuck, one, subscription = talk.publisher, talk.one, talk.subscription
+        other = await (await talk.left.node("other")).create_publisher(Int32, "numbers", LOSSLESS)
         await stuck.wait_for_subscriptions()
         await until(lambda: sum(route.is_flowing for route in one.bridge.status().routes) == 2)
         readers = one.engine.writers[stuck.gid].readers
@@ -277,11 +220,9 @@ async def test_a_lossless_publisher_that_has_filled_its_route_holds_up_no_other_
 ) -> None:
     """It waits itself, with no more in the bridge than that has room for, and a window on its way there."""
     async with world() as made:
-        left, right, one, _ = await made.pair()
-        talker, listener = await left.node("talker"), await right.node("listener")
-        lossless = bus.QoSProfile(history="keep_all")
-        stuck, other = [await talker.create_publisher(String, "texts", lossless) for _ in range(2)]
-        subscription = await listener.create_subscription(String, "texts", lossless)
+        talk = await made.talk(LOSSLESS, kind=String)
+        stuck, one, subscription = talk.publisher, talk.one, talk.subscription
+        other = await (await talk.left.node("other")).create_publisher(String, "numbers", LOSSLESS)
         await stuck.wait_for_subscriptions()
         await until(lambda: sum(way.is_flowing for way in one.bridge.status().routes) == 2)
         readers = one.engine.writers[stuck.gid].readers
@@ -321,9 +262,8 @@ async def test_a_lossless_publisher_that_the_far_side_never_reads_goes_on_after_
             raise BridgeError("a test")
 
         read, other.engine.read = other.engine.read, refuse
-        lossless = bus.QoSProfile(history="keep_all")
-        publisher = await talker.create_publisher(Int32, "numbers", lossless)
-        subscription = await listener.create_subscription(Int32, "numbers", lossless)
+        publisher = await talker.create_publisher(Int32, "numbers", LOSSLESS)
+        subscription = await listener.create_subscription(Int32, "numbers", LOSSLESS)
         await publisher.wait_for_subscriptions()
         for number in range(20_000):  # more than the ring and the bridge have room for
             await publisher.send(Int32(data=number))
@@ -339,60 +279,50 @@ async def test_a_lossless_publisher_that_the_far_side_never_reads_goes_on_after_
 
 async def test_what_is_lost_on_the_way_or_comes_twice_is_counted(world: Made) -> None:
     async with world() as made:
-        left, right, _, other = await made.pair()
-        (link,) = made.network.links
-        talker, listener = await left.node("talker"), await right.node("listener")
-        publisher = await talker.create_publisher(Int32, "numbers", 100)
-        subscription = await listener.create_subscription(Int32, "numbers", 100)
-        await exchange(publisher, subscription)
-        (before,) = other.bridge.status().routes
+        talk = await made.talk(100)
+        await talk.exchange()
+        (before,) = talk.other.bridge.status().routes
 
         def change(samples: list[Sample]) -> list[Sample]:
             kept = [one for one in samples if one.number % 5]
             return [*kept, *kept]
 
-        link.change = change
+        talk.link.change = change
         for number in range(100):
-            publisher.publish(Int32(data=number))
+            talk.publisher.publish(Int32(data=number))
             await asyncio.sleep(0)
-        await until(lambda: other.bridge.status().routes[0].sent == before.sent + 80)
-        (route,) = other.bridge.status().routes
+        await until(lambda: talk.other.bridge.status().routes[0].sent == before.sent + 80)
+        (route,) = talk.other.bridge.status().routes
         assert route.dropped["repeated"] == 80
         assert route.dropped["lost_on_the_way"] in (19, 20)
-        observed = await listener.wait_for_graph(lambda graph: bool(graph.publishers_of("/numbers")))
-        assert observed
+        watcher = await talk.right.node("watcher")
         async with asyncio.timeout(WAIT_S):
             while True:
-                graph = await listener.graph(statistics=True)
-                statistics = graph.publishers_of("/numbers")[0].statistics
-                if statistics is not None and statistics.dropped.get("repeated") == 80:
+                graph = await watcher.graph(statistics=True)
+                (shown,) = graph.publishers_of("/numbers")
+                if shown.statistics is not None and shown.statistics.dropped.get("repeated") == 80:
                     break
                 await asyncio.sleep(0.05)
-        got = [subscription.take() for _ in range(80)]
-        assert all(one is not None and (one[1].publication_sequence_number) for one in got)
+        heard = await received(talk.subscription, 80)
+        assert len({*heard}) == 80 and talk.subscription.take() is None
 
 
 async def test_a_clock_that_is_an_hour_wrong_expires_nothing(world: Made) -> None:
     async with world() as made:
-        left, right, _, other = await made.pair()
-        (link,) = made.network.links
+        talk = await made.talk(bus.QoSProfile(10, lifespan=WAIT_S), heard=10)
         second_ns = 1_000_000_000
         wrong_ns = 3600 * second_ns
-        link.change = lambda samples: [
+        talk.link.change = lambda samples: [
             one._replace(source_time_ns=one.source_time_ns - wrong_ns) for one in samples
         ]
-        talker, listener = await left.node("talker"), await right.node("listener")
-        qos = bus.QoSProfile(10, lifespan=WAIT_S)
-        publisher = await talker.create_publisher(Int32, "numbers", qos)
-        subscription = await listener.create_subscription(Int32, "numbers", 10)
         for _ in range(3):
-            await exchange(publisher, subscription)
+            await talk.exchange()
         wrong_ns += round(2 * WAIT_S) * second_ns  # as of one that was on its way for so long
-        publisher.publish(Int32(data=100))
-        await until(lambda: other.bridge.status().routes[0].dropped.get("expired") == 1)
+        talk.publisher.publish(Int32(data=100))
+        await until(lambda: talk.other.bridge.status().routes[0].dropped.get("expired") == 1)
         wrong_ns = 3600 * second_ns
-        publisher.publish(Int32(data=101))
-        assert await received(subscription, 1) == [101]
+        talk.publisher.publish(Int32(data=101))
+        assert await received(talk.subscription, 1) == [101]
 
 
 GID = bytes(range(16))

@@ -1,13 +1,11 @@
 """Nothing goes round, and nothing comes twice, however buses are joined."""
 
 import asyncio
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 import bus
-from bridging import Running, world
+from bridging import Made, Running, received, world
 from bus.msg.std_msgs import Int32, String
 from bus_bridge.core.rules import TopicRule
 from semantics import until
@@ -15,12 +13,6 @@ from semantics import until
 __all__ = ["world"]
 
 pytestmark = pytest.mark.either_loop
-
-Made = Callable[[], Any]
-
-
-async def received(subscription: bus.Subscription[Any], number: int) -> list[Any]:
-    return [(await subscription.receive())[0].data for _ in range(number)]
 
 
 def read_by(bridge: Running) -> int:
@@ -39,10 +31,10 @@ async def test_two_bridges_between_the_same_two_buses(world: Made) -> None:
         echo = await listener.create_publisher(Int32, "numbers", 1000)
         heard = await talker.create_subscription(Int32, "numbers", 1000)
         # The first way shows all four before there is a second one; else the second shows some of them.
-        for one in (publisher, echo):
-            await one.wait_for_subscriptions(2)
-        for one in (subscription, heard):
-            await one.wait_for_publishers(2)
+        for saying in (publisher, echo):
+            await saying.wait_for_subscriptions(2)
+        for hearing in (subscription, heard):
+            await hearing.wait_for_publishers(2)
         made.network.join(second.engine, third.engine)
         await until(lambda: len(third.bridge.status().buses) == 1)
         await until(lambda: any("is on this bus already" in text for text in third.bridge._said))
