@@ -107,8 +107,8 @@ class Sends:
     def publish_shared(self, message: Any, /) -> None:
         """`publish` under the loop's guard. `rest(message, status)`, without it, does what that leaves to do.
 
-        `status`: as `publish` gave it; None where another thread has the guard, and nothing was tried; True
-        where the message is taken, and only an interrupt is left.
+        `status`: as `publish` gave it; None where nothing was tried: another thread has the guard, or there
+        is no quick way; True where the message is taken, and only an interrupt is left.
         """
 
 class Writer:

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-enum { PACKED_HEAD = 20 };
+#define PACKED_HEAD ((size_t)20) /* wide, so that the sum of it and a size does not wrap */
 
 struct packed_head {
     uint64_t number;

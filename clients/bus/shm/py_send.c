@@ -366,8 +366,8 @@ static PyObject *sends_share(PyObject *object, PyObject *args)
     Py_RETURN_NONE;
 }
 
-/* What the quick way gives under the guard, a new reference; None where another thread has the guard. NULL: an error is
- * set. */
+/* What the quick way gives under the guard, a new reference; None where another thread has the guard, or there is no
+ * quick way. NULL: an error is set. */
 static PyObject *publish_guarded(const Sends *self, PyObject *message)
 {
     PyObject *is_held = PyObject_CallFunctionObjArgs(self->acquire, Py_False, NULL);
@@ -376,16 +376,20 @@ static PyObject *publish_guarded(const Sends *self, PyObject *message)
     Py_DECREF(is_held);
     if (is_held != Py_True)
         Py_RETURN_NONE;
-    PyObject *publish = Py_NewRef(self->publish); /* it may be exchanged meanwhile */
-    PyObject *status = PyObject_CallFunctionObjArgs(publish, message, NULL);
-    Py_DECREF(publish);
+    PyObject *publish = Py_XNewRef(self->publish); /* it may be exchanged meanwhile */
+    PyObject *status = publish == NULL ? Py_NewRef(Py_None) : PyObject_CallFunctionObjArgs(publish, message, NULL);
+    Py_XDECREF(publish);
     PyObject *type, *value, *traceback;
     PyErr_Fetch(&type, &value, &traceback);
     PyObject *released = PyObject_CallNoArgs(self->release);
-    if (released == NULL)
-        Py_CLEAR(status);
-    else
+    if (released != NULL) {
         PyErr_Restore(type, value, traceback);
+    } else {
+        Py_CLEAR(status);
+        Py_XDECREF(type);
+        Py_XDECREF(value);
+        Py_XDECREF(traceback);
+    }
     Py_XDECREF(released);
     return status;
 }

@@ -1,6 +1,8 @@
 """bus.shm._core: many samples in one buffer, out of rings and into them."""
 
+import mmap
 import time
+from pathlib import Path
 from struct import Struct
 from typing import Any
 
@@ -197,3 +199,14 @@ class TestPublishing:
             talker.writer.publish_packed(data, len(data) + 1)
         with pytest.raises(TypeError):
             core.Writer.publish_packed(talker.writer, data)
+
+
+def test_a_record_of_nearly_4_gib_is_stepped_over(tmp_path: Path) -> None:
+    last, path = _HEAD.pack(2, 0, 5) + b"later", tmp_path / "pack"
+    with path.open("wb") as file:  # all but its ends is a hole
+        file.write(_HEAD.pack(1, 0, (1 << 32) - _HEAD.size))
+        file.seek(1 << 32)
+        file.write(last)
+    with path.open("rb") as whole, mmap.mmap(whole.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        found = core.scan_packed(data, 0, 9)
+    assert found == (2, (1 << 32) + len(last), (1 << 32) - _HEAD.size + 5, 2, 1 << 32, True)

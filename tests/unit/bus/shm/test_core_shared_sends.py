@@ -1,7 +1,9 @@
 """bus.shm._core.Sends.publish_shared: the quick way of a publish, under the guard of a shared loop."""
 
 import gc
+import sys
 import weakref
+from collections.abc import Callable
 from threading import RLock, Thread
 from typing import Any
 
@@ -102,3 +104,51 @@ def test_a_circle_through_it_is_collected() -> None:
     del end
     gc.collect()
     assert gone() is None
+
+
+class BadGuard:
+    """Runs `on_acquire`, and can't be given back."""
+
+    def __init__(self, on_acquire: Callable[[], object] = bool) -> None:
+        self.on_acquire = on_acquire
+
+    def acquire(self, _: bool) -> bool:
+        self.on_acquire()
+        return True
+
+    def release(self) -> None:
+        raise RuntimeError("not given back")
+
+    def _is_owned(self) -> bool:
+        return True
+
+
+def shared_by(guard: BadGuard, status: Any) -> End:
+    end = End(status)
+    end.loop.guard = guard
+    end.sends = core.Sends(print, print, print)
+    end.sends.publish = end.publish
+    end.sends.share(end.loop, end.rest)
+    return end
+
+
+def test_nothing_is_left_of_an_error_where_the_guard_is_not_given_back() -> None:
+    end = shared_by(BadGuard(), LookupError([]))
+    marker = end.status.args[0]
+    before = sys.getrefcount(marker)
+    with pytest.raises(RuntimeError, match="not given back"):
+        end.sends.publish_shared("a")
+    end.status = True
+    gc.collect()
+    assert sys.getrefcount(marker) < before  # the error, which held it, is gone
+
+
+def test_the_quick_way_may_go_before_the_guard_is_there() -> None:
+    end = End()
+    sends = end.sends = core.Sends(print, print, print)
+    sends.publish = end.publish
+    end.loop.guard = BadGuard(lambda: delattr(sends, "publish"))
+    end.loop.guard.release = bool
+    sends.share(end.loop, end.rest)
+    sends.publish_shared("a")
+    assert (end.tried, end.left) == ([], [("a", None, True)])
