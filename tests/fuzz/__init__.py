@@ -3,3 +3,6 @@
 make fuzz SECONDS=60                     all of them, guided by coverage (atheris; clang for the C parts)
 make test                                every input of the corpus once more, and hypothesis
 """
+
+OURS = ("bus", "bus_bridge", "bus_cli", "bus_ros", "busd")
+"""The packages whose steps a fuzzer in Python sees: all that targets import."""

@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 from fuzz.cover import covering
 from fuzz.kept import CORPUS, CRASHES, inputs, keep
-from fuzz.targets import NATIVE, TARGETS
+from fuzz.targets import NATIVE, OF_THE_CORE, TARGETS
 
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "tests" / "native" / "build" / "fuzz"
 FOUND = ROOT / ".fuzz"
-PROGRAMS = {"ring": "fuzz_ring", "gates": "fuzz_gates", "reader": "fuzz_core"}
+PROGRAMS = {"ring": "fuzz_ring", "gates": "fuzz_gates", **dict.fromkeys(OF_THE_CORE, "fuzz_core")}
 """Of those whose code is in C; only there the fuzzer sees what it covers."""
 
 LONGEST_BYTES = {"broker": 400, "client": 400, "reader": 400, "control": 2000, "ring": 512, "gates": 512}
@@ -191,7 +191,7 @@ def _longest(name: str) -> int:
 def _call(name: str, program: list[str], options: Iterable[str], *, limit_s: float) -> tuple[str, int]:
     """Run a fuzzer with these options of libFuzzer; its log and its exit status."""
     ours = [str(ROOT / folder) for folder in ("tests", "tests/world", "clients", "")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((*ours, *sys.path))}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((*ours, *sys.path)), "FUZZ_TARGET": name}
     try:
         done = subprocess.run(
             [*program, *options],

@@ -1,22 +1,21 @@
 """Which inputs of many are worth keeping: the short ones first, each that takes a step no other has taken.
 
-A step is a line of bus, bus_ros or busd after another. Needs no fuzzer; atheris can't merge what it has
-found.
+A step is a line of our packages after another. Needs no fuzzer; atheris can't merge what it has found.
 """
 
+import os
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import bus
-import bus_ros
-import busd
+from fuzz import OURS
 from fuzz.targets import TARGETS
 
-_OURS = tuple(str(Path(package.__file__).parent) for package in (bus, bus_ros, busd) if package.__file__)
+_OURS = tuple(str(Path(file).parent) + os.sep for name in OURS if (file := import_module(name).__file__))
 
 Steps = set[tuple[str, int, int]]
 

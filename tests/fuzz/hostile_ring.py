@@ -15,6 +15,7 @@ from bus.msg.std_msgs import String
 from bus.shm import segments
 from bus.shm.descriptors import SEALS
 from bus.wire.layout import MAX_COUNT
+from fuzz.native_targets import check_pack
 from fuzz.script import Script
 
 _HEADER_BYTES = 640
@@ -127,6 +128,9 @@ def reader(data: bytes) -> None:
                 taker.detach(source)
             case _:
                 held.clear()
+                if source:
+                    most_bytes, longest = 64 * script.byte(), 64 * script.byte()
+                    check_pack(taker.take_packed(most_bytes, longest, 1 << 60), most_bytes, longest)
         _check(taker)
 
 

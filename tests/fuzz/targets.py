@@ -3,7 +3,16 @@
 from collections.abc import Callable
 
 from bus.shm import why_not
-from fuzz import broker_targets, cdr_targets, client_targets, hostile_ring, text_targets, wire_targets
+from fuzz import (
+    bridge_targets,
+    broker_targets,
+    cdr_targets,
+    client_targets,
+    hostile_ring,
+    native_targets,
+    text_targets,
+    wire_targets,
+)
 
 Target = Callable[[bytes], None]
 """Raises nothing, whatever the bytes are."""
@@ -18,6 +27,10 @@ TARGETS: dict[str, Target] = {
     "broker": broker_targets.broker,
     "client": client_targets.client,
     "reader": hostile_ring.reader,
+    "packs": native_targets.packs,
+    "plans": native_targets.plans,
+    "parts": bridge_targets.parts,
+    "tokens": bridge_targets.tokens,
     "configuration": text_targets.configuration,
     "parameters": text_targets.parameters,
     "arguments": text_targets.arguments,
@@ -34,5 +47,8 @@ TARGETS: dict[str, Target] = {
 NATIVE = ("ring", "gates")
 """Those in C, in tests/native; `make native` runs what is kept for them."""
 
+OF_THE_CORE = ("reader", "packs", "plans")
+
 if why_not():
-    del TARGETS["reader"]  # it is made of the native core
+    for _name in OF_THE_CORE:
+        del TARGETS[_name]

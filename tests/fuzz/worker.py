@@ -1,7 +1,8 @@
 """One target under atheris, as a process: `python -m fuzz.worker frames [options of libFuzzer]`.
 
-Only bus, bus_ros and busd are instrumented: what is covered is what belongs to us. And what uses the native
-core, of which nothing is seen here; and the functions that codecs make, where the codecs stay the same.
+Only our packages are instrumented: what is covered is what belongs to us. And the targets themselves, as
+nothing is seen here of the native core that some use; and the functions that codecs make, where the codecs
+stay the same.
 """
 
 import sys
@@ -10,7 +11,9 @@ from typing import Any
 
 import atheris  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
-with atheris.instrument_imports(include=["bus", "bus_ros.cdr", "busd", "fuzz.hostile_ring"]):
+from fuzz import OURS
+
+with atheris.instrument_imports(include=[*OURS, "fuzz"]):
     from bus_ros.cdr.source import Source
     from fuzz.targets import TARGETS
 

@@ -1,5 +1,5 @@
 /* The native core itself under libFuzzer: Python in this process, the core in it built with coverage and sanitizers, and
- * `reader` of tests/fuzz/hostile_ring.py as what is run. The Makefile knows how to build it. */
+ * what is run is the target of tests/fuzz/targets.py that FUZZ_TARGET names. The Makefile knows how to build it. */
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
@@ -47,8 +47,10 @@ int LLVMFuzzerInitialize(int *count, char ***names)
     setenv("PYTHONMALLOC", "malloc", 1); /* so that a sanitizer sees each block */
     Py_InitializeEx(0);
     add_core();
-    PyObject *module = need(PyImport_ImportModule("fuzz.hostile_ring")); /* by PYTHONPATH */
-    target = need(PyObject_GetAttrString(module, "reader"));
+    PyObject *module = need(PyImport_ImportModule("fuzz.targets")); /* by PYTHONPATH */
+    PyObject *targets = need(PyObject_GetAttrString(module, "TARGETS"));
+    const char *name = getenv("FUZZ_TARGET");
+    target = need(PyMapping_GetItemString(targets, name != NULL ? name : "reader"));
     return 0;
 }
 

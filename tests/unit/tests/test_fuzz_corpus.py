@@ -1,7 +1,9 @@
 """The fuzzers' targets without a fuzzer: every input of the corpus once more, and what once made one fail."""
 
+import ast
 from pathlib import Path
 
+import fuzz
 from fuzz.kept import CORPUS, CRASHES, inputs, keep
 from fuzz.targets import NATIVE, TARGETS
 from rows import for_each
@@ -25,6 +27,19 @@ def test_the_corpus_is_small_and_all_of_it_is_used() -> None:
         assert {path.stem for path in folder.glob("*")} <= {*TARGETS, *NATIVE, "reader"}
     assert all(inputs(CORPUS, name) for name in (*TARGETS, *NATIVE))
     assert sum(path.stat().st_size for path in CORPUS.rglob("*")) < MOST_BYTES
+
+
+def test_fuzzers_see_all_that_targets_import() -> None:
+    root = Path(__file__).parents[3]
+    packages = {path.name for path in (*root.glob("clients/*"), root / "busd")}
+    imported = set()
+    for path in Path(fuzz.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                imported.add((node.module or "").split(".")[0])
+            elif isinstance(node, ast.Import):
+                imported |= {name.name.split(".")[0] for name in node.names}
+    assert imported & packages == set(fuzz.OURS)
 
 
 def test_what_is_kept_comes_back(tmp_path: Path) -> None:
