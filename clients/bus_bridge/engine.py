@@ -14,7 +14,8 @@ from bus.qos import QoSProfile
 from bus.schema import MessageSchema
 
 __all__ = [
-    "ALONE_BYTES",
+    "LONG_BYTES",
+    "LONG_PACK_BYTES",
     "PACK_BYTES",
     "EndpointKind",
     "Engine",
@@ -38,9 +39,11 @@ Priority = Literal[
 
 
 PACK_BYTES = 47 << 10
-"""What messages that go together take at most, with what stands in front of each."""
-ALONE_BYTES = 16 << 10
-"""From this size on a message goes alone: to copy it costs more than that it is one more."""
+"""What small messages that go together take at most, with what stands in front of each."""
+LONG_BYTES = 16 << 10
+"""From this size on a message does not go with small ones, but with others that are long."""
+LONG_PACK_BYTES = 6 * PACK_BYTES
+"""What long messages that go together take at most. A longer one goes alone."""
 
 
 class Sample(NamedTuple):

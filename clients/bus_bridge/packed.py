@@ -6,13 +6,13 @@ zenoh and from zenoh to the mirror, as long as nothing has to be done with singl
 
 from collections.abc import Iterator, Sequence
 from struct import Struct
-from typing import NamedTuple, overload
+from typing import Literal, NamedTuple, overload
 
 from bus import shm
 from bus.subscription import Pack
 from bus_bridge.engine import Sample
 
-__all__ = ["RECORD", "Packed", "payload_bytes", "scan"]
+__all__ = ["RECORD", "Packed", "number_and_time", "payload_bytes", "scan"]
 
 RECORD = Struct("<QqI")
 """In front of each message: its number, its source time, its size."""
@@ -71,6 +71,16 @@ class Packed(Sequence[Sample]):
     def data(self) -> bytes:
         """The records."""
         return self._whole[self.start :] if self.start else self._whole
+
+    @property
+    def size(self) -> int:
+        """Bytes of the records."""
+        return len(self._whole) - self.start
+
+    def number_and_time(self, which: Literal[0, -1]) -> tuple[int, int]:
+        """The number and the source time of the first or the last message."""
+        number, source_time_ns, _ = RECORD.unpack_from(self._whole, self._last_at if which else self.start)
+        return number, source_time_ns
 
     def after(self, count: int) -> "Packed":
         """All but the first `count`."""
@@ -134,3 +144,8 @@ def scan_here(data: bytes, start: int, limit: int) -> Scan:
 def payload_bytes(samples: Sequence[Sample]) -> int:
     """Of all of them together."""
     return samples.payload_bytes if type(samples) is Packed else sum([len(one[0]) for one in samples])
+
+
+def number_and_time(samples: Sequence[Sample], which: Literal[0, -1]) -> tuple[int, int]:
+    """The number and the source time of the first or the last of them, without a copy of the message."""
+    return samples.number_and_time(which) if type(samples) is Packed else samples[which][1:]

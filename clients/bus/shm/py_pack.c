@@ -95,22 +95,22 @@ PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t
             reader_show(self);
         return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
     }
-    struct pack pack = {.source = feed->source, .bytes = PyMem_Malloc(most)};
-    if (pack.bytes == NULL)
-        return PyErr_NoMemory();
+    PyObject *data = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)most);
+    if (data == NULL)
+        return NULL;
+    struct pack pack = {.source = feed->source, .bytes = (unsigned char *)PyBytes_AsString(data)};
     Py_INCREF(pack.source);
     status = pack_feed(self, feed, &pack, most, longest, offset_ns);
     reader_show(self);
     PyObject *found = NULL;
     if (status >= 0 && pack.count == 0)
         found = Py_NewRef(Py_None);
-    else if (status >= 0)
-        found = Py_BuildValue("(Oy#KKKOO)", pack.source, pack.bytes, (Py_ssize_t)pack.size,
-                              (unsigned long long)pack.count, (unsigned long long)pack.payload_bytes,
-                              (unsigned long long)pack.last_at,
+    else if (status >= 0 && _PyBytes_Resize(&data, (Py_ssize_t)pack.size) == 0)
+        found = Py_BuildValue("(OOKKKOO)", pack.source, data, (unsigned long long)pack.count,
+                              (unsigned long long)pack.payload_bytes, (unsigned long long)pack.last_at,
                               pack.last - pack.first == pack.count - 1 ? Py_True : Py_False,
                               reader_has_more(self) ? Py_True : Py_False);
-    PyMem_Free(pack.bytes);
+    Py_XDECREF(data);
     Py_DECREF(pack.source);
     return found;
 }
@@ -168,7 +168,7 @@ static bool write_one(Writer *self, struct packed_head head, const unsigned char
     unsigned char time[SOURCE_BYTES];
     const uint64_t before = head.time_ns > 0 ? SOURCE_BYTES : 0, size = before + head.size;
     unsigned char *place;
-    if (size > QUICK_BYTES || size > self->most || size > self->ring.max_payload)
+    if (size > self->most || size > self->ring.max_payload)
         return false;
     const enum ring_status status = ring_reserve(&self->ring, size, false, (void **)&place);
     if (status != RING_OK) {

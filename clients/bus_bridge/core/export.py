@@ -10,7 +10,7 @@ from bus.qos import History, QoSProfile
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import RouteRule, Sample, Writer
-from bus_bridge.packed import payload_bytes
+from bus_bridge.packed import number_and_time, payload_bytes
 from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED
 
 __all__ = ["PATIENCE_S", "Export"]
@@ -98,8 +98,10 @@ class Export:
         """The next messages of the publisher, in order."""
         account = self.account
         account.taken += len(samples)
-        last = samples[-1].number
-        if samples[0].number <= self._last:  # a transient local publisher's history, to another tap
+        last = number_and_time(samples, -1)[0]
+        if (
+            number_and_time(samples, 0)[0] <= self._last
+        ):  # a transient local publisher's history, to another tap
             fresh = [sample for sample in samples if sample.number > self._last]
             account.drop(REPEATED, len(samples) - len(fresh))
             if not fresh:

@@ -19,7 +19,7 @@ from bus.subscription import Subscription
 from bus_bridge.core.export import PATIENCE_S, Export
 from bus_bridge.core.local_graph import Shown
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import ALONE_BYTES, PACK_BYTES, RouteRule, Sample, Writer
+from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, RouteRule, Sample, Writer
 from bus_bridge.packed import Packed
 
 __all__ = ["Exports", "TopicExports", "TypedTopic"]
@@ -152,7 +152,7 @@ class TopicExports:
 
     def take(self, tap: Subscription[Any]) -> None:
         """Something has come, or may be taken now."""
-        pack = tap.take_packed(PACK_BYTES, ALONE_BYTES)
+        pack = tap.take_packed(PACK_BYTES, LONG_BYTES) or tap.take_packed(LONG_PACK_BYTES, LONG_PACK_BYTES)
         if pack is not None:
             if pack.has_more:
                 self._take_on(tap)  # others have their turn first

@@ -19,7 +19,7 @@ from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
-from bus_bridge.packed import Packed, payload_bytes
+from bus_bridge.packed import Packed, number_and_time, payload_bytes
 from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, RATE, REFUSED, REPEATED, TOO_LARGE
 
 __all__ = ["Import"]
@@ -177,7 +177,7 @@ class Import:
         if self._lifespan_ns:
             samples = self._without_expired(samples)
         elif samples:
-            self._lateness.note(time_ns(), samples[-1].source_time_ns)
+            self._lateness.note(time_ns(), number_and_time(samples, -1)[1])
         if self._limit is not None:
             passing = self._limit.passing(samples)
             account.drop(RATE, len(samples) - len(passing))
@@ -210,8 +210,8 @@ class Import:
 
     def _is_next(self, samples: Sequence[Sample]) -> bool:
         """Whether they go on where the last ones ended, each once: they nearly always do."""
-        number = first = samples[0][1]
-        if first != self._last + 1 or samples[-1][1] - first != len(samples) - 1:
+        number = first = number_and_time(samples, 0)[0]
+        if first != self._last + 1 or number_and_time(samples, -1)[0] - first != len(samples) - 1:
             return False
         if type(samples) is Packed:
             if not samples.is_consecutive:

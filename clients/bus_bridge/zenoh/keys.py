@@ -3,15 +3,15 @@
 Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` is a bridge from
 its start to its end: a bridge that comes back is told from the one that it was by that alone.
 
-    @busd/2/<bus>/B/<run>/<zenoh id>                                     a bus
-    @busd/2/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
-    @busd/2/<bus>/P/<run>/<node>/<gid>/<topic>/<type>/<hash>/<qos>       a publisher; S: a subscription
-    @busd/2/<bus>/I/<run>/<publisher's bus>/<gid>                        the bus takes what it sends
+    @busd/3/<bus>/B/<run>/<zenoh id>                                     a bus
+    @busd/3/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
+    @busd/3/<bus>/P/<run>/<node>/<gid>/<topic>/<type>/<hash>/<qos>       a publisher; S: a subscription
+    @busd/3/<bus>/I/<run>/<publisher's bus>/<gid>                        the bus takes what it sends
 
-    busd/2/data/<topic without its first slash>/<type>/<hash>/<bus>/<gid>
-    busd/2/type/<bus>/<type>/<hash>          queryable: how the type is described
-    busd/2/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
-    busd/2/ack/<bus>/<gid>/<importer>        how far the importer has come
+    busd/3/data/<topic without its first slash>/<type>/<hash>/<bus>/<gid>
+    busd/3/type/<bus>/<type>/<hash>          queryable: how the type is described
+    busd/3/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
+    busd/3/ack/<bus>/<gid>/<importer>        how far the importer has come
 
 Each part between two slashes is percent-encoded, so that no name means anything in a key expression. The
 slashes in the topic and the type of a data key stay: users can route by them. What comes in is hostile: a
@@ -54,7 +54,7 @@ __all__ = [
     "type_keys",
 ]
 
-VERSION = 2
+VERSION = 3
 _TOKENS = f"@busd/{VERSION}"
 _KEYS = f"busd/{VERSION}"
 ALL_TOKENS = f"{_TOKENS}/**"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from bus_bridge.engine import FarEndpoint, Sample
-from bus_bridge.packed import payload_bytes
+from bus_bridge.packed import number_and_time, payload_bytes
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.arrival import Arrival
 from bus_bridge.zenoh.presence import Interest
@@ -126,7 +126,7 @@ class ZenohReader:
         for content in contents:
             number += 1
             samples = self._samples(content)
-            if samples and samples[0].number <= self._kept_last:
+            if samples and number_and_time(samples, 0)[0] <= self._kept_last:
                 samples = [one for one in samples if one.number > self._kept_last]
             self._keep(number, samples)
 

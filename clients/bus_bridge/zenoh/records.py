@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from struct import Struct
 from typing import NamedTuple
 
-from bus_bridge.engine import ALONE_BYTES, PACK_BYTES, Sample
+from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, Sample
 from bus_bridge.packed import RECORD, Packed
 
 __all__ = [
@@ -41,8 +41,9 @@ __all__ = [
 PART_BYTES = PACK_BYTES
 """With its key and zenoh's own heads a part fits into one of zenoh's batches. These have 64 KiB, less what is
 no multiple of half a TCP segment: by loopback that leaves 48. A part that is cut costs a quarter more."""
-WHOLE_BYTES = 2 * PART_BYTES
-"""Up to here a message goes by one put, which zenoh cuts itself: pieces cost two copies and a put more."""
+WHOLE_BYTES = LONG_PACK_BYTES
+"""Up to here a message, or several, may go by one put, which zenoh cuts itself: pieces cost two copies more,
+and each put what it takes to wake all that have to do with it."""
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
 """Of a message: a million a second for nine years. Higher ones are lies, and would break counters."""
@@ -80,22 +81,23 @@ class Probe(NamedTuple):
 Content = Sequence[Sample] | Piece | Probe
 
 
-def pack(samples: Sequence[Sample], number: int) -> Iterator[Part]:
-    """The parts that carry `samples`; the first one has that number."""
-    if type(samples) is Packed:  # a batch already
+def pack(samples: Sequence[Sample], number: int, most: int = WHOLE_BYTES) -> Iterator[Part]:
+    """The parts that carry `samples`; the first one has that number. Those that zenoh has to cut have `most`
+    bytes, which is not below `PART_BYTES`."""
+    if type(samples) is Packed and samples.size <= most:  # a batch already
         yield Part(samples.data, number, _HEAD.pack(_BATCH_KIND, number))
         return
     record, parts, size = RECORD.pack, list[bytes](), 0
     for sample in samples:
         payload, message, source_time_ns = sample
         length = len(payload)
-        if parts and (length >= ALONE_BYTES or size + length + RECORD.size > PART_BYTES):
+        if parts and (length >= LONG_BYTES or size + length + RECORD.size > PART_BYTES):
             yield Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number))
             parts, size, number = [], 0, number + 1
-        if length < ALONE_BYTES:
+        if length < LONG_BYTES:
             parts += (record(message, source_time_ns, length), payload)
             size += length + RECORD.size
-        elif length <= WHOLE_BYTES:
+        elif length <= most:
             yield Part(payload, number, _WHOLE.pack(_WHOLE_KIND, number, message, source_time_ns))
             number += 1
         else:
@@ -121,11 +123,7 @@ def probe(last: int) -> Part:
 def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
     """A part's number and what it carries; None where it is broken, or not as `pack` makes it."""
     kind, size = (head[:1], len(head)) if head else (b"", 0)
-    if (
-        head is None
-        or size < _HEAD.size
-        or len(payload) > (WHOLE_BYTES if kind == _WHOLE_KIND else PART_BYTES)
-    ):
+    if head is None or size < _HEAD.size or len(payload) > WHOLE_BYTES:
         return None
     number: int = _HEAD.unpack_from(head)[1]
     if kind == _BATCH_KIND and size == _HEAD.size:

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from bus_bridge.engine import Sample
-from bus_bridge.zenoh.records import PART_BYTES, Part, pack, piece
+from bus_bridge.zenoh.records import PART_BYTES, WHOLE_BYTES, Part, pack, piece
 
 __all__ = ["HISTORY_BYTES", "WINDOW_BYTES", "History", "Window"]
 
@@ -54,6 +54,12 @@ class Window:
         """Bytes that may go now; 0 or less: none. A single part may go as long as that is above 0."""
         room = self._span - self._travelling()
         return min(room, WINDOW_BYTES - self._flying.size) if self._lossless else room
+
+    @property
+    def part_bytes(self) -> int:
+        """How large a part may be now. Where a link is slow they are small: one that is dropped comes again
+        as a whole, and others wait for all of it."""
+        return max(2 * PART_BYTES, min(WHOLE_BYTES, self._span // 4))
 
     def add(self, part: Part) -> None:
         """It is on its way."""

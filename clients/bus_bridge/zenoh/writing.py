@@ -83,7 +83,7 @@ class ZenohWriter:
                 else:
                     self._lost[LINK_FULL] = self._lost.get(LINK_FULL, 0) + len(samples) - gone
             fitting = samples if gone == len(samples) else samples[:gone]
-            self._rest += records.pack(fitting, self._number + 1)
+            self._rest += records.pack(fitting, self._number + 1, self._window.part_bytes)
             if self._rest:
                 self._number = self._rest[-1].number
             self._pump()
@@ -178,7 +178,7 @@ class ZenohWriter:
     def _fitting(self, samples: Sequence[Sample]) -> int:
         """How many of them may be written now."""
         room = 0 if self._rest else self._window.room
-        if type(samples) is Packed:  # one part
+        if type(samples) is Packed:  # mostly one part
             return len(samples) if room > 0 else 0
         for index, sample in enumerate(samples):
             if room <= 0:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bus import shm
 from bus_bridge.engine import Sample
-from bus_bridge.packed import RECORD, Packed, payload_bytes, scan, scan_here
+from bus_bridge.packed import RECORD, Packed, number_and_time, payload_bytes, scan, scan_here
 
 _MOST = 1 << 48
 _samples = st.lists(
@@ -36,6 +36,9 @@ def test_it_is_as_a_list(samples: list[Sample], count: int) -> None:
     assert list(packed) == samples and len(packed) == len(samples)
     assert [packed[index] for index in range(len(samples))] == samples
     assert (packed[0], packed[-1]) == (samples[0], samples[-1])
+    for one in (packed, samples):
+        assert number_and_time(one, 0) == samples[0][1:]
+        assert number_and_time(one, -1) == samples[-1][1:]
     assert list(packed[:count]) == samples[:count]
     assert list(packed[count:]) == samples[count:]
     assert payload_bytes(packed) == payload_bytes(samples) == sum(len(one.payload) for one in samples)
@@ -50,6 +53,7 @@ def test_what_is_left_is_one_too(samples: list[Sample], count: int) -> None:
     rest = read(samples).after(count)
     assert list(rest) == samples[count:] and rest[-1] == samples[-1]
     assert rest.whole[rest.start :] == rest.data == data_of(samples[count:])
+    assert rest.size == len(rest.data) and number_and_time(rest, 0) == samples[count][1:]
 
 
 def test_whether_one_is_missing_in_between() -> None:

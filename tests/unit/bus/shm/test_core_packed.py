@@ -166,6 +166,15 @@ class TestPublishing:
         assert talker.writer.publish_packed(b"", 0) == (0, False)
         assert not is_rung(listener.doorbell)
 
+    def test_long_ones_too(self, listener: Listener) -> None:
+        talker = Talker(1 << 20, 64)
+        listener.join(talker)
+        sent = [bytes([number]) * 100_000 for number in range(3)]
+        assert talker.writer.publish_packed(pack(*[(1, one) for one in sent]), 0)[0] == 3
+        ((_, data, *_),) = packs(listener, 310_000, 310_000)
+        assert [payload for *_, payload in unpack(data)] == sent
+        talker.close()
+
     def test_a_report_is_asked_for_once(self, talker: Talker) -> None:
         talker.writer.is_report_due = False
         assert talker.writer.publish_packed(b"", 0) == (0, False)

@@ -45,22 +45,22 @@ def test_another_version_is_named() -> None:
 @for_each(
     ("key", "why"),
     [
-        ("@busd/2/robot", "is too short"),
+        ("@busd/3/robot", "is too short"),
         ("x/1/robot/B/1/2", "is too short"),
-        ("@busd/2/robot/B/1", "wrong number of parts"),
-        ("@busd/2/robot/Z/1/2", "wrong number of parts"),
-        ("@busd/2/robot/I/1/x/abc", "gid of 3 digits"),
-        (f"@busd/2/robot/I/1/x/{'g' * 32}", "non-hexadecimal"),
-        ("@busd/2/robot/N/1/4/na%00me/%2F/,", "can't be printed"),
-        ("@busd/2/robot/N/1/4/na%FFme/%2F/,", "invalid start byte"),
-        (f"@busd/2/robot/I/1/x/{GID.hex().upper()}", "gid that is not written"),
-        (f"@busd/2/robot/I/1/x/{'00 ' * 10}00", "gid that is not written"),
-        (f"@busd/2/robot/I/1/%78/{GID.hex()}", "encoded in another way"),
-        ("@busd/2/%72obot/B/1/z", "encoded in another way"),
-        ("@busd/2/robot/N/1/4/name/%2F/x", "came through"),
-        ("@busd/2/robot/N/1/4/name/%2F/" + ",x" * 65, "came through"),
-        (f"@busd/2/robot/P/1/4/{GID.hex()}/%2Fa/T/h/rk0v", "QoS"),
-        ("@busd/2/robot/N/1/4/" + "x" * 3000 + "/%2F/,", "longer than"),
+        ("@busd/3/robot/B/1", "wrong number of parts"),
+        ("@busd/3/robot/Z/1/2", "wrong number of parts"),
+        ("@busd/3/robot/I/1/x/abc", "gid of 3 digits"),
+        (f"@busd/3/robot/I/1/x/{'g' * 32}", "non-hexadecimal"),
+        ("@busd/3/robot/N/1/4/na%00me/%2F/,", "can't be printed"),
+        ("@busd/3/robot/N/1/4/na%FFme/%2F/,", "invalid start byte"),
+        (f"@busd/3/robot/I/1/x/{GID.hex().upper()}", "gid that is not written"),
+        (f"@busd/3/robot/I/1/x/{'00 ' * 10}00", "gid that is not written"),
+        (f"@busd/3/robot/I/1/%78/{GID.hex()}", "encoded in another way"),
+        ("@busd/3/%72obot/B/1/z", "encoded in another way"),
+        ("@busd/3/robot/N/1/4/name/%2F/x", "came through"),
+        ("@busd/3/robot/N/1/4/name/%2F/" + ",x" * 65, "came through"),
+        (f"@busd/3/robot/P/1/4/{GID.hex()}/%2Fa/T/h/rk0v", "QoS"),
+        ("@busd/3/robot/N/1/4/" + "x" * 3000 + "/%2F/,", "longer than"),
     ],
 )
 def test_what_can_t_be_read_names_its_bus(key: str, why: str) -> None:
@@ -71,7 +71,7 @@ def test_what_can_t_be_read_names_its_bus(key: str, why: str) -> None:
     assert len(found.reason) < 300
 
 
-@given(st.text(max_size=60).map(lambda text: "@busd/2/" + text))
+@given(st.text(max_size=60).map(lambda text: "@busd/3/" + text))
 def test_nothing_hostile_raises(key: str) -> None:
     keys.parse_token(key)
     keys.parse_importer(key)
@@ -80,10 +80,10 @@ def test_nothing_hostile_raises(key: str) -> None:
 
 def test_routes_have_one_key_for_each_publisher() -> None:
     key = keys.data_key("/a/b", "p/msg/T", "RIHS01_ab", "ro/bot", GID)
-    assert key == f"busd/2/data/a/b/p/msg/T/RIHS01_ab/ro%2Fbot/{GID.hex()}"
+    assert key == f"busd/3/data/a/b/p/msg/T/RIHS01_ab/ro%2Fbot/{GID.hex()}"
     assert keys.parse_importer(keys.kept_key("robot", GID, "lap/top")) == (GID, "lap/top")
     assert keys.parse_importer(keys.ack_key("robot", GID, "laptop")) == (GID, "laptop")
     for one, those in ((keys.kept_key, keys.kept_keys), (keys.ack_key, keys.ack_keys)):
         assert one("robot", GID, "laptop").startswith(those("robot").removesuffix("*/*"))
-    assert keys.parse_importer("busd/2/ack/robot/xy/laptop") is None
+    assert keys.parse_importer("busd/3/ack/robot/xy/laptop") is None
     assert keys.parse_type(keys.type_key("robot", "p/msg/T", "RIHS01_ab")) == ("p/msg/T", "RIHS01_ab")

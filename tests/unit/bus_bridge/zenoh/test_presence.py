@@ -181,10 +181,10 @@ def test_what_is_wrong_with_one_run_is_held_against_no_other(heard: Heard) -> No
         heard.presence.came(key)
     heard.take()
     for key in (
-        "@busd/2/robot/N/2/5/bad%00name/%2F/,",
-        "@busd/2/robot/N/3/5/x",
-        "@busd/2/robot",
-        "@busd/2/robot/N/2",
+        "@busd/3/robot/N/2/5/bad%00name/%2F/,",
+        "@busd/3/robot/N/3/5/x",
+        "@busd/3/robot",
+        "@busd/3/robot/N/2",
     ):
         heard.presence.came(key)
     heard.presence.refuse("robot", "it shows too much", "2")
@@ -206,7 +206,7 @@ def test_who_lies_is_not_heard_until_its_bridge_comes_back(heard: Heard) -> None
     for key in tokens().values():
         heard.presence.came(key)
     heard.take()
-    heard.presence.came("@busd/2/robot/N/1/5/bad%00name/%2F/,")
+    heard.presence.came("@busd/3/robot/N/1/5/bad%00name/%2F/,")
     ((what, bus, reason),) = heard.take()
     assert (what, bus) == ("no bus", "robot") and "can't be printed" in str(reason)
     assert heard.presence.buses() == [("robot", "f00", reason)]
@@ -283,6 +283,6 @@ def test_another_version_is_said(heard: Heard) -> None:
     heard.presence.went("@busd/9/robot/B/1/2")
     ((_, text),) = heard.take()
     assert text == (
-        "bus 'robot' speaks version 9 of the bridges' protocol, this one version 2: "
+        "bus 'robot' speaks version 9 of the bridges' protocol, this one version 3: "
         "use the same busd on both sides"
     )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
-from bus_bridge.packed import Packed
+from bus_bridge.packed import RECORD, Packed
 from bus_bridge.zenoh import records
 from bus_bridge.zenoh.records import (
     MAX_NUMBER,
@@ -69,10 +69,24 @@ def test_what_is_a_batch_already_goes_as_it_is() -> None:
     assert unpack(list(records.pack(read[1][1:], 9))) == [Sample(b"bc", 2, 6)]
 
 
+def test_a_batch_is_taken_apart_where_parts_are_to_be_small() -> None:
+    samples = [Sample(b"a", 1, 5), *(Sample(bytes(PART_BYTES), number, 0) for number in (2, 3, 4))]
+    data = b"".join(
+        RECORD.pack(one.number, one.source_time_ns, len(one.payload)) + one.payload for one in samples
+    )
+    read = records.read_part(data, Struct("<cQ").pack(b"b", 1))
+    assert read is not None and isinstance(read[1], Packed)
+    assert [part.payload for part in records.pack(read[1], 1)] == [data]
+    parts = list(records.pack(read[1], 1, 2 * PART_BYTES))
+    assert [part.number for part in parts] == [1, 2, 3, 4]
+    assert all(len(part.payload) <= 2 * PART_BYTES for part in parts)
+    assert unpack(parts) == samples
+
+
 def test_pieces_that_go_on_nowhere_are_dropped() -> None:
     first, second, third = (
         records.read_part(part.payload, part.head)
-        for part in records.pack([Sample(bytes(5 * PART_BYTES // 2), 7, 0)], 1)
+        for part in records.pack([Sample(bytes(5 * PART_BYTES // 2), 7, 0)], 1, 2 * PART_BYTES)
     )
     assembler = Assembler(Room(1 << 30))
     for read in (second, first, third, first, second):
@@ -121,7 +135,7 @@ def test_parts_that_nobody_packs_are_refused() -> None:
     assert records.read_part(record(MAX_NUMBER), batch) is not None
     assert records.read_part(record(MAX_NUMBER + 1), batch) is None
     assert records.read_part(b"", batch) is None
-    assert records.read_part(record(1) * (PART_BYTES // 20 + 1), batch) is None
+    assert records.read_part(record(1) * (WHOLE_BYTES // 20 + 1), batch) is None
     assert records.read_part(b"x", Struct("<cQQq").pack(b"w", 1, MAX_NUMBER + 1, 0)) is None
     assert records.read_part(bytes(WHOLE_BYTES + 1), Struct("<cQQq").pack(b"w", 1, 1, 0)) is None
     for payload, message, total, offset in (

@@ -1,7 +1,7 @@
 """What a publisher's way out keeps, and for how long."""
 
 from bus_bridge.engine import Sample
-from bus_bridge.zenoh.records import PART_BYTES, Assembler, Part, Piece, Probe, Room, read_part
+from bus_bridge.zenoh.records import PART_BYTES, WHOLE_BYTES, Assembler, Part, Piece, Probe, Room, read_part
 from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, History, Window
 
 SIZE = 1000
@@ -78,6 +78,21 @@ def test_it_grows_again() -> None:
         window.hear("a", last, 0)
         before, last = last, fill(window)
     assert 2 * first < last - before <= WINDOW_BYTES / SIZE
+
+
+def test_parts_are_small_where_little_may_be_on_its_way() -> None:
+    window = Window(lossless=False)
+    window.join("a")
+    while window.part_bytes < WHOLE_BYTES:
+        before = window.part_bytes
+        fill(window)
+        window.hear("a", window.last, window.last)
+        assert before <= window.part_bytes <= WHOLE_BYTES
+    for _ in range(10):
+        fill(window)
+        window.find("a", window.last - 1)  # it was dropped
+        window.hear("a", window.last, window.last)
+    assert window.part_bytes == 2 * PART_BYTES
 
 
 def test_importers_get_only_what_came_after_them() -> None:
