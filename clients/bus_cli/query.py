@@ -19,7 +19,7 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.graph import Graph, graph_of
-from bus.link.reach import NotNow, Patience, try_to_connect
+from bus.link.reach import NotNow, Patience, no_answer, try_to_connect
 from bus.process.address import socket_path
 from bus.wire import messages as m
 from bus.wire.answers import expect
@@ -154,9 +154,7 @@ class Query:
             try:
                 size = self._socket.recv_into(self._session.reader.get_buffer())
             except TimeoutError:
-                raise BrokerUnavailable(
-                    f"busd at {self.path} took the connection but does not answer"
-                ) from None
+                raise BrokerUnavailable(no_answer(self.path, self._answer_s)) from None
             except OSError as error:
                 raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
             if not size:

@@ -3,9 +3,11 @@
 import json
 import re
 import signal
+import socket
 from argparse import Namespace
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, closing, contextmanager
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -13,8 +15,14 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.connection
+import bus_cli.query
 from bus.msg.std_msgs import Float64MultiArray, Int64, String
+from bus.wire import messages as m
+from bus.wire.layout import PROTOCOL_VERSION
+from bus_cli.query import Query
 from bus_cli.stream import open_node
+from bus_cli.top import plain
 from bus_cli.top.state import State
 from cli import bus as run_bus
 from cli import script, start
@@ -119,6 +127,38 @@ def test_objects_go_on_over_a_restart(daemon: Daemon, start_daemon: Callable[...
         assert "looking for it again" in running.error_line()
         start_daemon()
         json.loads(running.line())
+
+
+def test_once_of_one_that_answers_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said, and the verb ends: who wants one look has no use for one that comes some time."""
+    ours, theirs = socket.socketpair()
+    ours.sendall(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
+    monkeypatch.setattr(bus_cli.query, "try_to_connect", lambda path: theirs)
+    monkeypatch.setattr(plain, "Query", partial(Query, answer_s=0.05))
+    with ours, pytest.raises(bus.BrokerUnavailable, match=r"^busd at x does not answer: "):
+        next(plain.looks(Path("x"), 0.1, is_once=True))
+
+
+def test_objects_of_one_that_answers_no_more(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is said once, and the looks go on when it answers again."""
+    tries: list[Path] = []
+
+    def query(path: Path) -> Query:
+        tries.append(path)
+        if len(tries) == 6:
+            daemon.process.send_signal(signal.SIGCONT)
+        return Query(path, answer_s=0.1)
+
+    monkeypatch.setattr(plain, "Query", query)
+    with closing(plain.looks(daemon.path, 0.01, is_once=False)) as looks:
+        next(looks)
+        daemon.process.send_signal(signal.SIGSTOP)
+        next(looks)
+    assert len(tries) >= 6
+    text = f"busd at {daemon.path} does not answer: it has said nothing for 0.1 s; looking for it again"
+    assert capsys.readouterr().err == f"{text}\n"
 
 
 def test_no_daemon_and_none_may_be_started(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -316,6 +356,20 @@ async def test_busd_goes_and_comes(daemon: Daemon, start_daemon: Callable[..., D
             await node.create_publisher(Int64, "/numbers", 10)
             await shown.until("/numbers", "rows")
             await shown.until("nothing lost", "sums")
+
+
+@pytest.mark.either_loop
+async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For longer than it is waited for."""
+    monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+    async with screen() as shown:
+        await shown.until("/rosout|nothing lost", "sums")
+        daemon.process.send_signal(signal.SIGSTOP)
+        await shown.until("busd does not answer", "sums")
+        daemon.process.send_signal(signal.SIGCONT)
+        async with bus.Node("talker") as node:
+            await node.create_publisher(Int64, "/numbers", 10)
+            await shown.until("/numbers", "rows")
 
 
 @pytest.mark.either_loop

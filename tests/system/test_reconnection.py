@@ -78,12 +78,18 @@ class TestOpening:
             if before:
                 assert "not today" in str(opening.exception())
 
+    @pytest.mark.parametrize("greets", [False, True])
     async def test_one_that_does_not_answer(
-        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+        self, broker: FakeBroker, greets: bool, socket_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
-        with pytest.raises(bus.BrokerUnavailable, match="does not answer"):
-            await bus.Node("node", arguments=[]).open()
+        opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
+        client = await broker.meet()
+        if greets:
+            client.send(m.Hello(version=PROTOCOL_VERSION))
+        text = f"busd at {socket_path} does not answer: it has said nothing for 0.1 s"
+        with pytest.raises(bus.BrokerUnavailable, match=f"^{re.escape(text)}$"):
+            await opening
 
     async def test_given_up(self, broker: FakeBroker) -> None:
         opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())

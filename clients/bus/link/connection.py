@@ -24,7 +24,7 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.link.autostart import open_socket
-from bus.link.reach import NotNow, Patience
+from bus.link.reach import NotNow, Patience, no_answer
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
@@ -90,6 +90,7 @@ class Connection:
         self._on_lost = on_lost
         self._on_wrote = on_wrote
         self._loop = asyncio.get_running_loop()
+        self._path = ""
         self._stream: Stream | None = None
         self._loss: ConnectionClosed | None = None
         self._was_silent = False
@@ -117,6 +118,7 @@ class Connection:
 
         Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
         """
+        self._path = path
         sock = await open_socket(path, patience, may_start=may_start)
         self._stream = Stream(
             sock,
@@ -141,7 +143,7 @@ class Connection:
         try:
             hello = await self._greeted
         except TimeoutError:
-            raise BrokerUnavailable(f"busd at {path} took the connection but does not answer") from None
+            raise BrokerUnavailable(no_answer(path, ANSWER_S)) from None
         except ConnectionClosed:
             raise self._refusal(path) from None
         finally:
@@ -235,8 +237,7 @@ class Connection:
             if left_s > 0:
                 due_s.append(left_s)
             elif self.is_quiet:
-                error = TimeoutError(f"busd (pid {self.hello.pid}) has said nothing for {ANSWER_S:g} s")
-                request.answer.set_exception(error)
+                request.answer.set_exception(TimeoutError(no_answer(self._path, ANSWER_S)))
             else:
                 due_s.append(_UNREAD_S)
         if due_s:

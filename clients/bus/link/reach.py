@@ -13,7 +13,7 @@ from time import monotonic
 from bus.errors import BrokerUnavailable
 from bus.link.socket_owner import check_server
 
-__all__ = ["CONNECT_S", "BacklogFull", "NotNow", "Patience", "try_to_connect"]
+__all__ = ["CONNECT_S", "BacklogFull", "NotNow", "Patience", "no_answer", "try_to_connect"]
 
 CONNECT_S = 10.0
 """How long a client goes on trying, counted from when it last got further."""
@@ -58,6 +58,11 @@ class Patience:
         pause_s = min(self._pause_s, longest_s, left_s)
         self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
         return pause_s
+
+
+def no_answer(path: str | os.PathLike[str], seconds: float) -> str:
+    """What every client says of a broker at `path` that has its connection, and says nothing for so long."""
+    return f"busd at {os.fspath(path)} does not answer: it has said nothing for {seconds:g} s"
 
 
 def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:

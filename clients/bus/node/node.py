@@ -16,7 +16,7 @@ from bus import names, shm
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.diagnostics.slow_callback import watched
 from bus.endpoint import NodeContext
-from bus.errors import CommandLineError, ConfigurationError, ConnectionClosed, ForkError
+from bus.errors import BrokerUnavailable, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
@@ -145,6 +145,9 @@ class Node(ParameterHost, GraphHost):
             if self._wants_rosout:
                 await self._open_rosout()
             await self._served.open()
+        except TimeoutError as error:
+            await self.close()
+            raise BrokerUnavailable(str(error)) from None
         except BaseException:
             await self.close()
             raise

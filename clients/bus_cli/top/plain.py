@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from time import monotonic, monotonic_ns
 from typing import Any
@@ -22,10 +22,11 @@ _LOOKS_FOR_RATES = 3
 """Counters come twice a second and make a rate once they have come twice."""
 
 
-def looks(path: Path, delay_s: float, *, is_once: bool) -> Iterator[Model]:
+def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
     """The bus every `delay_s` seconds, first when rates are known; `is_once`: then no more.
 
-    Goes on over a restart of busd, however long that takes. Raises what `Query` raises at the beginning.
+    Goes on over a restart of busd, however long that takes, unless `is_once`. Raises what `Query` raises at
+    the beginning.
     """
 
     def describe(name: str, number: str) -> bytes | None:
@@ -36,17 +37,22 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Iterator[Model]:
 
     query = Query(path)
     model = Model({os.getpid()}, describe)
-    number = 0
+    number, said = 0, ""
     due_s = monotonic()
     try:
         while True:
             try:
                 graph = query.graph(statistics=True)
             except ConnectionClosed as error:
-                complain(f"{error}; looking for it again")
+                if is_once:
+                    raise
+                if (text := str(error)) != said:
+                    complain(f"{text}; looking for it again")
+                    said = text
                 query.close()
                 query = _find_again(path, delay_s)
                 continue
+            said = ""
             model.take(graph, monotonic_ns())
             number += 1
             if number >= _LOOKS_FOR_RATES:

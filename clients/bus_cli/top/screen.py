@@ -5,6 +5,7 @@ import os
 from argparse import Namespace
 from codecs import getincrementaldecoder
 from collections.abc import Coroutine
+from contextlib import suppress
 from functools import partial
 from time import monotonic, monotonic_ns
 from typing import ClassVar
@@ -159,7 +160,7 @@ class Top(App[None]):
     async def _guard(self, work: Coroutine[object, object, None]) -> None:
         try:
             await work
-        except (BusError, CommandError) as error:
+        except (BusError, CommandError, TimeoutError) as error:
             self.failure = error
             self.exit()
 
@@ -167,9 +168,10 @@ class Top(App[None]):
         while True:
             began_s = monotonic()
             if not self._state.is_paused:
-                self._take(await self._node.graph(statistics=True))
-                if await self._descriptions.ask():
-                    self._model.forget_pairs()
+                with suppress(TimeoutError):  # which the sums say (_show_news)
+                    self._take(await self._node.graph(statistics=True))
+                    if await self._descriptions.ask():
+                        self._model.forget_pairs()
             await asyncio.sleep(max(0.02, began_s + self._delay_s - monotonic()))
 
     def _take(self, graph: Graph) -> None:

@@ -80,8 +80,21 @@ def test_who_is_turned_away_for_now_tries_again(brokers: list[socket.socket]) ->
 
 
 def test_one_that_says_nothing(broker: socket.socket) -> None:
-    with pytest.raises(BrokerUnavailable, match="busd at x took the connection but does not answer"):
+    with pytest.raises(
+        BrokerUnavailable, match=r"^busd at x does not answer: it has said nothing for 0\.01 s$"
+    ):
         Query(Path("x"), answer_s=0.01)
+
+
+def test_one_that_greets_and_says_nothing_more(broker: socket.socket) -> None:
+    say(broker, HELLO)
+    with (
+        Query(Path("x"), answer_s=0.01) as query,
+        pytest.raises(
+            BrokerUnavailable, match=r"^busd at x does not answer: it has said nothing for 0\.01 s$"
+        ),
+    ):
+        query.graph()
 
 
 def test_charges(broker: socket.socket) -> None:

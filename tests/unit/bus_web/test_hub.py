@@ -1,10 +1,12 @@
 """The bus as all clients of one server see it."""
 
+from collections.abc import AsyncIterator
 from unittest.mock import Mock
 
 import pytest
 
 from bus.errors import ConnectionClosed
+from bus.graph import Graph
 from bus.msg.std_msgs import String
 from bus_web import hub as module
 from bus_web.hub import Watcher
@@ -59,6 +61,23 @@ async def test_busd_goes_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None
         await until(lambda: not world.hub.is_lost)
     assert seen.told.count("busd has ended") == 1, "it is said once"
     assert seen.told[-1] == "same"
+    await world.close()
+
+
+async def test_busd_does_not_answer_who_watches_the_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_LOOK_S", "_REST_S"):
+        monkeypatch.setattr(module, name, 0.001)
+    world, seen, asked = WebWorld(), Seen(), list[int]()
+    world.look()
+
+    async def watch_graph() -> AsyncIterator[Graph]:
+        asked.append(1)
+        raise TimeoutError("busd does not answer")
+        yield Graph()
+
+    monkeypatch.setattr(world.node, "watch_graph", watch_graph)
+    async with world.hub.watching(seen):
+        await until(lambda: len(asked) > 2)
     await world.close()
 
 
