@@ -6,7 +6,7 @@ became of each message. Must not know nodes or the graph.
 
 import asyncio
 from collections.abc import Callable, Sequence
-from time import time_ns
+from time import monotonic_ns
 from typing import Any
 
 from bus.endpoint import summed
@@ -30,6 +30,8 @@ _LINGER_S = 2.0
 _RETRY_S = 2.0
 _STUCK_S = 2.0
 _MAX_TIME_NS = 1 << 63
+_STEP_NS = 100_000_000
+"""By so much a publisher's times may fall from one message to the next without its clock having been set."""
 _AT_ONCE = 256
 
 
@@ -56,6 +58,8 @@ class Import:
         self._schema = schema
         self._publish = publisher.publish_encoded
         self._lateness = lateness
+        self._newest_ns = 0
+        """When the publisher published what came last, by its clock."""
         self._on_trouble = on_trouble
         self._loop = asyncio.get_running_loop()
         self._reader: Reader | None = None
@@ -121,7 +125,7 @@ class Import:
         self._stop()
         self._endpoint = endpoint
         if is_renumbered:
-            self._last = 0
+            self._last = self._newest_ns = 0
         else:
             self._listeners = listeners
         self.look()
@@ -177,7 +181,7 @@ class Import:
         if self._lifespan_ns:
             samples = self._without_expired(samples)
         elif samples:
-            self._lateness.note(time_ns(), number_and_time(samples, -1)[1])
+            self._note(monotonic_ns(), number_and_time(samples, -1)[1])
         if self._limit is not None:
             passing = self._limit.passing(samples)
             account.drop(RATE, len(samples) - len(passing))
@@ -241,12 +245,19 @@ class Import:
         return found
 
     def _without_expired(self, samples: Sequence[Sample]) -> Sequence[Sample]:
-        now_ns, lateness = time_ns(), self._lateness
+        now_ns, lateness = monotonic_ns(), self._lateness
         for sample in samples:
-            lateness.note(now_ns, sample.source_time_ns)
+            self._note(now_ns, sample.source_time_ns)
         kept = [one for one in samples if lateness.age_ns(now_ns, one.source_time_ns) <= self._lifespan_ns]
         self.account.drop(EXPIRED, len(samples) - len(kept))
         return kept
+
+    def _note(self, now_ns: int, source_ns: int) -> None:
+        """The next message of the publisher came."""
+        if source_ns < self._newest_ns - _STEP_NS:  # its clock was set back, and what was learned is wrong
+            self._lateness.forget()
+        self._newest_ns = source_ns
+        self._lateness.note(now_ns, source_ns)
 
     async def _pump_on(self) -> None:
         try:

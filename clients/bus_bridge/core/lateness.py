@@ -10,12 +10,19 @@ _WINDOW_NS = 30_000_000_000
 
 
 class Lateness:
-    """Of the messages of one far bus. Clocks may be set and drift: what counts is the last half minute."""
+    """Of the messages of one far bus, whose clock may be set and drift: what counts is the last half minute.
+
+    `now_ns` is by a clock that is never set: what the far clock shows says nothing about this machine's.
+    """
 
     def __init__(self) -> None:
         self._least_ns: int | None = None  # since `_since_ns`
         self._before_ns: int | None = None  # in the window before
         self._since_ns = 0
+
+    def forget(self) -> None:
+        """The far clock was set back: what was seen of it says nothing any more."""
+        self._least_ns = self._before_ns = None
 
     def note(self, now_ns: int, source_ns: int) -> None:
         """A message came; of many that come together, the newest is enough."""

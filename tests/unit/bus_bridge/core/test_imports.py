@@ -1,7 +1,9 @@
 """The way in, with a publisher and a reader that do as the test says."""
 
 import asyncio
+import time
 from collections.abc import Callable
+from time import monotonic_ns
 from typing import Any
 
 import pytest
@@ -307,3 +309,34 @@ async def test_a_time_that_can_be_none_is_left_out() -> None:
     for at_ns in (0, -5, 1 << 63):
         way.receive(0, at_ns=at_ns)
     assert [time for _, time in way.publisher.published] == [None] * 3
+
+
+async def test_a_far_clock_that_is_set_back_makes_nothing_old() -> None:
+    way = Way(QoSProfile(10, lifespan=0.5))
+    hour_ns, now_ns = 3600 * 10**9, monotonic_ns()
+    way.receive(1, at_ns=now_ns)
+    way.receive(2, 3, at_ns=now_ns - hour_ns)
+    way.receive(4, at_ns=now_ns)  # forth, too
+    way.receive(5, at_ns=now_ns - hour_ns)
+    assert [source_ns for _, source_ns in way.publisher.published][0::4] == [now_ns, now_ns - hour_ns]
+    assert way.way.losses == {}
+
+
+async def test_a_clock_of_ours_that_is_set_makes_nothing_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    way = Way(QoSProfile(10, lifespan=0.5))
+    way.receive(1, at_ns=time.time_ns())
+    real = time.time_ns
+    # Should it ask for that time at all:
+    monkeypatch.setattr(imports, "time_ns", lambda: real() + 10 * 10**9, raising=False)
+    way.receive(2, at_ns=real())
+    assert way.way.losses == {}
+
+
+async def test_what_a_late_joiner_gets_once_more_is_not_a_clock_that_was_set_back() -> None:
+    way = Way(QoSProfile(10, lifespan=1.0, durability="transient_local"))
+    now_ns = monotonic_ns()
+    way.receive(1, at_ns=now_ns - 5 * 10**9)
+    way.receive(2, at_ns=now_ns)
+    way.way.begin_again(way.endpoint, is_renumbered=True)
+    way.receive(1, at_ns=now_ns - 5 * 10**9)
+    assert way.way.losses == {"expired": 1}
