@@ -1,18 +1,24 @@
 """`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, and what the command line says besides."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 from msgspec import structs
 
-from bus.errors import ConfigurationError
+from bus.errors import BusError, ConfigurationError
 from bus.process.tables import check_keys, each_of, filled, read_file
+from bus.topic_patterns import compiled
+from bus_bridge.core.bus_id import checked_id
+from bus_bridge.core.naming import Naming
 from bus_bridge.core.rules import TopicRule
+from bus_bridge.dds.options import checked_interface, checked_peer
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
+from bus_bridge.zenoh.options import parse_address
 
-__all__ = ["TABLES", "load", "merged"]
+__all__ = ["TABLES", "check_values", "load", "merged"]
 
 T = TypeVar("T", bound=BridgeTable)
 
@@ -30,15 +36,55 @@ def load(path: Path, kind: type[T]) -> T:
     try:
         bridges = check_keys("bridge.", content.get("bridge", {}), {name: name for name in TABLES})
         (name,) = (name for name, one in TABLES.items() if one is kind)
-        return _table(f"bridge.{name}", bridges.get(name, {}), kind, path.parent)
+        table = _table(f"bridge.{name}", bridges.get(name, {}), kind, path.parent)
+        check_values(table, lambda key: f"bridge.{name}.{key}")
+        return table
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
+
+
+def check_values(table: BridgeTable, called: Callable[[str], str]) -> None:
+    """Whether each text in it can be what it stands for, whatever the others say. `called` tells what users
+    call a key.
+
+    Raises ConfigurationError, which names the key.
+    """
+    for key, check, text in _checks(table, called):
+        try:
+            check(text)
+        except BusError as error:
+            said = str(error)
+            raise ConfigurationError(said if key in said else f"{key}: {said}") from None
 
 
 def merged(file: T, flags: T) -> T:
     """`flags` go before what `file` says; what there may be several of is added to it."""
     merged: T = _both(file, flags)
     return merged
+
+
+def _checks(
+    table: BridgeTable, called: Callable[[str], str]
+) -> Iterator[tuple[str, Callable[[str], object], str]]:
+    """What a text is called, what it has to pass, and the text."""
+    checks: list[tuple[str, Callable[[str], object]]] = [
+        ("id", checked_id),
+        ("namespace", Naming),
+        ("interface", checked_interface),
+        ("peers", checked_peer),
+        ("listen", parse_address),
+        ("connect", parse_address),
+        ("router", parse_address),
+    ]
+    for key, check in checks:
+        said = getattr(table, key, None)
+        for text in said if isinstance(said, tuple) else () if said is None else (said,):
+            yield called(key), check, text
+    patterns = [("allow", one) for one in table.allow] + [("deny", one) for one in table.deny]
+    patterns += [(f"topics[{at}].pattern", one.pattern) for at, one in enumerate(table.topics)]
+    for key, text in patterns:
+        name = called(key)
+        yield name, partial(compiled, key=name), text
 
 
 def _both(ours: Any, theirs: Any) -> Any:

@@ -168,7 +168,7 @@ class TestMistakes:
         ("words", "said"),
         [
             (["--listn", "tcp/127.0.0.1:1"], "did you mean '--listen'?"),
-            (["--allow", "topic", "--listen", "tcp/127.0.0.1:1"], "begins with '/'"),
+            (["--allow", "topic", "--listen", "tcp/127.0.0.1:1"], "--allow = 'topic' can never match"),
             (["--namespace", "1x", "--listen", "tcp/127.0.0.1:1"], "must not have a token that starts"),
             (["--id", "a b", "--listen", "tcp/127.0.0.1:1"], "the id of a bus"),
             (["--config", "/nowhere.toml"], "/nowhere.toml: can't be read: No such file"),

@@ -8,7 +8,7 @@ import msgspec
 
 from bus_bridge.errors import BridgeError
 
-__all__ = ["MAX_DOMAIN", "DdsOptions", "Distro"]
+__all__ = ["MAX_DOMAIN", "DdsOptions", "Distro", "checked_interface", "checked_peer"]
 
 Distro = Literal["auto", "humble"]
 
@@ -48,12 +48,9 @@ class DdsOptions(msgspec.Struct, frozen=True):
         """Raises BridgeError for what can't be."""
         if not 0 <= self.domain <= MAX_DOMAIN:
             raise BridgeError(f"the DDS domain must be from 0 to {MAX_DOMAIN}, not {self.domain}")
-        for flag, what, text in (
-            ("interface", "name and no address of a network interface", self.interface),
-            *(("peer", "address of a machine", one) for one in self.peers),
-        ):
-            if any(letter in text for letter in "<>&\"'\0 ") or not text.isascii():
-                raise BridgeError(f"--{flag} '{text}' is no {what}")
+        checked_interface(self.interface)
+        for peer in self.peers:
+            checked_peer(peer)
         far = [peer for peer in self.peers if not _is_loopback(peer)]
         if far and self.is_local:
             raise BridgeError(
@@ -62,6 +59,24 @@ class DdsOptions(msgspec.Struct, frozen=True):
             )
         if self.distro not in ("auto", "humble"):
             raise BridgeError(f"the distro must be auto or humble, not '{self.distro}'")
+
+
+def checked_interface(text: str) -> str:
+    """`text`, a name or an address. Raises BridgeError where it can't be one."""
+    if not _is_plain(text):
+        raise BridgeError(f"'{text}' is no name and no address of a network interface")
+    return text
+
+
+def checked_peer(text: str) -> str:
+    """`text`, an address. Raises BridgeError where it can't be one."""
+    if not text or not _is_plain(text):
+        raise BridgeError(f"'{text}' is no address of a machine")
+    return text
+
+
+def _is_plain(text: str) -> bool:
+    return text.isascii() and not any(letter in text for letter in "<>&\"'\0 ")
 
 
 def _is_loopback(address: str) -> bool:

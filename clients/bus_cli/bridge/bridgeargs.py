@@ -83,13 +83,15 @@ def _from_flags(kind: "type[BridgeTable]", args: Namespace, flags: dict[str, Any
     from msgspec import structs
 
     from bus.process.tables import checked
+    from bus_bridge.config import check_values
+
+    def called(key: str) -> str:
+        return f"--{key.removesuffix('s').replace('_', '-')}"
 
     flags |= {"id": args.id, "namespace": args.namespace, "allow": args.allow, "deny": args.deny}
     kinds = {field.name: field.type for field in structs.fields(kind)}
-    return kind(
-        **{
-            key: checked(f"--{key.removesuffix('s').replace('_', '-')}", value, kinds[key])
-            for key, value in flags.items()
-            if value is not None
-        }
+    table = kind(
+        **{key: checked(called(key), value, kinds[key]) for key, value in flags.items() if value is not None}
     )
+    check_values(table, called)
+    return table

@@ -127,6 +127,24 @@ def test_everything_can_be_set(file: Path) -> None:
             "[[bridge.zenoh.topics]]\npattern = '/a'\nmax_rate_hz = 0",
             "bridge.zenoh.topics[0].max_rate_hz = 0: expected `float` > 0.0",
         ),
+        (
+            "[bridge.zenoh]\nallow = ['/a', 'b c']",
+            "bridge.zenoh.allow = 'b c' can never match: a topic's full name begins with '/' "
+            "(or begin with '**')",
+        ),
+        (
+            "[bridge.zenoh]\ndeny = '/x['",
+            "bridge.zenoh.deny = '/x[' can never match: '[' at position 2 is neither part of a name nor of a "
+            "pattern",
+        ),
+        (
+            "[[bridge.zenoh.topics]]\npattern = '/a'\n[[bridge.zenoh.topics]]\npattern = '/b/'",
+            "bridge.zenoh.topics[1].pattern = '/b/' can never match: a topic's name has no empty part",
+        ),
+        (
+            "[bridge.zenoh]\nconnect = 'tls/robot:0'",
+            "bridge.zenoh.connect: address 'tls/robot:0' has port '0'; ports are from 1 to 65535",
+        ),
     ],
 )
 def test_refusals(file: Path, text: str, said: str) -> None:
@@ -141,6 +159,13 @@ def test_refusals(file: Path, text: str, said: str) -> None:
         ("distro = 'jazzy'", "bridge.ros2.distro = 'jazzy': expected one of auto, humble"),
         ("listen = 'tcp/x'", "unknown key 'bridge.ros2.listen'; did you mean 'distro'?"),
         ("peer = '10.0.0.7'", "unknown key 'bridge.ros2.peer'; did you mean 'peers'?"),
+        ("peers = ['localhost', '']", "bridge.ros2.peers: '' is no address of a machine"),
+        (
+            "interface = 'a b'",
+            "bridge.ros2.interface: 'a b' is no name and no address of a network interface",
+        ),
+        ("id = 'a b'", "bridge.ros2.id: the id of a bus has letters, digits"),
+        ("namespace = '/a//b'", "bridge.ros2.namespace: Invalid namespace: "),
     ],
 )
 def test_refusals_for_ros_2(file: Path, text: str, said: str) -> None:
