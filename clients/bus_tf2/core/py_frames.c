@@ -74,6 +74,17 @@ static uint32_t number_of(const FrameTree *self, PyObject *name)
     return number == NULL ? NO_FRAME : (uint32_t)PyLong_AsUnsignedLong(number);
 }
 
+/* With an error set: there was no memory for all that a frame needs, and the numbers must go on fitting. */
+static void forget_last(FrameTree *self, uint32_t number)
+{
+    PyObject *type, *value, *traceback;
+    PyErr_Fetch(&type, &value, &traceback);
+    self->frames.count = number;
+    PyList_SetSlice(self->names, number, PY_SSIZE_T_MAX, NULL);
+    PyList_SetSlice(self->authorities, number, PY_SSIZE_T_MAX, NULL);
+    PyErr_Restore(type, value, traceback);
+}
+
 static uint32_t number_or_new(FrameTree *self, PyObject *name)
 {
     const uint32_t known = number_of(self, name);
@@ -85,6 +96,8 @@ static uint32_t number_or_new(FrameTree *self, PyObject *name)
                          && PyList_Append(self->authorities, Py_None) == 0
                          && PyDict_SetItem(self->numbers, name, number) == 0;
     Py_XDECREF(number);
+    if (!is_kept && added != NO_FRAME && self->frames.count == added + 1)
+        forget_last(self, added);
     return is_kept ? added : NO_FRAME;
 }
 
@@ -219,8 +232,9 @@ static PyObject *rows(PyObject *object, PyObject *Py_UNUSED(none))
             continue;
         const bool has_times = !here->is_static && here->count > 0;
         PyObject *up = here->count == 0 ? Py_None : PyList_GetItem(self->names, newest(here)->parent);
-        PyObject *row = Py_BuildValue("(OOOILL)", PyList_GetItem(self->names, i), up,
-                                      PyList_GetItem(self->authorities, i), here->count,
+        /* References of its own: a garbage collection may run anything, also an insert. */
+        PyObject *row = Py_BuildValue("(NNNILL)", Py_XNewRef(PyList_GetItem(self->names, i)), Py_XNewRef(up),
+                                      Py_XNewRef(PyList_GetItem(self->authorities, i)), here->count,
                                       (long long)latest_stamp(here),
                                       (long long)(has_times ? oldest(here)->stamp_ns : 0));
         if (row == NULL || PyList_Append(all, row) < 0)
