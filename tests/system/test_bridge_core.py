@@ -190,6 +190,23 @@ async def test_what_is_said_while_a_publisher_is_being_made_known_crosses(
         assert await received(subscription, 1) == ["first"]
 
 
+async def test_what_comes_while_busd_says_nothing_for_long_crosses(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with world() as made:
+        left, _, one, _ = await made.pair()
+        get_schema, silences = one.node.get_schema, iter(range(10))
+
+        async def get_schema_late(*words: str) -> bus.MessageSchema:
+            for _ in silences:
+                raise TimeoutError
+            return await get_schema(*words)
+
+        monkeypatch.setattr(one.node, "get_schema", get_schema_late)
+        await (await left.node("talker")).create_publisher(String, "chatter")
+        await until(lambda: one.bridge.status().shown_there.publishers == 1)
+
+
 async def test_nothing_crosses_without_a_subscription_and_once_with_three(world: Made) -> None:
     async with world() as made:
         left, right, one, _ = await made.pair()

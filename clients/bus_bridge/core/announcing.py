@@ -20,7 +20,6 @@ __all__ = ["Announcing"]
 _GRACE_S = 3.0
 """How long what was on the bus before busd was started anew has to come back."""
 _MOST_SCHEMAS = 4096
-_ASK_TIMES = 3
 
 _Type = tuple[str, str]
 
@@ -109,12 +108,13 @@ class Announcing:
             self._show(shown)
 
     async def _learn(self, types: set[_Type]) -> None:
-        """Have the schemas of these types; one that has left already has none."""
+        """Have the schemas of these types; one that has left already has none. A busd that is silent is asked
+        until it answers: nothing is shown twice, so what is unknown now would never cross."""
         if len(self._schemas) > _MOST_SCHEMAS:
             self._schemas.clear()
 
         async def find(one: _Type) -> None:
-            for _ in range(_ASK_TIMES):
+            while True:
                 with suppress(TimeoutError):
                     try:
                         self._schemas[one] = await self._node.get_schema(*one)
