@@ -19,7 +19,7 @@ class Reporting:
     def __init__(self, exports: Exports, mirrors: Mirrors) -> None:
         self._exports = exports
         self._mirrors = mirrors
-        self._reported: dict[bytes, object] = {}
+        self._reported: dict[EndpointMirror, object] = {}
         self._progress: dict[object, tuple[int, float]] = {}
         """Of routes where messages wait: how many had gone, and since when none has."""
         self._now_s = 0.0
@@ -27,13 +27,7 @@ class Reporting:
     def look(self, now_s: float) -> None:
         """Tell the graph what has changed; to be called each second."""
         self._now_s = now_s
-        present: set[bytes] = set()
-        for mirror in self._mirrors:
-            gid = mirror.far.far.gid
-            present.add(gid)
-            self._report(gid, mirror)
-        for gid in self._reported.keys() - present:
-            del self._reported[gid]
+        self._reported = {mirror: self._report(mirror) for mirror in self._mirrors}
         waiting: dict[object, tuple[int, float]] = {}
         for _, export in self._exports:
             if export.waiting and export.is_flowing:
@@ -51,17 +45,20 @@ class Reporting:
         known = self._progress.get(way)
         return known is not None and self._now_s - known[1] >= _STUCK_S
 
-    def _report(self, gid: bytes, mirror: EndpointMirror) -> None:
+    def _report(self, mirror: EndpointMirror) -> object:
+        """Returns what the graph knows of it now."""
+        known = self._reported.get(mirror)
         if mirror.subscription is not None and mirror.route is not None:
             crossed = mirror.route.sent - mirror.sent_before
-            if crossed and self._reported.get(gid) != crossed:
-                self._reported[gid] = crossed
+            if crossed and known != crossed:
                 mirror.subscription.report_besides(samples=crossed)
-        elif mirror.publisher is not None and mirror.way is not None:
+            return crossed
+        if mirror.publisher is not None and mirror.way is not None:
             losses = mirror.way.losses
-            if losses and self._reported.get(gid) != losses:
-                self._reported[gid] = losses
+            if losses and known != losses:
                 mirror.publisher.report_besides(dropped=losses)
+            return losses
+        return None
 
     def status(
         self,

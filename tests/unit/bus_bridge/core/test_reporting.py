@@ -1,0 +1,32 @@
+"""What the graph is told of mirrors, by and by."""
+
+from types import SimpleNamespace
+from typing import Any
+
+from bus_bridge.core.reporting import Reporting
+
+
+class Mirror:
+    """Of a far publisher whose way in has lost some messages."""
+
+    def __init__(self, losses: dict[str, int]) -> None:
+        self.subscription = self.route = None
+        self.way = SimpleNamespace(losses=losses, waiting=0)
+        self.publisher = self
+        self.told: list[dict[str, int]] = []
+
+    def report_besides(self, *, dropped: dict[str, int]) -> None:
+        self.told.append(dropped)
+
+
+def test_losses_are_told_when_they_change_and_to_each_mirror() -> None:
+    mirrors: list[Any] = [Mirror({})]
+    reporting = Reporting([], mirrors)  # type: ignore[arg-type]
+    (first,) = mirrors
+    for lost in (0, 3, 3, 4):
+        first.way.losses = {"lost_on_the_way": lost} if lost else {}
+        reporting.look(1.0)
+    assert first.told == [{"lost_on_the_way": 3}, {"lost_on_the_way": 4}]
+    mirrors[:] = [Mirror(first.way.losses)]  # made anew between two looks
+    reporting.look(2.0)
+    assert mirrors[0].told == [{"lost_on_the_way": 4}]
