@@ -47,7 +47,8 @@ class Export:
         self.is_fresh = True
         """What comes next may begin anywhere: there was no tap before."""
         self._depth = depth
-        self._patience: int | None = depth
+        self._patience = depth
+        """How many messages may wait for the way to be made."""
         self._is_lossless = is_lossless
         self._is_matched = is_matched
         self._on_free = on_free
@@ -171,7 +172,7 @@ class Export:
             if self._is_given_up or not self._is_matched(self.gid):
                 self.account.drop(NOT_WANTED, len(samples))
                 return
-            depth = self._patience or depth
+            depth = self._patience
         replaced, over = self._waiting.put(samples, None if self._is_lossless else depth)
         self.account.drop(REPLACED, replaced)
         self.account.drop(MEMORY, over)

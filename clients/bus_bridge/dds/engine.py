@@ -78,7 +78,12 @@ class DdsEngine:
         self._discovery = Discovery(self._participant, self._graph, self.types, far, self._discovered)
         self._ways = Ways(self._discovery.marked)
         self._node_info = NodeInfo(
-            self._participant, self._options.distro, self._mark, self._discovery.nodes_said, far.warn
+            self._participant,
+            self._options.distro,
+            self._mark,
+            self._entities,
+            self._discovery.nodes_said,
+            far.warn,
         )
         far.bus_came(self._bus)
         self._discovery.open(self._node_info)
@@ -249,10 +254,13 @@ class DdsEngine:
 
     def _say_nodes(self) -> None:
         if self._participant is not None:
-            self._node_info.say(
-                NodeEntities(each.node.namespace, each.node.name, tuple(each.readers), tuple(each.writers))
-                for each in self._nodes.values()
-            )
+            self._node_info.say()
+
+    def _entities(self) -> list[NodeEntities]:
+        return [
+            NodeEntities(each.node.namespace, each.node.name, tuple(each.readers), tuple(each.writers))
+            for each in self._nodes.values()
+        ]
 
     def _user_data(self, known: KnownType) -> bytes:
         return user_data({"typehash": known.codec.type_hash, **self._mark})

@@ -155,6 +155,7 @@ class DomainGraph:
         self._nodes: dict[bytes, dict[str, NodeEntities]] = {}
         """By participant and key."""
         self._bare: dict[str, set[bytes]] = {}
+        """By the key of a participant's own node, what is told under that."""
         self._waiting: dict[bytes, float] = {}
         """By gid, until when."""
         self._speak_dds_alone: set[bytes] = set()
@@ -250,7 +251,7 @@ class DomainGraph:
         found = self._found[gid]
         self._waiting.pop(gid, None)
         key = self._owners.get(gid)
-        if self._told.get(gid) == key is not None:
+        if key is not None and self._told.get(gid) == key:
             return
         yield from self._untell(gid)
         if key is None:

@@ -5,7 +5,7 @@ Owns: our writer, our readers, and in which of the two forms they speak. What is
 
 import asyncio
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from bus_bridge.dds import raw
@@ -27,7 +27,7 @@ _ALL: Final = Policies(transient_local=True, keep_all=True)
 class NodeInfo:
     """Made with the participant; `close` is the participant's own.
 
-    `on_nodes` hears of each participant's nodes, `warn` what the user should know.
+    `nodes` are ours, `on_nodes` hears of each participant's, `warn` what the user should know.
     """
 
     def __init__(
@@ -35,12 +35,14 @@ class NodeInfo:
         participant: Participant,
         distro: Distro,
         mark: dict[str, str],
+        nodes: Callable[[], Sequence[NodeEntities]],
         on_nodes: Callable[[bytes, list[NodeEntities]], None],
         warn: Callable[[str], None],
     ) -> None:
         self._participant = participant
         self._loop = asyncio.get_running_loop()
         self._mark = mark
+        self._nodes = nodes
         self._on_nodes = on_nodes
         self._warn = warn
         self._is_fixed = distro != "auto"
@@ -56,7 +58,6 @@ class NodeInfo:
         """Handles of writers that have said nothing yet."""
         self._probes: list[Endpoint] = []
         self._timer: asyncio.TimerHandle | None = None
-        self._nodes: list[NodeEntities] = []
         self._said = b""
         self._is_due = False
         self._is_closed = False
@@ -69,9 +70,8 @@ class NodeInfo:
         if self._timer is not None:
             self._timer.cancel()
 
-    def say(self, nodes: Iterable[NodeEntities]) -> None:
-        """Tell these nodes of ours, soon: what changes in one turn of the loop is told once."""
-        self._nodes = list(nodes)
+    def say(self) -> None:
+        """Tell our nodes, soon: what changes in one turn of the loop is told once."""
         if not self._is_due:
             self._is_due = True
             self._loop.call_soon(self._write)
@@ -93,7 +93,7 @@ class NodeInfo:
                 self._writer.close()
                 self._writer = self._make_writer()
                 self._said = b""
-                self.say(self._nodes)
+                self.say()
         self._silent.add(handle)
         if (early := self._early.pop(handle, None)) is not None:
             self._hear(handle, early)
@@ -174,7 +174,7 @@ class NodeInfo:
         self._is_due = False
         if self._is_closed:
             return
-        data = encode(self._participant.guid, self._nodes, self._size)
+        data = encode(self._participant.guid, self._nodes(), self._size)
         if data != self._said:
             raw.writer_of(self._writer.entity)(data.ljust(-(-len(data) // 4) * 4, b"\0"), time.time_ns())
             self._said = data

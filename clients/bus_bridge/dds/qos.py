@@ -101,8 +101,9 @@ def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Polici
 def profile_of(policies: Policies) -> QoSProfile:
     """The profile of a far endpoint. Raises ConfigurationError where a duration is none of ours."""
     keep_all = policies.keep_all
+    depth = policies.depth if policies.depth > 1 else DEPTH
     return QoSProfile(
-        0 if keep_all else max(policies.depth, DEPTH) if policies.depth <= 1 else policies.depth,
+        0 if keep_all else depth,
         reliability=Reliability.RELIABLE if policies.reliable else Reliability.BEST_EFFORT,
         durability=Durability.TRANSIENT_LOCAL if policies.transient_local else Durability.VOLATILE,
         history=History.KEEP_ALL if keep_all else History.KEEP_LAST,
