@@ -283,6 +283,26 @@ async def test_messages_cross_while_somebody_reads(qos: QoSProfile) -> None:
         assert len(taken.samples) == 100
 
 
+async def test_a_publisher_may_be_back_before_all_that_it_said_has_arrived() -> None:
+    async with pair() as (robot, laptop):
+        publisher, taken = Publisher(robot, RELIABLE), Taken()
+        endpoint = await laptop.far.endpoint()
+        reader = read(laptop, endpoint, taken)
+        await publisher.wanted()
+        await publisher.send(5)
+        publisher.writer.close()
+        again = Publisher(robot, RELIABLE)
+        again.number = publisher.number
+        await again.wanted()
+        await again.send(5)
+        await taken.until(10)
+        assert taken.numbers == [*range(1, 11)]
+        reader.close()
+        await again.wanted(False)
+        again.writer.close()
+        await laptop.far.until(lambda: not laptop.far.endpoints)
+
+
 @pytest.mark.parametrize("size", [64, 20_000, 70_000, 5_000_000])
 async def test_nothing_is_lost_of_a_lossless_route(size: int) -> None:
     total = min(20_000, 100_000_000 // size)

@@ -122,10 +122,10 @@ class ZenohEngine:
         on_change: Callable[[], None],
     ) -> ZenohWriter:
         """As `Engine.announce_publisher`."""
-        if endpoint.gid in self._writers:
-            raise BridgeError(
-                f"the publisher {endpoint.gid.hex()} on {endpoint.topic} has been announced already"
-            )
+        if (leaving := self._writers.get(endpoint.gid)) is not None:
+            if leaving.come_back(endpoint, on_change):
+                return leaving
+            leaving.end()
         withdraw = self._announce(endpoint, schema)
 
         def end() -> None:

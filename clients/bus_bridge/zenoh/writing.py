@@ -35,7 +35,7 @@ class ZenohWriter:
         on_close: Callable[[], None],
     ) -> None:
         qos = endpoint.qos
-        self.gid = endpoint.gid
+        self._endpoint = endpoint
         self._session = session
         self._key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, endpoint.gid)
         self._priority = rule.priority
@@ -106,6 +106,19 @@ class ZenohWriter:
         self._wait()
 
     # --- for the engine
+
+    def come_back(self, endpoint: LocalEndpoint, on_change: Callable[[], None]) -> bool:
+        """The publisher is there again before all has arrived that it said when it went. Returns whether it
+        is as it was: then importers go on, who would not see that a token went and came at once."""
+        if endpoint != self._endpoint:
+            return False
+        self._is_leaving = False
+        self._waiting.clear()
+        if self._patience is not None:
+            self._patience.cancel()
+        self._on_change = on_change
+        self._lost = {}
+        return True
 
     def end(self) -> None:
         """Gone, whatever has arrived."""
