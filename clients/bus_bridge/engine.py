@@ -205,6 +205,9 @@ class Engine(Protocol):
 
     name: str
     """As the user calls it: `zenoh`, `ros2`."""
+    only_bus: str
+    """The id of the far bus where it reaches one only, whatever happens; "" otherwise. What was brought from
+    there never goes back there."""
 
     async def open(self, far: FarSide) -> None:
         """Begin; what is found is told `far`. Raises BridgeError. Cancellation: closed."""

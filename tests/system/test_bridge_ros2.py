@@ -223,6 +223,33 @@ async def test_a_burst_to_the_first_that_matches_comes_whole(world: World) -> No
             assert (route["taken"], route["sent"], route["dropped"]) == (5000, 5000, {})
 
 
+@on_one_loop
+async def test_in_transit_nothing_goes_back_to_where_it_came_from(world: World, tmp_path: Path) -> None:
+    """Else nodes of ROS 2 would hear each other twice, once directly and once through this bus."""
+    config = tmp_path / "transit.toml"
+    config.write_text('[[bridge.ros2.topics]]\npattern = "/**"\ntransit = true\n')
+    side = world["robot"]
+    side.bridge("ros2", "--domain-id", str(world.domain), "--config", str(config))
+    with (
+        peer.cyclone(side.machine, domain=world.domain) as talker,
+        peer.cyclone(side.machine, domain=world.domain) as listener,
+    ):
+        async with side.node("busd_node") as node:
+            await ask(listener, "listen", topic="/chatter", type_name="", **_LATCHED)
+            await ask(talker, "publish", topic="/chatter", type_name="", **_LATCHED)
+            subscription = await node.create_subscription(String, "/chatter", LATCHED)
+            await subscription.wait_for_publishers()
+            publisher = await node.create_publisher(String, "/chatter", LATCHED)
+            await publisher.wait_for_subscriptions()
+            await ask(talker, "send", topic="/chatter", data="one")
+            assert (await subscription.receive())[0].data == "one"
+            publisher.publish(String(data="two"))  # behind what went back, if that did
+            heard = await asyncio.to_thread(listener.wait, "/chatter", 2)
+            assert [one["data"] for one in heard] == ["one", "two"]
+            found = await answers(listener, "matched", lambda found: found[1] >= 2, topic="/chatter")
+            assert found[1] == 2
+
+
 # --- what goes wrong
 
 

@@ -64,7 +64,7 @@ class Bridge:
         self._said: OrderedDict[str, None] = OrderedDict()
         rules, naming, bounds = options.rules, options.naming, options.bounds
         self._far = FarGraph(options.bus, bounds, rules, naming)
-        self._local = LocalGraph(rules, naming)
+        self._local = LocalGraph(rules, naming, engine.only_bus)
         self._schemas = Schemas(node, engine, bounds.schema_bytes, self._blame)
         self._exports = Exports(node, rules, self._local.knows, self._local.hides, self.warn)
         self._announcing = Announcing(node, engine, self._local, self._exports, self.warn)

@@ -44,11 +44,15 @@ class Changes(msgspec.Struct):
 
 
 class LocalGraph:
-    """Knows endpoints by gid, and nodes by process and name: so a busd that comes back changes nothing."""
+    """Knows endpoints by gid, and nodes by process and name: so a busd that comes back changes nothing.
 
-    def __init__(self, rules: Rules, naming: Naming) -> None:
+    `far_bus`: the id of the only bus on the far side, which is not to see what was brought from there.
+    """
+
+    def __init__(self, rules: Rules, naming: Naming, far_bus: str = "") -> None:
         self._rules = rules
         self._naming = naming
+        self._far_bus = far_bus
         self._node_numbers = 0
         self._nodes: dict[int, tuple[_Key, LocalNode | None]] = {}  # by busd's number
         self._absent: dict[_Key, list[LocalNode]] = {}
@@ -172,7 +176,8 @@ class LocalGraph:
         crossing = self._rules.crossing(endpoint.topic)
         if not (crossing.goes_out if endpoint.kind == "publisher" else crossing.comes_in):
             return None
-        if endpoint.node.origin is not None and not crossing.rule.transit:
+        origin = endpoint.node.origin
+        if origin is not None and (not crossing.rule.transit or origin.bus == self._far_bus):
             return None
         if endpoint.type_name.startswith(SERVICE_TYPE):  # bridges are asked on their own bus
             return None

@@ -58,6 +58,7 @@ class DdsEngine:
 
     def __init__(self, bus: str, options: DdsOptions) -> None:
         self._options = options
+        self.only_bus = f"dds{options.domain}"
         self._mark = {MARK: bus}
         self._nodes: dict[int, _Node] = {}
         self._writers: set[DdsWriter] = set()
@@ -68,9 +69,8 @@ class DdsEngine:
         self._refusal = ""
 
     async def open(self, far: FarSide) -> None:
-        domain = self._options.domain
         self._far = far
-        self._bus = FarBus(f"dds{domain}")
+        self._bus = FarBus(self.only_bus)
         # Its threads and sockets take some milliseconds, and nothing else runs yet.
         self._participant = Participant(self._options, user_data({ENCLAVE: "/", **self._mark}))
         self.types = KnownTypes()

@@ -39,6 +39,7 @@ class ZenohEngine:
     can't be, or may not."""
 
     name = "zenoh"
+    only_bus = ""
 
     def __init__(self, bus: str, options: ZenohOptions) -> None:
         self._bus = bus

@@ -93,6 +93,17 @@ def test_what_bridges_have_brought_is_not_shown_but_in_transit() -> None:
     assert changes.nodes[0].via == ("a", "b")
 
 
+def test_what_was_brought_from_the_only_far_bus_does_not_go_back_there_in_transit() -> None:
+    own = endpoint("publisher", 1, node(1, origin=Origin("ros2", "dds0")), "/a")
+    other = endpoint("publisher", 2, node(2, origin=Origin("ros2", "dds1")), "/b")
+    # Another machine may have a domain 0 of its own.
+    through = endpoint("publisher", 3, node(3, origin=Origin("zenoh", "b", ("dds0",))), "/c")
+    rules = Rules(topics=[TopicRule(pattern="/**", transit=True)])
+    changes = LocalGraph(rules, Naming(), "dds0").look(graph(own, other, through))
+    assert {one.name for one in changes.nodes} == {"node2", "node3"}
+    assert {one.topic for one in changes.publishers} == {"/b", "/c"}
+
+
 def test_a_bridge_itself_is_not_shown_in_transit() -> None:
     bridge = node(1, "bridge_zenoh", origin=Origin("zenoh", "b"))
     asked = endpoint("subscription", 1, bridge, "/bridge_zenoh/get_status/_request")
