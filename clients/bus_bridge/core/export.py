@@ -44,6 +44,8 @@ class Export:
         self.gid = gid
         self.account = Account()
         self.writer: Writer | None = None
+        self._lost_before: dict[str, int] = {}
+        """By reason, what earlier writers had and lost."""
         self.is_fresh = True
         """What comes next may begin anywhere: there was no tap before."""
         self._depth = depth
@@ -83,7 +85,7 @@ class Export:
 
     @property
     def _lost_by_engine(self) -> dict[str, int]:
-        return {} if self.writer is None else self.writer.lost
+        return self._lost_before if self.writer is None else summed(self._lost_before, self.writer.lost)
 
     @property
     def is_full(self) -> bool:
@@ -158,12 +160,17 @@ class Export:
         self._on_free(self.gid)
         return True
 
+    def detach(self) -> None:
+        """The far side sees the publisher no more; what waits, waits on."""
+        writer, self.writer = self.writer, None
+        if writer is not None:
+            self._lost_before = summed(self._lost_before, writer.lost)
+            writer.close()
+
     def close(self) -> None:
         """The publisher has gone; what waits is lost."""
         self.account.drop(DISCONNECTED, self._waiting.clear())
-        writer, self.writer = self.writer, None
-        if writer is not None:
-            writer.close()
+        self.detach()
         self._on_free(self.gid)
 
     def _wait(self, samples: Sequence[Sample]) -> None:

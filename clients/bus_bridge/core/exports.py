@@ -235,7 +235,9 @@ class Exports:
         self._unsure: set[TopicExports] = set()
         """Those to be swept, so that the many others cost nothing."""
         self._of_gid: dict[bytes, tuple[TopicExports, Export]] = {}
-        self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], None]]] = {}
+        self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], object]]] = {}
+        """Of publishers that have gone, and whose messages wait: what looks at them, and who hears of their
+        end."""
         self._loop = asyncio.get_running_loop()
         self.on_short: Callable[[TopicExports, Match], object] = lambda route, match: None
         """Called for a publisher that was there too shortly to be seen in a graph."""
@@ -275,12 +277,11 @@ class Exports:
         """The way out of a publisher that is about to be shown to the far side, and the rule for it."""
         gid, route = shown.local.gid, self.route(topic, schema)
         export = route.export(gid)
-        if export in self._leaving:
-            timer, end = self._leaving[export]
+        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: what waits goes on
+            timer, on_closed = leaving
             timer.cancel()
-            end()
-            route = self.route(topic, schema)
-            export = route.export(gid)
+            export.detach()
+            on_closed()
         self._of_gid[gid] = route, export
         self.shown[export] = shown
         return export, msgspec.structs.replace(shown.rule, depth=route.depth)
@@ -302,21 +303,23 @@ class Exports:
             return
         route, export = known
 
-        def end() -> None:
-            self._leaving.pop(export, None)
-            self._end(route, export)
-            on_closed()
-
         sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
 
         def look() -> None:
             nonlocal sent, end_s
             if export.account.sent != sent:  # it goes on, however slowly
                 sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
-            if not (export.waiting or route.has_news) or self._loop.time() >= end_s:
-                end()
-            else:
-                self._leaving[export] = self._loop.call_later(_LOOK_S, look), end
+            if (export.waiting or route.has_news) and self._loop.time() < end_s:
+                self._leaving[export] = self._loop.call_later(_LOOK_S, look), on_closed
+                return
+            if export.waiting:
+                self._on_trouble(
+                    f"'{route.topic.name}': a publisher has gone, and the far side did not take all that it "
+                    f"had said (messages lost: {export.waiting})"
+                )
+            self._leaving.pop(export, None)
+            self._end(route, export)
+            on_closed()
 
         look()
 

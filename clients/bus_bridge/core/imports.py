@@ -160,7 +160,12 @@ class Import:
         finally:
             if self._pumping is not None:
                 self._pumping.cancel()
-            self.account.drop(DISCONNECTED, self._waiting.clear())
+            lost = self._waiting.clear()
+            self.account.drop(DISCONNECTED, lost)
+        if lost:
+            self._on_trouble(
+                f"their publisher has gone, and there was no room for all (messages lost: {lost})"
+            )
 
     def receive(self, samples: Sequence[Sample]) -> None:
         """The next messages of the far publisher, from the reader. Never raises."""

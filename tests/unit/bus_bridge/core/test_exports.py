@@ -6,16 +6,21 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from bus.msg.std_msgs import Int32
 from bus.qos import QoSProfile
 from bus.schema import schema_of
 from bus.subscription import MessageInfo
 from bus.types.support import type_support
+from bus_bridge.core import exports
 from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import RouteRule, Sample
+from semantics import until
 
 LOSSLESS = QoSProfile(history="keep_all")
+TOPIC, SCHEMA = TypedTopic("/numbers", "std_msgs/msg/Int32", "h"), schema_of(type_support(Int32))
 STUCK, OTHER = b"s" * 16, b"o" * 16
 
 
@@ -69,10 +74,9 @@ class Stage:
 
     def __init__(self) -> None:
         self.unsure: set[Any] = set()
-        topic = TypedTopic("/numbers", "std_msgs/msg/Int32", "h")
         self.route = TopicExports(
-            topic,
-            schema_of(type_support(Int32)),
+            TOPIC,
+            SCHEMA,
             3,
             lambda gid: True,
             lambda gid: False,
@@ -131,15 +135,58 @@ async def test_one_that_has_gone_is_held_back_no_more() -> None:
     assert stage.tap.held == set() and stage.route.full == set()
 
 
+class Leaving:
+    """A publisher that goes while three of its messages wait."""
+
+    def __init__(self) -> None:
+        node: Any = None
+        self.troubles: list[str] = []
+        self.exports = Exports(node, Rules(), lambda gid: True, lambda gid: False, self.troubles.append)
+        self.ends = 0
+        self.show(Writer(0))
+        self.export.put([Sample(b"1234", number, number) for number in range(1, 4)])
+        self.exports.withdraw(STUCK, self.end)
+
+    def show(self, writer: Writer) -> None:
+        shown: Any = SimpleNamespace(local=SimpleNamespace(gid=STUCK), rule=RouteRule())
+        self.export, rule = self.exports.prepare(TOPIC, SCHEMA, shown)
+        self.exports.attach(self.export, writer, LOSSLESS, rule)
+
+    def end(self) -> None:
+        self.ends += 1
+
+
+async def test_what_waits_of_a_publisher_that_has_gone_is_lost_after_a_while(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(exports, "_LINGER_S", 0.05)
+    leaving = Leaving()
+    assert (leaving.ends, leaving.troubles) == (0, [])
+    await until(lambda: leaving.ends)
+    assert leaving.export.account.dropped == {"disconnected": 3}
+    (said,) = leaving.troubles
+    assert said.startswith("'/numbers': a publisher has gone") and said.endswith("(messages lost: 3)")
+    assert leaving.exports.schema(TOPIC) is None
+
+
+async def test_what_waits_of_a_publisher_that_is_back_goes_on() -> None:
+    leaving, writer = Leaving(), Writer(100)
+    before = leaving.export
+    leaving.show(writer)
+    assert leaving.export is before and leaving.ends == 1
+    assert writer.numbers == [1, 2, 3] and leaving.export.losses == {}
+    leaving.exports.withdraw(STUCK, leaving.end)
+    assert (leaving.ends, leaving.troubles) == (2, [])
+
+
 async def test_a_tap_that_does_not_end_leaves_nothing_behind() -> None:
     node: Any = None
-    exports = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)
-    topic = TypedTopic("/numbers", "std_msgs/msg/Int32", "h")
-    route = exports.route(topic, schema_of(type_support(Int32)))
+    ways = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)
+    route = ways.route(TOPIC, SCHEMA)
     tap: Any = SimpleNamespace(close=asyncio.Event().wait)
     route.taps, route.holders = [tap], 1
-    releasing = asyncio.create_task(exports.release(route))
+    releasing = asyncio.create_task(ways.release(route))
     await asyncio.sleep(0)
     releasing.cancel()
     await asyncio.wait((releasing,))
-    assert exports.schema(topic) is None and route.taps == []
+    assert ways.schema(TOPIC) is None and route.taps == []

@@ -284,6 +284,7 @@ async def test_what_has_no_room_is_held_up_to_a_bound(monkeypatch: pytest.Monkey
     assert way.way.losses == {"memory_limit": 2} and way.closes
     await way.way.finish()
     assert way.way.losses == {"memory_limit": 2, "disconnected": 2} and way.closes
+    assert way.troubles == ["their publisher has gone, and there was no room for all (messages lost: 2)"]
 
 
 async def test_what_this_bus_does_not_take_is_counted_and_said() -> None:
