@@ -3,13 +3,14 @@
 Whatever a verb writes goes through `say`, `complain` or `print_json`, for there may be texts of others in it.
 """
 
+import select
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from bus.base.printable import printable, printable_json
 
-__all__ = ["CommandError", "complain", "dropped_text", "print_json", "say", "size_text", "table"]
+__all__ = ["CommandError", "complain", "dropped_text", "print_json", "reader", "say", "size_text", "table"]
 
 
 class CommandError(Exception):
@@ -39,6 +40,19 @@ def show(text: object, record: Any, *, as_json: bool) -> None:
         print_json(record)
     else:
         say(text)
+
+
+def reader() -> select.epoll | None:
+    """What is ready to be read once nobody reads what is printed any more; None where that can't be told.
+
+    To be closed. A verb that does nothing but print waits for it: what it prints next may come in an hour.
+    """
+    try:
+        watch = select.epoll()
+        watch.register(sys.stdout.fileno(), 0)  # the end is told whatever is asked for
+    except (OSError, ValueError):  # a file, or nothing at all
+        return None
+    return watch
 
 
 def size_text(size: float) -> str:

@@ -5,7 +5,7 @@ import os
 import signal
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Coroutine
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -16,8 +16,11 @@ from bus.process.termination import Terminated
 from bus.runner import loop_factory
 from bus.types.diff import difference
 from bus.types.support import find_type
-from bus_cli.output import CommandError, complain
+from bus_cli.output import CommandError, complain, reader
 from bus_cli.query import full_type_name
+
+if TYPE_CHECKING:
+    import select
 
 __all__ = [
     "add_window_argument",
@@ -37,36 +40,49 @@ T = TypeVar("T")
 _ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
 
-def run_stream(main: Coroutine[Any, Any, T]) -> T:
+def run_stream(main: Coroutine[Any, Any, T], *, only_prints: bool = False) -> T:
     """Run a verb on an event loop; returns its result, mostly an exit code.
 
-    Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up.
+    Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up; and
+    BrokenPipeError where it `only_prints`, into a pipe that nobody reads any more.
     """
-    received: list[int] = []
+    ends: list[type[BaseException]] = []
     try:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
-            return runner.run(_until_signal(main, received))
+            return runner.run(_until_end(main, reader() if only_prints else None, ends))
     except asyncio.CancelledError:
-        if not received:
+        if not ends:
             raise
-        raise _ENDING[received[0]] from None
+        raise ends[0] from None
 
 
-async def _until_signal(main: Coroutine[Any, Any, T], received: list[int]) -> T:
+async def _until_end(
+    main: Coroutine[Any, Any, T], watch: "select.epoll | None", ends: list[type[BaseException]]
+) -> T:
     loop, task = asyncio.get_running_loop(), asyncio.current_task()
     assert task is not None
 
-    def end(number: int) -> None:
-        received.append(number)
+    def end(why: type[BaseException]) -> None:
+        ends.append(why)
         task.cancel()
 
-    for number in _ENDING:
-        loop.add_signal_handler(number, end, number)
+    def lose_reader() -> None:
+        assert watch is not None
+        loop.remove_reader(watch.fileno())
+        end(BrokenPipeError)
+
+    for number, why in _ENDING.items():
+        loop.add_signal_handler(number, end, why)
+    if watch is not None:
+        loop.add_reader(watch.fileno(), lose_reader)
     try:
         return await main
     finally:
         for number in _ENDING:
             loop.remove_signal_handler(number)
+        if watch is not None:
+            loop.remove_reader(watch.fileno())
+            watch.close()
 
 
 def open_node(args: Namespace, name: str | None = None) -> Node:

@@ -42,6 +42,23 @@ def test_a_reader_that_has_seen_enough_is_no_error(daemon: object) -> None:
     assert without_hint(Result(done.stdout, done.stderr, 0)).err == "0\n"
 
 
+@pytest.mark.parametrize("verb", ["echo", "hz", "bw", "delay", "top"])
+def test_a_reader_that_goes_ends_who_only_prints(daemon: object, verb: str) -> None:
+    """At once, not when the next thing is printed: that may be in an hour."""
+    words = ("top", "--json", "-d", "3600") if verb == "top" else ("topic", verb, "/topic")
+    with (
+        script(TALKER, "1000"),
+        subprocess.Popen((*BUS, *words), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running,
+    ):
+        assert running.stdout is not None
+        assert running.stderr is not None
+        if verb == "echo":
+            assert b"no message yet on '/topic'" in running.stderr.readline()
+        running.stdout.close()
+        assert running.wait(WAIT_S) == 0
+        assert running.stderr.read() == b""
+
+
 def test_output_to_a_closed_pipe(daemon: object) -> None:
     reader, writer = os.pipe()
     os.close(reader)

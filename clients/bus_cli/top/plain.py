@@ -5,16 +5,19 @@ import time
 from collections.abc import Generator
 from pathlib import Path
 from time import monotonic, monotonic_ns
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs, to_builtins
 
 from bus.errors import BrokerUnavailable, ConnectionClosed
-from bus_cli.output import complain
+from bus_cli.output import complain, reader
 from bus_cli.query import Query
 from bus_cli.top.columns import BY_TOPIC, sums_text
 from bus_web.model import Model
 from bus_web.rows import EndpointRow, TopicRow
+
+if TYPE_CHECKING:
+    import select
 
 __all__ = ["looks", "record", "report"]
 
@@ -26,7 +29,7 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
     """The bus every `delay_s` seconds, first when rates are known; `is_once`: then no more.
 
     Goes on over a restart of busd, however long that takes, unless `is_once`. Raises what `Query` raises at
-    the beginning.
+    the beginning, and BrokenPipeError where nobody reads what is printed any more.
     """
 
     def describe(name: str, number: str) -> bytes | None:
@@ -35,7 +38,7 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
         except ConnectionClosed:  # the next look says so
             return None
 
-    query = Query(path)
+    query, watch = Query(path), reader()
     model = Model({os.getpid()}, describe)
     number, said = 0, ""
     due_s = monotonic()
@@ -50,7 +53,7 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
                     complain(f"{text}; looking for it again")
                     said = text
                 query.close()
-                query = _find_again(path, delay_s)
+                query = _find_again(path, delay_s, watch)
                 continue
             said = ""
             model.take(graph, monotonic_ns())
@@ -60,17 +63,26 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
                 if is_once:
                     return
             due_s = max(due_s + delay_s, monotonic())
-            time.sleep(max(0.0, due_s - monotonic()))
+            _rest(max(0.0, due_s - monotonic()), watch)
     finally:
         query.close()
+        if watch is not None:
+            watch.close()
 
 
-def _find_again(path: Path, delay_s: float) -> Query:
+def _find_again(path: Path, delay_s: float, watch: "select.epoll | None") -> Query:
     while True:
         try:
             return Query(path)
         except BrokerUnavailable:
-            time.sleep(delay_s)
+            _rest(delay_s, watch)
+
+
+def _rest(seconds: float, watch: "select.epoll | None") -> None:
+    if watch is None:
+        time.sleep(seconds)
+    elif watch.poll(seconds):
+        raise BrokenPipeError
 
 
 def report(model: Model, by: str, width: int | None, *, hidden: bool) -> str:

@@ -22,7 +22,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    return run_stream(_measure(args))
+    return run_stream(_measure(args), only_prints=True)
 
 
 async def _measure(args: Namespace) -> int:

@@ -97,7 +97,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    return run_stream(_echo(args))
+    return run_stream(_echo(args), only_prints=True)
 
 
 async def _echo(args: Namespace) -> int:
