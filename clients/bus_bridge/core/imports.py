@@ -12,7 +12,7 @@ from typing import Any
 from bus.endpoint import summed
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.publisher import Publisher
-from bus.qos import Durability
+from bus.qos import Durability, History
 from bus.schema import MessageSchema
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.lateness import Lateness
@@ -60,6 +60,9 @@ class Import:
         self._lateness = lateness
         self._newest_ns = 0
         """When the publisher published what came last, by its clock."""
+        self._known_ns = self._most_known = 0
+        """What a publisher that counts from 1 again keeps for late joiners and has published up to this time,
+        has come before; up to so many messages."""
         self._on_trouble = on_trouble
         self._loop = asyncio.get_running_loop()
         self._reader: Reader | None = None
@@ -125,7 +128,11 @@ class Import:
         self._stop()
         self._endpoint = endpoint
         if is_renumbered:
-            self._last = self._newest_ns = 0
+            if (qos := endpoint.qos).durability is Durability.TRANSIENT_LOCAL:
+                sent = self.account.sent
+                self._most_known = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
+                self._known_ns = self._newest_ns
+            self._last = 0
         else:
             self._listeners = listeners
         self.look()
@@ -181,7 +188,9 @@ class Import:
         account.taken += len(samples)
         if self._is_lossless:
             size = self._waiting.bytes + payload_bytes(samples)
-        if not self._is_next(samples):
+        if self._most_known:
+            samples = self._without_known(samples)
+        if samples and not self._is_next(samples):
             samples = self._without_repeated(samples)
         if self._lifespan_ns:
             samples = self._without_expired(samples)
@@ -248,6 +257,16 @@ class Import:
                 self._last, self._is_fresh = number, False
             found.append(sample)
         return found
+
+    def _without_known(self, samples: Sequence[Sample]) -> list[Sample]:
+        for at, sample in enumerate(samples):
+            if sample.source_time_ns > self._known_ns or not self._most_known:
+                self._most_known = 0
+                return [*samples][at:]
+            self._most_known -= 1
+            self._last, self._is_fresh = sample.number, False
+            self.account.drop(REPEATED)
+        return []
 
     def _without_expired(self, samples: Sequence[Sample]) -> Sequence[Sample]:
         now_ns, lateness = monotonic_ns(), self._lateness
