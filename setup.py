@@ -96,7 +96,11 @@ def extensions() -> list[Extension]:
             sources=sorted(str(folder / path.name) for path in (HERE / folder).glob("*.c")),
             depends=sorted(str(folder / path.name) for path in (HERE / folder).glob("*.h")),
             define_macros=[("Py_LIMITED_API", "0x030B0000"), ("_GNU_SOURCE", "1")],
-            extra_compile_args=["-std=c11", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"],
+            # What the limited API does not declare must not be called: it may be gone in the next Python.
+            extra_compile_args=[
+                *("-std=c11", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"),
+                "-Werror=implicit-function-declaration",
+            ],
             py_limited_api=True,
             optional=wish != "yes",
         )

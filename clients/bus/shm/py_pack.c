@@ -77,6 +77,22 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
     return status == RING_CORRUPT ? reader_leave(self, feed, RING_IS_BROKEN) : 0;
 }
 
+/* How much of the feed one pack can take: no more than that, and less only where something is left out of it, or comes
+ * with a time of its source. */
+static size_t packed_bytes(const struct feed *feed, size_t most, size_t longest)
+{
+    struct ring_reader look = feed->ring; /* what it counts does not count */
+    struct ring_record record;
+    size_t size = 0;
+    for (uint64_t left = feed->waiting; left != 0 && ring_look(&look, &record) == RING_OK; left--) {
+        if (record.size >= longest || size + PACKED_HEAD + record.size > most)
+            break;
+        size += PACKED_HEAD + record.size;
+        ring_step(&look);
+    }
+    return size;
+}
+
 PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
     Reader *self = (Reader *)object;
@@ -95,22 +111,26 @@ PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t
             reader_show(self);
         return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
     }
-    PyObject *data = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)most);
+    const size_t size = packed_bytes(feed, most, longest);
+    PyObject *data = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
     if (data == NULL)
         return NULL;
     struct pack pack = {.source = feed->source, .bytes = (unsigned char *)PyBytes_AsString(data)};
     Py_INCREF(pack.source);
-    status = pack_feed(self, feed, &pack, most, longest, offset_ns);
+    status = pack_feed(self, feed, &pack, size, longest, offset_ns);
     reader_show(self);
     PyObject *found = NULL;
-    if (status >= 0 && pack.count == 0)
+    if (status >= 0 && pack.count == 0) {
         found = Py_NewRef(Py_None);
-    else if (status >= 0 && _PyBytes_Resize(&data, (Py_ssize_t)pack.size) == 0)
-        found = Py_BuildValue("(OOKKKOO)", pack.source, data, (unsigned long long)pack.count,
+    } else if (status >= 0) {
+        PyObject *whole = pack.size == size ? Py_NewRef(data)
+                                            : PyBytes_FromStringAndSize((char *)pack.bytes, (Py_ssize_t)pack.size);
+        found = Py_BuildValue("(ONKKKOO)", pack.source, whole, (unsigned long long)pack.count,
                               (unsigned long long)pack.payload_bytes, (unsigned long long)pack.last_at,
                               pack.last - pack.first == pack.count - 1 ? Py_True : Py_False,
                               reader_has_more(self) ? Py_True : Py_False);
-    Py_XDECREF(data);
+    }
+    Py_DECREF(data);
     Py_DECREF(pack.source);
     return found;
 }
