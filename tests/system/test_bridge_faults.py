@@ -57,6 +57,25 @@ async def test_what_is_missed_while_a_link_is_down_is_counted(world: Made) -> No
         assert route.sent + route.dropped["lost_on_the_way"] == talk.publisher.statistics().published
 
 
+async def test_what_is_missed_while_the_importing_bridge_is_killed_is_counted(world: Made) -> None:
+    """By the other bridge: this one knows nothing of before."""
+    async with world() as made:
+        talk = await made.talk(10)
+        await talk.exchange()
+        before = sum(talk.one.bridge.status().routes[0].dropped.values())
+        await talk.cut()
+        for _ in range(3):
+            talk.publisher.publish(Int32(data=0))
+        await talk.other.restart()
+        talk.link.up()
+        await talk.is_on()
+        talk.publisher.publish(Int32(data=-1))
+        assert await received(talk.subscription, 1) == [-1]
+        (route,) = talk.one.bridge.status().routes
+        assert route.dropped == {"not_wanted": before + 3}
+        assert route.taken == talk.publisher.statistics().published
+
+
 async def test_what_is_latched_comes_once_though_nodes_go_before_their_bus(world: Made) -> None:
     """Of a link that ends, an engine may tell piece by piece."""
     async with world() as made:

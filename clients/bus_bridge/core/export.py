@@ -46,8 +46,10 @@ class Export:
         self.writer: Writer | None = None
         self._lost_before: dict[str, int] = {}
         """By reason, what earlier writers had and lost."""
-        self.is_fresh = True
+        self._is_fresh = True
         """What comes next may begin anywhere: there was no tap before."""
+        self._is_back = False
+        """What is missing before it was said while a far subscription was cut off."""
         self._depth = depth
         self._patience = depth
         """How many messages may wait for the way to be made."""
@@ -97,6 +99,10 @@ class Export:
     def is_flowing(self) -> bool:
         return self.writer is not None and self.writer.is_wanted
 
+    def begin(self, *, is_back: bool) -> None:
+        """There are taps again. `is_back`: for a far subscription that was here before."""
+        self._is_fresh, self._is_back = self._is_fresh or not is_back, is_back
+
     def put(self, samples: Sequence[Sample]) -> None:
         """The next messages of the publisher, in order."""
         account = self.account
@@ -110,10 +116,10 @@ class Export:
             if not fresh:
                 return
             samples = fresh
-        elif not self.is_fresh and (missing := last - self._last - len(samples)) > 0:
+        elif not self._is_fresh and (missing := last - self._last - len(samples)) > 0:
             account.taken += missing
-            account.drop(REPLACED, missing)
-        self.is_fresh = False
+            account.drop(NOT_WANTED if self._is_back else REPLACED, missing)
+        self._is_fresh = self._is_back = False
         self._last = last
         if self._limit is not None:
             passing = self._limit.passing(samples)

@@ -68,6 +68,9 @@ class TopicExports:
         """By the publisher's gid."""
         self.mirrors: dict[Subscription[Any], None] = {}
         """The far subscriptions, as they are shown here."""
+        self.away: dict[bytes, None] = {}
+        """Far subscriptions that have gone; one that comes back was cut off, and has missed what was said
+        meanwhile."""
         self.holders = 0
         """How many far subscriptions need the taps."""
         self.taps: list[Subscription[Any]] = []
@@ -139,10 +142,10 @@ class TopicExports:
             self._sent_by_gone += export.account.sent
         self.early.pop(export.gid, None)
 
-    def begin(self) -> None:
-        """New taps are there."""
+    def begin(self, *, is_back: bool) -> None:
+        """New taps are there. `is_back`: for a far subscription that has had messages by earlier ones."""
         for export in self.exports.values():
-            export.is_fresh = True
+            export.begin(is_back=is_back)
         self.met = {gid: match for gid, match in self.met.items() if not self._knows(gid)}
         for tap in self.taps:
             for gid in self.full if tap.qos.is_lossless else ():
@@ -325,23 +328,27 @@ class Exports:
 
     # --- far subscriptions, as they are shown here
 
-    async def hold(self, topic: TypedTopic, schema: MessageSchema) -> TopicExports:
+    async def hold(self, topic: TypedTopic, schema: MessageSchema, gid: bytes) -> TopicExports:
         """Have the taps of a topic and type for one more far subscription. Raises BusError."""
         route = self.route(topic, schema)
         route.holders += 1
         try:
             async with route.opening:
                 if not route.taps:
-                    await self._open_taps(route)
+                    await self._open_taps(route, is_back=gid in route.away)
         except BaseException:
             route.holders -= 1
             self._drop_unused(route)
             raise
+        route.away.pop(gid, None)
         return route
 
-    async def release(self, route: TopicExports) -> None:
+    async def release(self, route: TopicExports, gid: bytes) -> None:
         """A far subscription needs them no longer. Cancellation: they are closed, or not needed by it."""
         route.holders -= 1
+        route.away[gid] = None
+        while len(route.away) > _MOST_MET:
+            del route.away[next(iter(route.away))]
         try:
             async with route.opening:
                 if not route.holders:
@@ -351,7 +358,7 @@ class Exports:
             route.matches_changed()
             self._drop_unused(route)
 
-    async def _open_taps(self, route: TopicExports) -> None:
+    async def _open_taps(self, route: TopicExports, *, is_back: bool) -> None:
         profiles = (
             QoSProfile(
                 route.depth, reliability=Reliability.BEST_EFFORT, durability=Durability.BEST_AVAILABLE
@@ -367,7 +374,7 @@ class Exports:
                 await tap.close()
             raise
         route.taps = taps
-        route.begin()
+        route.begin(is_back=is_back)
 
     async def _open_tap(self, route: TopicExports, profile: QoSProfile) -> Subscription[Any]:
         tap: Subscription[Any] | None = None

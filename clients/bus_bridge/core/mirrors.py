@@ -363,7 +363,7 @@ class Mirrors:
     async def _open_subscription(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
         far = mirror.far
         topic = TypedTopic(far.topic, schema.type_name, schema.type_hash)
-        route = await self._exports.hold(topic, schema)
+        route = await self._exports.hold(topic, schema, far.far.gid)
         try:
             subscription = await node.create_subscription(
                 schema,
@@ -377,7 +377,7 @@ class Mirrors:
                 role="mirror",
             )
         except BaseException:
-            await self._exports.release(route)
+            await self._exports.release(route, far.far.gid)
             raise
         mirror.subscription, mirror.route, mirror.sent_before = subscription, route, route.sent
         route.mirrors[subscription] = None
@@ -391,7 +391,7 @@ class Mirrors:
         if mirror.subscription is not None and mirror.route is not None:
             mirror.route.mirrors.pop(mirror.subscription, None)
             await self._within_bounds(mirror.subscription.close())
-            await self._within_bounds(self._exports.release(mirror.route))
+            await self._within_bounds(self._exports.release(mirror.route, gid))
         elif mirror.publisher is not None and mirror.way is not None:
             self._pasts.keep(gid, mirror.way.past(), self._loop.time())
             if mirror.way.waiting:  # others need not wait for that

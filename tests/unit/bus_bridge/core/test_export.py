@@ -148,16 +148,27 @@ def test_numbers_that_are_missing_were_lost_in_the_tap() -> None:
     way.put(5, 6)  # the first may have any number
     way.put(9)
     assert way.export.account.dropped == {"replaced": 2}
-    way.export.is_fresh = True  # another tap
+    way.export.begin(is_back=False)  # another tap
     way.put(20)
     assert way.export.account.dropped == {"replaced": 2}
+    assert way.closes
+
+
+def test_what_a_far_subscription_missed_while_it_was_cut_off_was_not_wanted() -> None:
+    way = Way().attach()
+    way.export.begin(is_back=True)
+    way.put(5)  # of a publisher that it did not know before
+    way.export.begin(is_back=True)
+    way.put(9)
+    way.put(11)
+    assert way.export.account.dropped == {"not_wanted": 3, "replaced": 1}
     assert way.closes
 
 
 def test_a_history_that_comes_again_does_not_go_again() -> None:
     way = Way(QoSProfile(10, durability="transient_local")).attach()
     way.put(1, 2, 3)
-    way.export.is_fresh = True
+    way.export.begin(is_back=False)
     way.put(1, 2, 3, 4)
     assert way.writer.numbers == [1, 2, 3, 4]
     assert way.export.account.dropped == {"repeated": 3}

@@ -92,7 +92,7 @@ class Stage:
     def open(self) -> None:
         self.lossy, self.tap = taps = Tap(QoSProfile(5)), Tap(LOSSLESS)
         self.route.taps = [*taps]  # type: ignore[list-item]
-        self.route.begin()
+        self.route.begin(is_back=False)
 
     def take(self) -> None:
         self.route.take(self.tap)  # type: ignore[arg-type]
@@ -185,7 +185,7 @@ async def test_a_tap_that_does_not_end_leaves_nothing_behind() -> None:
     route = ways.route(TOPIC, SCHEMA)
     tap: Any = SimpleNamespace(close=asyncio.Event().wait)
     route.taps, route.holders = [tap], 1
-    releasing = asyncio.create_task(ways.release(route))
+    releasing = asyncio.create_task(ways.release(route, b"far"))
     await asyncio.sleep(0)
     releasing.cancel()
     await asyncio.wait((releasing,))
