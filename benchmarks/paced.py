@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -97,8 +98,9 @@ def measure(
 def put_on(child: Child, cpu: int) -> None:
     """Let all threads of a process run there only. Raises Failure where that can't be."""
     try:
-        for thread in (Path("/proc") / str(child.pid) / "task").iterdir():
-            os.sched_setaffinity(int(thread.name), {cpu})
+        for thread in _threads(child):
+            with suppress(ProcessLookupError):  # a thread that has ended: zenoh's come and go
+                os.sched_setaffinity(int(thread.name), {cpu})
     except OSError as error:
         raise Failure(f"{child.name} can't be put on CPU {cpu}: {error.strerror}") from None
 
@@ -107,14 +109,24 @@ def switches(child: Child) -> tuple[int, int]:
     """How often its threads gave up their CPU, and had it taken away. Raises Failure if it is gone."""
     counts = [0, 0]
     try:
-        for thread in (Path("/proc") / str(child.pid) / "task").iterdir():
-            for line in (thread / "status").read_text().splitlines():
-                for place, key in enumerate(("voluntary_ctxt_switches:", "nonvoluntary_ctxt_switches:")):
-                    if line.startswith(key):
-                        counts[place] += int(line.split()[1])
+        found = _threads(child)
     except OSError:
         raise Failure(child.describe_end()) from None
+    for thread in found:
+        try:
+            lines = (thread / "status").read_text().splitlines()
+        except (FileNotFoundError, ProcessLookupError):  # a thread that has ended: zenoh's come and go
+            continue
+        for line in lines:
+            for place, key in enumerate(("voluntary_ctxt_switches:", "nonvoluntary_ctxt_switches:")):
+                if line.startswith(key):
+                    counts[place] += int(line.split()[1])
     return counts[0], counts[1]
+
+
+def _threads(child: Child) -> list[Path]:
+    """Where the kernel tells of its threads; each may end at any time. Raises OSError if all have."""
+    return list((Path("/proc") / str(child.pid) / "task").iterdir())
 
 
 def memory_mib(child: Child) -> float:

@@ -357,6 +357,22 @@ def test_processes_are_put_where_they_shall_be_and_who_is_gone_is_not() -> None:
         paced.put_on(children[0], cpus[0])
 
 
+def test_a_thread_that_ends_meanwhile_is_no_process_that_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """zenoh's threads come and go."""
+    with Group() as group:
+        child = group.start_python("child", "-c", "input()")
+        there = paced._threads(child)
+        with Group() as others:
+            other = others.start_python("other", "-c", "input()")
+            ended = Path(f"/proc/{other.pid}/task/{other.pid}")
+        monkeypatch.setattr(paced, "_threads", lambda child: [ended, *there])
+        assert sum(paced.switches(child)) > 0
+        cpu = min(os.sched_getaffinity(0))
+        paced.put_on(child, cpu)
+        assert os.sched_getaffinity(child.pid) == {cpu}
+        child.tell("enough")
+
+
 @pytest.mark.parametrize(("cpus", "missing"), [({0}, "there is one CPU only"), ({0, 1}, "")])
 def test_two_cpus_are_measured_where_there_are_two(
     measured: list[tuple[str, Work]], monkeypatch: pytest.MonkeyPatch, cpus: set[int], missing: str
