@@ -76,6 +76,7 @@ ends = [
     st.tuples(st.just("close_publisher"), numbers),
     st.tuples(st.just("close_subscription"), numbers),
 ]
+holds = [st.tuples(st.just("hold"), numbers, numbers)]
 
 
 class Story:
@@ -208,6 +209,16 @@ class Story:
             for one in gone:
                 self.publishers[new.publisher(one.qos, gid=one.gid)] = new
 
+    def hold(self, at: int, which: int) -> None:
+        """A lossless subscription gives a publisher no more room, or again."""
+        readers = [one for one in self.subscriptions if one.qos.is_lossless]
+        if readers and self.publishers:
+            subscription, gid = pick(readers, at), pick(self.publishers, which).gid
+            if gid in subscription._held_back:
+                subscription.release(gid)
+            else:
+                subscription.hold_back(gid)
+
     def close_publisher(self, at: int) -> None:
         if self.publishers:
             publisher = pick(self.publishers, at)
@@ -228,6 +239,9 @@ class Story:
                 client.unchoke()
             if client.connection is not None and client.connection.is_blocked:
                 client.connection.unblock()
+        for subscription in self.subscriptions:
+            for gid in subscription._held_back:
+                subscription.release(gid)
         world.settle()
         world.connect_all()
         world.advance(15)
@@ -361,7 +375,7 @@ def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch
         database=None,
         suppress_health_check=[HealthCheck.too_slow],
     )
-    @given(beginnings, bridgings, st.lists(st.one_of(steps), max_size=40))
+    @given(beginnings, bridgings, st.lists(st.one_of(steps + holds), max_size=40))
     def play(beginning: Beginning, bridging: Bridging, story: list[Step]) -> None:
         played = kind(beginning, bridging)
         with told(played):

@@ -243,6 +243,20 @@ class TestHoldingBack:
         assert stage.heard[-1] == (2, 1)
         stage.goes_on(said)
 
+    def test_what_waits_in_the_ring_comes_where_the_next_busd_shares_no_memory(self) -> None:
+        if not shm.is_available():
+            pytest.skip("no shared memory here")
+        stage = Held(shares=True)
+        stage.talker.publish(stage.first, 3)
+        assert stage.take() == []
+        stage.world.restart_broker()
+        context, stage.bridge.shm_context = stage.bridge.shm_context, None
+        stage.world.connect_all()
+        stage.bridge.shm_context = context
+        stage.world.advance(15)
+        assert [match.route for match in stage.tap.matches] == ["socket", "socket"]
+        stage.goes_on(3)
+
     def test_what_it_has_said_last_stays_for_later(self, shares: bool) -> None:
         stage = Held(shares=shares)
         stage.talker.publish(stage.first, 3)
