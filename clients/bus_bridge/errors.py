@@ -2,7 +2,7 @@
 
 from bus.errors import BusError
 
-__all__ = ["BridgeError", "NotCarried"]
+__all__ = ["BridgeError", "NotCarried", "in_words"]
 
 
 class BridgeError(BusError):
@@ -11,3 +11,8 @@ class BridgeError(BusError):
 
 class NotCarried(BridgeError):
     """The engine carries no such thing at all; where the user should know, it has told him."""
+
+
+def in_words(error: Exception) -> str:
+    """An error of ours as its text says it, any other with its type: it is a fault of the bridge."""
+    return str(error) if isinstance(error, BusError) else f"{type(error).__name__}: {error}"

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from contextlib import aclosing, suppress
 
 from bus.endpoint import Match
-from bus.errors import BusError, ConfigurationError
+from bus.errors import ConfigurationError
 from bus.graph import Graph
 from bus.node import Node
 from bus.schema import MessageSchema
 from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.local_graph import LocalGraph, Shown
 from bus_bridge.engine import Engine, LocalNode
-from bus_bridge.errors import NotCarried
+from bus_bridge.errors import NotCarried, in_words
 
 __all__ = ["Announcing"]
 
@@ -139,12 +139,9 @@ class Announcing:
                 self._show_publisher(shown, schema)
         except NotCarried:
             self._local.give_up(local.gid)
-        except BusError as error:
-            self._local.give_up(local.gid)
-            self._warn(f"'{shown.topic}' does not cross: {error}")
         except Exception as error:  # one endpoint must not end the bridge
             self._local.give_up(local.gid)
-            self._warn(f"'{shown.topic}' does not cross: {type(error).__name__}: {error}")
+            self._warn(f"'{shown.topic}' does not cross: {in_words(error)}")
         else:
             self._in_use[local.node.id] += 1
 

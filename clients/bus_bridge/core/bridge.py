@@ -24,6 +24,7 @@ from bus_bridge.core.rules import Rules
 from bus_bridge.core.schemas import Schemas
 from bus_bridge.core.status import GetStatus
 from bus_bridge.engine import Engine, FarBus, FarEndpoint, FarNode
+from bus_bridge.errors import in_words
 
 __all__ = ["Bridge", "BridgeOptions"]
 
@@ -110,7 +111,7 @@ class Bridge:
             except TimeoutError:
                 pass  # it goes with the process
             except Exception as error:
-                self._log.warning(f"while the bridge was closed: {type(error).__name__}: {error}")
+                self._log.warning(f"while the bridge was closed: {in_words(error)}")
 
     async def _keep_time(self) -> None:
         report_s = self._loop.time()

@@ -20,6 +20,7 @@ from bus_bridge.core.export import PATIENCE_S, Export
 from bus_bridge.core.local_graph import Shown
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, RouteRule, Sample, Writer
+from bus_bridge.errors import in_words
 from bus_bridge.packed import Packed
 
 __all__ = ["Exports", "TopicExports", "TypedTopic"]
@@ -183,7 +184,7 @@ class TopicExports:
             try:
                 export.put(samples)
             except Exception as error:  # one way out must not end the others
-                self._on_trouble(f"'{self.topic.name}': {type(error).__name__}: {error}")
+                self._on_trouble(f"'{self.topic.name}': {in_words(error)}")
             if export.is_full and gid not in self.full:
                 self.full.add(gid)
                 self._unsure.add(self)

@@ -19,6 +19,7 @@ from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
+from bus_bridge.errors import in_words
 from bus_bridge.packed import Packed, number_and_time, payload_bytes
 from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, RATE, REFUSED, REPEATED, TOO_LARGE
 
@@ -181,7 +182,7 @@ class Import:
         try:
             self._receive(samples)
         except Exception as error:  # one way in must not end the others
-            self._on_trouble(f"{type(error).__name__}: {error}")
+            self._on_trouble(in_words(error))
 
     def _receive(self, samples: Sequence[Sample]) -> None:
         account, size = self.account, 0
@@ -347,8 +348,8 @@ class Import:
     def _read(self) -> None:
         try:
             self._reader = self._engine.read(self._endpoint, self._schema, self.receive)
-        except BusError as error:
-            self._on_trouble(str(error))
+        except Exception as error:
+            self._on_trouble(in_words(error))
             self._timer = self._loop.call_later(_RETRY_S, self.look)
 
     def _stop(self) -> None:

@@ -25,6 +25,7 @@ from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Pasts
 from bus_bridge.core.schemas import Schemas
 from bus_bridge.engine import Engine
+from bus_bridge.errors import in_words
 
 __all__ = ["EndpointMirror", "Mirrors", "NodeMirror"]
 
@@ -298,7 +299,7 @@ class Mirrors:
             await node.open()
         except Exception as error:
             self._count_failure(mirror)
-            self._warn(f"node {_full_name(far)} of '{far.bus}' can't be shown here: {_said(error)}")
+            self._warn(f"node {_full_name(far)} of '{far.bus}' can't be shown here: {in_words(error)}")
             return
         mirror.node = node
         mirror.failures = 0
@@ -419,7 +420,7 @@ class Mirrors:
         except (TimeoutError, BusError):
             pass
         except Exception as error:
-            self._warn(f"while a mirror was closed: {_said(error)}")
+            self._warn(f"while a mirror was closed: {in_words(error)}")
 
     def _offer(self, far: Mirrored) -> QoSProfile:
         qos = far.far.qos
@@ -436,7 +437,7 @@ class Mirrors:
         far = mirror.far
         self._warn(
             f"the {far.far.kind} of {_full_name(far.node)} of '{far.node.bus}' on '{far.topic}' can't be "
-            f"shown here: {_said(error)}"
+            f"shown here: {in_words(error)}"
         )
 
     def _count_failure(self, mirror: NodeMirror | EndpointMirror) -> None:
@@ -447,8 +448,3 @@ class Mirrors:
 
 def _full_name(far: MirroredNode) -> str:
     return f"{far.namespace.rstrip('/')}/{far.name}"
-
-
-def _said(error: Exception) -> str:
-    """An error of ours in its own words, any other with its type: it is a fault of the bridge."""
-    return str(error) if isinstance(error, BusError) else f"{type(error).__name__}: {error}"

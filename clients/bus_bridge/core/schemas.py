@@ -8,7 +8,7 @@ from bus.node import Node
 from bus.schema import MessageSchema
 from bus.types.schema import build
 from bus_bridge.engine import Engine, FarEndpoint
-from bus_bridge.errors import BridgeError
+from bus_bridge.errors import BridgeError, in_words
 
 __all__ = ["Schemas"]
 
@@ -62,10 +62,10 @@ class Schemas:
         try:
             async with self._places:
                 schema = await self._find(endpoint)
-        except (BusError, TimeoutError) as error:
+        except TimeoutError as error:
             self._fail(key, str(error) or "nobody answered when asked for it")
         except Exception as error:  # an engine's fault must not end the bridge
-            self._fail(key, f"{type(error).__name__}: {error}")
+            self._fail(key, in_words(error))
         else:
             if len(self._found) >= _MOST:
                 self._found.clear()

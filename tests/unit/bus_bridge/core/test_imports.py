@@ -19,7 +19,8 @@ from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
 from bus_bridge.engine import FarEndpoint, Sample
-from bus_bridge.errors import BridgeError
+from bus_bridge.errors import BridgeError, in_words
+from semantics import until
 
 LOSSLESS = QoSProfile(history="keep_all")
 LISTENER, OTHER = b"listener" * 2, b"another." * 2
@@ -64,7 +65,7 @@ class Engine:
     """Its reader, too."""
 
     def __init__(self) -> None:
-        self.error: BridgeError | None = None
+        self.error: Exception | None = None
         self.lost: dict[str, int] = {}
         self.credit = 0
         self.reads = 0
@@ -241,6 +242,18 @@ async def test_what_was_missed_is_lost_for_those_that_listened_before(
     assert way.way.account.dropped == {"repeated": 1} and way.way.account.lost == lost
     way.receive(12)
     assert way.way.account.lost == lost + 1
+
+
+@pytest.mark.parametrize("error", [BridgeError("a reason"), RuntimeError("a fault of the engine")])
+async def test_what_can_not_be_read_is_tried_again(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(imports, "_RETRY_S", 0.01)
+    way = Way()
+    way.engine.error = error
+    way.way.begin_again(way.endpoint)
+    assert way.troubles == [in_words(error)] and not way.way.is_flowing
+    way.engine.error = None
+    await until(lambda: way.way.is_flowing)
+    assert way.engine.reads == 2
 
 
 async def test_what_is_missed_until_the_far_side_can_be_read_again_is_lost() -> None:
