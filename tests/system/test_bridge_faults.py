@@ -10,7 +10,7 @@ import pytest
 import bus
 from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
 from bus.msg.std_msgs import Int32, String
-from bus_bridge.core import export, mirrors
+from bus_bridge.core import export, imports, mirrors
 from bus_bridge.core.bounds import Bounds
 from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
 from bus_bridge.errors import BridgeError
@@ -141,6 +141,23 @@ async def test_a_busd_that_is_killed_and_comes_back(world: Made, side: str) -> N
             one for engine, count in zip(engines, before, strict=True) for one in engine.announced[count:]
         ]
         assert [one.topic for one in again if one.topic == "/numbers"] == []
+
+
+async def test_what_is_missed_while_busd_is_away_is_counted(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(imports, "_LINGER_S", 0.0)
+    async with world() as made:
+        talk = await made.talk()
+        await talk.exchange()
+        talk.right.daemon.kill()
+        await until(lambda: not any(route.is_flowing for route in talk.one.bridge.status().routes))
+        for number in range(30):  # of which the last ten wait for it
+            talk.publisher.publish(Int32(data=number))
+        talk.right.daemon.restart()
+        assert await received(talk.subscription, 10) == [*range(20, 30)]
+        (route,) = talk.other.bridge.status().routes
+        assert route.sent + route.dropped["lost_on_the_way"] == talk.publisher.statistics().published
 
 
 async def test_it_ends_and_its_mirrors_with_it(world: Made) -> None:

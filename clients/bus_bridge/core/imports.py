@@ -74,7 +74,9 @@ class Import:
         """Nothing has come yet since it is read: what comes next may begin anywhere. What was missed until
         then is lost for `_listeners` only."""
         self._listeners: frozenset[bytes] = frozenset() if past is None else past.listeners
-        """Subscriptions that had what came before, by gid."""
+        """Subscriptions that had what came last before the matches changed, by gid."""
+        self._matched: frozenset[bytes] = frozenset()
+        self._last_noted = self._last
         # A new mirror has none of what late joiners get, so that is to come once more.
         self._may_repeat = past is not None and endpoint.qos.durability is Durability.TRANSIENT_LOCAL
         self._lifespan_ns = endpoint.qos.lifespan_ns
@@ -113,7 +115,8 @@ class Import:
         """The mirror's matches have changed: read, or read no longer."""
         if self._is_closed:
             return
-        is_wanted = self.publisher.get_subscription_count() > 0
+        self._note_listeners()
+        is_wanted = bool(self._matched)
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -125,7 +128,6 @@ class Import:
     def begin_again(self, endpoint: FarEndpoint, *, is_renumbered: bool = False) -> None:
         """The far side was away and is back: what it had before does not come twice, and what was missed is
         lost. `is_renumbered`: it may count from 1 again."""
-        listeners = self._listening
         self._stop()
         self._endpoint = endpoint
         if is_renumbered:
@@ -133,15 +135,14 @@ class Import:
                 sent = self.account.sent
                 self._most_known = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
                 self._known_ns = self._newest_ns
-            self._last = 0
-        else:
-            self._listeners = listeners
+            self._last = self._last_noted = 0
+            self._listeners = frozenset()
         self.look()
 
     def past(self) -> Past:
         """For the way that follows, should the publisher come back; to be asked before this one ends."""
-        lost = {} if self._reader is None else self._reader.lost
-        return Past(self._last, self._listening, self.account, summed(self._lost_before, lost))
+        self._note_listeners()
+        return Past(self._last, self._listeners, self.account, self._lost_by_engine)
 
     def end(self) -> None:
         """The bridge ends: read no more; what waits is lost."""
@@ -215,17 +216,13 @@ class Import:
 
     # --- inside
 
-    @property
-    def _listening(self) -> frozenset[bytes]:
-        """Subscriptions that lack what does not come from now on."""
-        if not self._last:
-            return frozenset()
-        before = self._listeners if self._is_fresh else frozenset[bytes]()
-        return before | self._matched if self._reader is not None else before
-
-    @property
-    def _matched(self) -> frozenset[bytes]:
-        return frozenset(match.gid for match in self.publisher.matches)
+    def _note_listeners(self) -> None:
+        """The matches may have changed. While busd is away there are none, and those that were there may be
+        back with it: who is it that had what came last?"""
+        if self._last != self._last_noted and self._matched:
+            self._listeners = self._matched
+        self._last_noted = self._last
+        self._matched = frozenset(match.gid for match in self.publisher.matches)
 
     def _is_next(self, samples: Sequence[Sample]) -> bool:
         """Whether they go on where the last ones ended, each once: they nearly always do."""
@@ -357,4 +354,4 @@ class Import:
         if reader is not None:
             self._lost_before = summed(self._lost_before, reader.lost)
             reader.close()
-        self._is_fresh, self._listeners = True, frozenset()
+        self._is_fresh = True

@@ -40,9 +40,6 @@ class Publisher:
         self.error: Exception | None = None
         self._has_room = asyncio.Event()
 
-    def get_subscription_count(self) -> int:
-        return len(self.matches)
-
     def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool:
         if self.error is not None:
             raise self.error
@@ -109,6 +106,10 @@ class Way:
             max_rate_hz=max_rate_hz,
         )
         self.endpoint = endpoint
+        self.way.look()
+
+    def match(self, *gids: bytes) -> None:
+        self.publisher.matches = matched(*gids)
         self.way.look()
 
     def receive(self, *numbers: int, at_ns: int = 1_000) -> None:
@@ -181,13 +182,25 @@ async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> N
 async def test_what_nobody_listened_to_is_not_lost() -> None:
     way = Way()
     way.receive(1, 2, 3)
-    way.publisher.matches = ()
-    way.way.look()
+    way.match()
     way.way.begin_again(way.endpoint)
-    way.publisher.matches = matched(LISTENER)
-    way.way.look()
+    way.match(OTHER)
     way.receive(3, 7)
     assert way.way.losses == {"repeated": 1}
+
+
+async def test_what_is_missed_while_busd_is_away_for_long_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(imports, "_LINGER_S", 0.0)
+    way = Way()
+    way.match(LISTENER, OTHER)
+    way.receive(1, 2, 3)
+    way.match(OTHER)
+    way.match()
+    way.receive(4)  # which nobody hears
+    await until(lambda: way.engine.closes)
+    way.match(LISTENER)
+    way.receive(7)
+    assert way.way.losses == {"lost_on_the_way": 2}
 
 
 async def test_in_transit_another_bridge_counts_from_one_again() -> None:
@@ -237,7 +250,7 @@ async def test_what_was_missed_is_lost_for_those_that_listened_before(
     before: list[bytes], now: list[bytes], lost: int
 ) -> None:
     way = Way(past=Past(3, frozenset(before), Account(), {}))
-    way.publisher.matches = matched(*now)  # however long after the return
+    way.match(*now)  # however long after the return
     way.receive(3, 9, 10)
     assert way.way.account.dropped == {"repeated": 1} and way.way.account.lost == lost
     way.receive(12)
