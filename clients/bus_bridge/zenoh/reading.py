@@ -23,7 +23,7 @@ _ASK_FIRST, _ASK_MOST = 4, 16
 """Missing parts that are asked for at a time: zenoh drops many in a row, and each alone would cost a way
 there and back. More while answers come."""
 _AGAIN_S = 0.1
-_SAY_BYTES = 512 << 10
+_SAY_BYTES = 1 << 20
 _SAY_S = 0.01
 
 

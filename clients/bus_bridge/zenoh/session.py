@@ -8,6 +8,7 @@ Only `put` and `reply` are called on the loop: with congestion control DROP they
 import asyncio
 import ctypes
 import json
+import os
 import queue
 import resource
 import secrets
@@ -29,6 +30,11 @@ __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 
 _T = TypeVar("_T")
 
+_THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
+"""What zenoh reads from its environment once. By default one thread is told by the system that something has
+come, and wakes one of two others to read it; of links that were accepted, the one that is told reads here.
+Python could not run two at a time anyway."""
+_MOST_KEPT_THREADS = 16
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
 _OPEN_MS = 4000  # then begin anew: TCP asks less and less often, and the cable may be back meanwhile
@@ -271,6 +277,7 @@ class Session:
             raise BridgeError(
                 f"this program may open {descriptors} files (ulimit -n); zenoh needs {_LEAST_DESCRIPTORS}"
             )
+        os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
         keep_freed_memory()  # zenoh takes and gives back much with each message
         opened: asyncio.Future[None] = self._loop.create_future()
         threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
@@ -462,14 +469,22 @@ class _KnownThread(threading.local):
 
 
 _thread = _KnownThread()
+_kept_threads = 0
 
 
 def _keep_thread() -> None:
     """Have Python keep what it knows of the calling thread of zenoh's. Else it makes all of it anew for each
-    message, and maps memory for it: much of what one of 64 KiB costs the bridge that gets it."""
+    part, and maps memory for it, which costs a seventh more in all.
+
+    What is kept of a thread that ends stays until the process ends, some 20 KiB. zenoh's thread that reads is
+    there as long as that, however many links come and go; in case it is not, there is a bound.
+    """
+    global _kept_threads
     if not _thread.stays:
         _thread.stays = True
-        ctypes.pythonapi.PyGILState_Ensure()  # and no release: those of zenoh's own pairs leave one
+        if _kept_threads < _MOST_KEPT_THREADS:
+            _kept_threads += 1
+            ctypes.pythonapi.PyGILState_Ensure()  # and no release: those of zenoh's own pairs leave one
 
 
 def _direct(callback: Callable[[Any], None]) -> Any:
