@@ -12,11 +12,15 @@ from http.client import HTTPResponse
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
+from bus.wire import messages as m
+from bus.wire.layout import MAX_COUNT
 from cli import LISTENER, TALKER, bus, script, start, wait_for_graph
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
+from raw_peer import RawPeer, control
 from rows import for_each
 
 pytest.importorskip("websockets", reason="the page's server is made of websockets")
@@ -474,3 +478,61 @@ def test_without_websockets(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.
     result = bus("web", is_fresh=True)
     assert (result.code, result.out) == (1, "")
     assert result.err.endswith("pip install 'busd[web]'\n")
+
+
+REASON = "\x1b[2J[red]<b>\u202e"
+
+
+def lies(endpoint: int, at_ns: int) -> m.Report:
+    """The most that busd lets pass."""
+    dropped = {REASON: MAX_COUNT, **{f"reason {number}": MAX_COUNT for number in range(15)}}
+    most = dict.fromkeys(("bytes", "queued", "expected", "age_sum_ns", "age_max_ns"), MAX_COUNT)
+    samples = at_ns % 2 * MAX_COUNT
+    return m.Report(endpoint, samples, dropped=dropped, at_ns=at_ns, age_count=1, **most)  # type: ignore[arg-type]
+
+
+def test_counters_that_lie(daemon: Daemon) -> None:
+    """Of many endpoints, on a topic that others use: their rates stay right, and every tool goes on."""
+    with (
+        script(TALKER, "0.01"),
+        serving() as server,
+        RawPeer(daemon.path) as peer,
+        server.viewer() as viewer,
+    ):
+        node = peer.hello().node()
+        ends = [peer.subscription(node, "/topic").id for _ in range(6)]
+        ends += [peer.publisher(node, "/lies").id for _ in range(6)]
+        for at_ns in range(MAX_COUNT - 4, MAX_COUNT + 1):
+            peer.send(*(lies(endpoint, at_ns) for endpoint in ends))
+            peer.barrier()
+            told = viewer.hear("rates", lambda told: told["topics"].get("/topic", [None])[0])
+        rate, _, queued, _, lost, *_ = told["topics"]["/topic"]
+        assert 20 < rate < 200
+        assert (queued >= 6 * MAX_COUNT, lost >= 6 * 16 * MAX_COUNT) == (True, True)
+        for words in (
+            ("top", "--once", "-d", "0.2"),
+            ("top", "--once", "--json", "-d", "0.2"),
+            ("topic", "info", "-v", "/topic"),
+            ("metrics", "--once"),
+        ):
+            result = bus(*words)
+            assert (result.code, result.err) == (0, "")
+            assert not {"\x1b", "\u202e"} & {*result.out}
+
+
+@for_each("wrong", [{"samples": -1}, {"queued": 1 << 62}, {"at_ns": "soon"}, {"dropped": {"a": -1}}, {}])
+def test_counters_that_are_none(daemon: Daemon, wrong: dict[str, Any]) -> None:
+    """Who tells them is cut off, and nobody else notices."""
+    with script(TALKER, "0.01"), serving() as server, server.viewer() as viewer:
+        viewer.hear("rates", lambda told: "/topic" in told["topics"])
+        with RawPeer(daemon.path) as peer:
+            end = peer.hello().subscription(peer.node(), "/topic").id
+            body = {
+                "type": "report",
+                "endpoint": end,
+                **({"samples": 1, "bytes": 1, **wrong} if wrong else {}),
+            }
+            peer.write(control(msgspec.msgpack.encode(body)))
+            assert peer.fault().startswith("control message not understood: ")
+        viewer.hear("graph", lambda told: not any(one[0] == end for one in told["ends"]))
+        viewer.hear("rates", lambda told: "/topic" in told["topics"])
