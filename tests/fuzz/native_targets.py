@@ -82,16 +82,16 @@ def packs(data: bytes) -> None:
 
 def _pack(script: Script) -> bytes:
     """Records, some of which lie about their size, or bytes that are none."""
-    whole = b""
+    parts: list[bytes] = []
     for _ in range(script.byte() % 16):
         kind = script.byte()
-        payload = bytes(script.byte() << (6 if kind & 4 else 0))
+        payload = bytes(script.byte() << (5 if kind & 4 else 0))
         if kind & 1:
             payload = source_head(1 + (script.number() & 0xFFFF_FFFF_FFFF)) + payload
         size = script.number(len(payload), signed=False) & 0xFFFF_FFFF if kind % 16 == 2 else len(payload)
         time_ns = min(script.number(), (1 << 63) - 1) if kind & 8 else 0
-        whole += RECORD.pack(script.number(signed=False), time_ns, size) + payload
-    return whole + script.take(script.byte() % 40)
+        parts += (RECORD.pack(script.number(signed=False), time_ns, size), payload)
+    return b"".join([*parts, script.take(script.byte() % 40)])
 
 
 def _places(whole: bytes, start: int) -> list[int]:
