@@ -28,6 +28,7 @@ from cli import bus as run_bus
 from cli import script, start
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
+from raw_peer import RawPeer
 from terminals import OwnTerminal
 
 pytest.importorskip("textual", reason="bus top's screen is textual's")
@@ -356,6 +357,17 @@ async def test_busd_goes_and_comes(daemon: Daemon, start_daemon: Callable[..., D
             await node.create_publisher(Int64, "/numbers", 10)
             await shown.until("/numbers", "rows")
             await shown.until("nothing lost", "sums")
+
+
+@pytest.mark.either_loop
+async def test_a_reason_that_a_terminal_would_obey(daemon: Daemon) -> None:
+    with RawPeer(daemon.path) as peer:
+        end = peer.hello().subscription(peer.node(), "/topic").id
+        peer.send(m.Report(end, 1, 1, dropped={"\x1b[2J": 7}, at_ns=1))
+        peer.barrier()
+        async with screen() as shown:
+            await shown.until(r"has lost: \\x1b\[2J", "rows")
+            await shown.until(r"7 \(\\x1b\[2J: 7\)", "below")
 
 
 @pytest.mark.either_loop

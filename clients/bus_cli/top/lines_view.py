@@ -12,6 +12,7 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from bus.base.printable import printable
 from bus_cli.top.table import LOSES, LOST, Line
 
 __all__ = ["LinesView"]
@@ -73,7 +74,8 @@ class LinesView(ScrollView, can_focus=True):
         style = _STYLES[line.mark]
         if index == self.chosen:
             style += _CHOSEN
-        return Strip([Segment(line.text[x : x + width].ljust(width), style)], width)
+        text = printable(line.text, "")  # others' texts may hold what a terminal obeys
+        return Strip([Segment(text[x : x + width].ljust(width), style)], width)
 
     def action_step(self, by: int) -> None:
         if self._can_choose:
