@@ -107,10 +107,8 @@ class Export:
         """The next messages of the publisher, in order."""
         account = self.account
         account.taken += len(samples)
-        last = number_and_time(samples, -1)[0]
-        if (
-            number_and_time(samples, 0)[0] <= self._last
-        ):  # a transient local publisher's history, to another tap
+        first, last = number_and_time(samples, 0)[0], number_and_time(samples, -1)[0]
+        if first <= self._last:  # a transient local publisher's history, to another tap
             fresh = [sample for sample in samples if sample.number > self._last]
             account.drop(REPEATED, len(samples) - len(fresh))
             if not fresh:
