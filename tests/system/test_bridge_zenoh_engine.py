@@ -20,6 +20,7 @@ from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, Local
 from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh import engine, presence
 from bus_bridge.zenoh.engine import ZenohEngine
+from bus_bridge.zenoh.lingering import tcp_sockets
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.reading import ZenohReader
 from bus_bridge.zenoh.writing import ZenohWriter
@@ -555,3 +556,20 @@ async def test_a_certificate_that_the_other_side_does_not_take_is_named(tmp_path
         assert text == (
             f"--connect {where}: it does not take --certificate {stranger.certificate}: unknown ca; trying on"
         )
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+async def test_no_socket_of_a_link_holds_up_the_thread_that_closes_it(tmp_path: Path, protocol: str) -> None:
+    made = make_certificates(tmp_path, "robot", "laptop")
+    where = f"{protocol}/127.0.0.1:{free_port()}"
+    listen, connect = secured(made["robot"], listen=(where,)), secured(made["laptop"], connect=(where,))
+    if protocol == "tcp":
+        listen, connect = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))
+    async with opened(a=(listen, "robot"), b=(connect, "laptop")) as sides:
+        for side in sides:
+            await side.far.until(lambda side=side: side.far.buses)
+        ends = []
+        for one in tcp_sockets():
+            with one:
+                ends.append(one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER))
+        assert len(ends) >= 2 and not any(ends)

@@ -24,6 +24,7 @@ from zenoh.handlers import Callback
 from bus.transport.memory import keep_freed_memory
 from bus_bridge.engine import Priority
 from bus_bridge.errors import BridgeError
+from bus_bridge.zenoh.lingering import close_at_once
 from bus_bridge.zenoh.options import ZenohOptions
 
 __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
@@ -414,6 +415,7 @@ class Session:
         link = event.link
         found = Link(str(link.zid), str(link.src), str(link.dst))
         if event.kind == zenoh.SampleKind.PUT:
+            close_at_once()
             self._links[found] = found
         else:
             self._links.pop(found, None)
