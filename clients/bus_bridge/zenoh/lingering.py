@@ -1,8 +1,8 @@
-"""Sockets of this process close at once, whatever is still to be sent: the system sends it afterwards.
+"""TCP sockets of this process close at once; what is still to be sent, the system sends afterwards.
 
-zenoh asks for the contrary (SO_LINGER, 10 s), and closes in a thread that has to do with all links: where a
-cable is out, that stood still until nothing could be sent any more, and neither accepted nor read anything
-meanwhile, long after the cable was back (issues zenoh #2350, tokio #7751).
+zenoh asks for the contrary (SO_LINGER, 10 s). Its thread that closes the socket of a link whose cable is out
+stands still for so long, and accepts and reads for no other link meanwhile: the cable may be back long before
+(zenoh #2350, tokio #7751).
 """
 
 import os
