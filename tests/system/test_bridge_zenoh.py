@@ -13,6 +13,7 @@ import bus
 from bridged_world import Stream, World, on_one_loop, until
 from bus.msg.std_msgs import String
 from bus.srv.example_interfaces import AddTwoInts
+from certificates import make_certificates
 from conftest import WAIT_S
 from forks import Forks
 
@@ -228,6 +229,49 @@ async def test_after_a_fault_all_flows_again_and_losses_are_counted(world: World
             assert lost <= counted + passed_over, f"{lost} are missing: {sent}, {came}, {here}"
             assert sent["taken"] == sent["sent"] + sent["waiting"] + sum(sent["dropped"].values())
             assert not sent["is_stuck"] and not came["is_stuck"]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+@on_one_loop
+async def test_a_full_link_is_given_up_while_its_cable_is_out(
+    world: World, tmp_path: Path, protocol: str
+) -> None:
+    where = world.lay("robot", "laptop").replace("tcp/", f"{protocol}/")
+    ends = [world.cable().address_of(name) for name in ("robot", "laptop")]
+    made = make_certificates(tmp_path, "robot", "laptop", addresses=ends)
+    bridges = []
+    for name, flag in (("robot", "--listen"), ("laptop", "--connect")):
+        ca, certificate, key = map(str, made[name])
+        proof = (
+            ("--ca", ca, "--certificate", certificate, "--key", key) if protocol == "tls" else ("--insecure",)
+        )
+        bridges.append(world[name].bridge("zenoh", flag, where, *proof))
+    heard: list[int] = []
+    lossless = bus.QoSProfile(history="keep_all")
+    async with world["robot"].node("robot_node") as robot, world["laptop"].node("laptop_node") as laptop:
+        await laptop.create_subscription(
+            String, "/full", lossless, lambda message: heard.append(len(message.data))
+        )
+        publisher = await robot.create_publisher(String, "/full", lossless)
+        await publisher.wait_for_subscriptions()
+        filling = asyncio.create_task(_fill(publisher))
+        await until(lambda: len(heard) > 100)
+        with world.cable().pulled():
+            for one in bridges:
+                await until(lambda one=one: not one.status()["buses"], "given up", LEASE_S + WAIT_S)
+        before = len(heard)
+        await until(lambda: len(heard) > before + 100, "it flows again")
+        filling.cancel()
+        await asyncio.gather(filling, return_exceptions=True)
+
+
+async def _fill(publisher: bus.Publisher[String]) -> None:
+    """Publish large messages without end."""
+    while True:
+        if not publisher.publish(String(data="x" * 10_000)):
+            await publisher.wait_for_room()
+        await asyncio.sleep(0.001)
 
 
 @pytest.mark.nightly

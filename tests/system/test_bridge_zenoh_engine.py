@@ -20,9 +20,9 @@ from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, Local
 from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh import engine, presence
 from bus_bridge.zenoh.engine import ZenohEngine
-from bus_bridge.zenoh.lingering import tcp_sockets
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.reading import ZenohReader
+from bus_bridge.zenoh.sockets import tcp_sockets
 from bus_bridge.zenoh.writing import ZenohWriter
 from certificates import Certificates, make_certificates
 from conftest import WAIT_S, open_descriptors

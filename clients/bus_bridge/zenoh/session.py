@@ -24,8 +24,8 @@ from zenoh.handlers import Callback
 from bus.transport.memory import keep_freed_memory
 from bus_bridge.engine import Priority
 from bus_bridge.errors import BridgeError
-from bus_bridge.zenoh.lingering import close_at_once
 from bus_bridge.zenoh.options import ZenohOptions
+from bus_bridge.zenoh.sockets import give_up_in_time
 
 __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 
@@ -415,7 +415,7 @@ class Session:
         link = event.link
         found = Link(str(link.zid), str(link.src), str(link.dst))
         if event.kind == zenoh.SampleKind.PUT:
-            close_at_once()
+            give_up_in_time(_LEASE_MS)
             self._links[found] = found
         else:
             self._links.pop(found, None)

@@ -1,0 +1,43 @@
+"""What the TCP sockets of links do where a cable is out: they give up in time, and hold up no thread.
+
+zenoh has them do the contrary. It asks for SO_LINGER of 10 s: its thread that closes a socket stands still
+for so long, and accepts and reads for no other link meanwhile; the cable may be back long before (zenoh
+#2350, tokio #7751). And a link by TLS is not closed before what was written has left: the far side's nodes
+stay until TCP, whose pauses grow, tries once more after the cable is back.
+"""
+
+import os
+import socket
+import stat
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+__all__ = ["give_up_in_time", "tcp_sockets"]
+
+_CLOSE_AT_ONCE = struct.pack("ii", 0, 0)  # what is still to be sent, the system sends afterwards
+
+
+def give_up_in_time(silence_ms: int) -> None:
+    """Have all TCP sockets of this process close at once, and end when nothing of what was sent has arrived
+    for so long. To be called when there is a new one; in any thread."""
+    for one in tcp_sockets():
+        with one, suppress(OSError):  # where it has been shut down, some systems refuse
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _CLOSE_AT_ONCE)
+            if hasattr(socket, "TCP_USER_TIMEOUT"):
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, silence_ms)
+
+
+def tcp_sockets() -> Iterator[socket.socket]:
+    """Those of this process, whoever has opened them: each by a descriptor of its own, to be closed."""
+    for place in Path("/dev/fd").iterdir():
+        with suppress(OSError):  # closed meanwhile
+            descriptor = int(place.name)
+            if not stat.S_ISSOCK(os.fstat(descriptor).st_mode):
+                continue
+            found = socket.socket(fileno=os.dup(descriptor))
+            if found.type == socket.SOCK_STREAM and found.family in (socket.AF_INET, socket.AF_INET6):
+                yield found
+            else:
+                found.close()
