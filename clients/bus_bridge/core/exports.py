@@ -34,6 +34,10 @@ _EARLY_S = 5.0
 _LINGER_S = 2.0
 """How long messages wait whose publisher has gone."""
 _LOOK_S = 0.02
+_CLOSE_S = 0.0003
+_MOST_CLOSE = 8
+"""So many times in a row lossless messages may come so soon after each other; then some gather."""
+_GATHER_S = 0.001
 _MOST_MET = 1000
 _new_sample: Any = tuple.__new__
 
@@ -93,6 +97,9 @@ class TopicExports:
         self._loop = asyncio.get_running_loop()
         self._sent_by_gone = 0
         self._due: set[Subscription[Any]] = set()
+        self._gathering: set[Subscription[Any]] = set()
+        self._arrived_s = 0.0
+        self._close_arrivals = 0
 
     def is_matched(self, gid: bytes) -> bool:
         """Whether a far subscription is matched with this publisher, or may have been until that left."""
@@ -151,11 +158,32 @@ class TopicExports:
         for tap in self.taps:
             for gid in self.full if tap.qos.is_lossless else ():
                 tap.hold_back(gid)
-            tap.set_arrival_callback(lambda tap=tap: self.take(tap))  # type: ignore[misc]
+            tap.set_arrival_callback(lambda tap=tap: self._arrive(tap))  # type: ignore[misc]
+            self.take(tap)
+
+    def _arrive(self, tap: Subscription[Any]) -> None:
+        """Something has come. A few messages cost two bridges nearly as much as many that go together: so
+        those of lossless publishers that don't pause gather for a moment. Else the bridges take the
+        processors that these need to publish more at a time, and all stay slow."""
+        if tap in self._gathering:
+            return
+        now_s = self._loop.time()
+        is_close = now_s - self._arrived_s < _CLOSE_S
+        self._close_arrivals, self._arrived_s = self._close_arrivals + 1 if is_close else 0, now_s
+        if self._close_arrivals > _MOST_CLOSE and tap.qos.is_lossless:
+            self._gathering.add(tap)
+            self._loop.call_later(_GATHER_S, self._take_gathered, tap)
+        else:
+            self.take(tap)
+
+    def _take_gathered(self, tap: Subscription[Any]) -> None:
+        self._gathering.discard(tap)
+        self._arrived_s = self._loop.time()
+        if tap in self.taps:
             self.take(tap)
 
     def take(self, tap: Subscription[Any]) -> None:
-        """Something has come, or may be taken now."""
+        """What has come may be taken now."""
         pack = tap.take_packed(PACK_BYTES, LONG_BYTES) or tap.take_packed(LONG_PACK_BYTES, LONG_PACK_BYTES)
         if pack is not None:
             if pack.has_more:

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -43,7 +43,8 @@ class Tap:
             self.waiting.remove(one)
         return taken
 
-    def set_arrival_callback(self, callback: object) -> None: ...
+    def set_arrival_callback(self, callback: Callable[[], object]) -> None:
+        self.arrive = callback
 
     def hold_back(self, gid: bytes) -> None:
         self.held.add(gid)
@@ -117,6 +118,21 @@ async def test_one_that_is_full_is_held_back_and_no_other() -> None:
     assert stage.tap.held == set() and stage.route.full == set()
     stage.take()
     assert stage.writers[STUCK].numbers == [1, 2, 3, 4, 5]
+
+
+async def test_what_comes_without_a_pause_gathers_if_it_is_lossless(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exports, "_CLOSE_S", 60.0)  # however slow this machine is
+    stage = Stage()
+    for number in range(1, 31):
+        stage.tap.come(OTHER, number)
+        stage.tap.arrive()
+    taken = len(stage.writers[OTHER].numbers)
+    assert 0 < taken < 30
+    await until(lambda: stage.writers[OTHER].numbers == [*range(1, 31)])
+    for number in range(31, 61):
+        stage.lossy.come(OTHER, number)
+        stage.lossy.arrive()
+    assert stage.writers[OTHER].numbers == [*range(1, 61)]
 
 
 async def test_it_is_held_back_by_taps_that_are_made_anew() -> None:
