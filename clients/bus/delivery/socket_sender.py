@@ -6,8 +6,8 @@ has the latency of one system call, and a flood its throughput. Does not know me
 
 What a lossless subscription may not have taken yet is kept, in case the broker dies with it. Then each
 subscription that comes back gets what is kept, sent to it alone, and nothing new is sent before all are back
-or time is up. A keep-last publisher waits for its reliable subscriptions, too, for a shorter time and while
-its depth has room: so nothing is lost when busd restarts and the publisher is back first.
+or time is up. Other reliable subscriptions are waited for, too, for a shorter time and while a depth has
+room: so nothing is lost when busd restarts and the publisher is back first.
 """
 
 from collections import deque
@@ -34,7 +34,7 @@ from bus.wire.runs import UNBOUNDED, Account, Buffer, Run, RunQueue, data_head
 QUEUE_BYTES = 64 << 20
 
 _SHORT_RETURN_S = 1.0
-"""As RETURN_S, where no subscription is lossless."""
+"""As RETURN_S, for those that are not lossless."""
 
 _GATHER_NS = 100_000
 """A message that follows the last one so soon is gathered with others."""
@@ -94,8 +94,9 @@ class SocketSender:
         self._kept = RunQueue(0, Account(QUEUE_BYTES)) if is_lossless and not self.keeps_history else None
         self._is_awaiting = qos.reliability is Reliability.RELIABLE and not self.keeps_history
         self._keeps_some = is_lossless or self.keeps_history
-        self._takers: dict[int, bytes] = {}  # matches by this route that are waited for
-        self._awaited: set[bytes] = set()  # those of them that a broker before had
+        # Subscriptions by this route that are waited for, with whether they are lossless, and so for longer.
+        self._takers: dict[int, tuple[bytes, bool]] = {}
+        self._awaited: dict[bytes, bool] = {}  # those of them that a broker before had
         self._return: Timer | None = None
 
     def can_take(self, size: int) -> bool:
@@ -255,22 +256,21 @@ class SocketSender:
             self.queue.account.limit = self._history.account.limit
         self._forget_flying(self.first_seq_to_send() - 1)
         if self._awaited:
-            wait_s = _SHORT_RETURN_S if self._kept is None else RETURN_S
-            self._return = self._port.later(wait_s, self._go_on)
+            self._return = self._port.later(_SHORT_RETURN_S, self._wait_for_lossless)
         elif self.queue.runs:
             self._port.make_ready(self.queue)
 
     def matched(self, other: int, gid: bytes, qos: QoSProfile, *, by_socket: bool) -> None:
         """A subscription is matched, by this route if it `by_socket`."""
-        is_reliable = qos.reliability is Reliability.RELIABLE
-        if not self._is_awaiting or not (is_reliable if self._kept is None else qos.is_lossless):
+        if not self._is_awaiting or qos.reliability is not Reliability.RELIABLE:
             return
+        is_lossless = self._is_windowed and qos.is_lossless
         if by_socket:
-            self._takers[other] = gid
+            self._takers[other] = gid, is_lossless
         if gid in self._awaited:
-            if by_socket and self._kept is not None:
+            if by_socket and is_lossless:
                 self._repeat(other)
-            self._awaited.discard(gid)
+            del self._awaited[gid]
             if not self._awaited:
                 self._go_on()
 
@@ -284,7 +284,7 @@ class SocketSender:
 
     def disconnected(self) -> None:
         self.queue.is_ready = False  # the outbox that it stood in is gone
-        self._awaited.update(self._takers.values())
+        self._awaited |= dict(self._takers.values())
         self._takers.clear()
         self._stop_waiting()
 
@@ -323,6 +323,14 @@ class SocketSender:
                 break
             head = data_head(self._owner._id, run.first_seq, run.count, len(run.body), only_for=subscription)
             self._port.send_about(self._owner, head + run.body)
+
+    def _wait_for_lossless(self) -> None:
+        """The others were away too long."""
+        self._awaited = {gid: True for gid, is_lossless in self._awaited.items() if is_lossless}
+        if self._awaited:
+            self._return = self._port.later(RETURN_S - _SHORT_RETURN_S, self._go_on)
+        else:
+            self._go_on()
 
     def _go_on(self) -> None:
         """All are back, or were away too long: go on."""

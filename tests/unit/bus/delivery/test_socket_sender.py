@@ -218,6 +218,28 @@ class TestWhoIsWaitedFor:
             way.match(gid=gid, other=other + 10)
         assert way.left() == [[1]]
 
+    @pytest.mark.parametrize("is_back", [True, False])
+    def test_for_one_with_a_depth_a_lossless_publisher_waits_too_but_not_as_long(
+        self, *, is_back: bool
+    ) -> None:
+        way, lossless, with_depth = Way(KEEP_ALL), b"l" * 16, b"d" * 16
+        way.match(KEEP_ALL, lossless, 1)
+        way.match(QoSProfile(10), with_depth, 2)
+        way.put_apart(1)
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        way.port.runs()
+        way.match(KEEP_ALL, lossless, 11)
+        assert [(numbers(run), run.only_for) for run in way.port.runs()] == [([1], 11)]
+        if is_back:
+            way.match(QoSProfile(10), with_depth, 12)
+        else:
+            way.port.advance(0.9)
+            assert way.left() == []
+            way.port.advance(0.2)
+        assert [(numbers(run), run.only_for) for run in way.port.runs()] == [([2], 0)]
+
     def test_not_for_one_that_had_left(self) -> None:
         way = Way(QoSProfile(10))
         way.match()
