@@ -16,7 +16,19 @@ from busd.core.access import AccessRule
 from busd.core.limits import Limits, TopicRule
 from busd.process.logs import LOG_FORMATS, LOG_LEVELS
 
-__all__ = ["Config", "load"]
+__all__ = ["BridgeTables", "Config", "load"]
+
+
+class BridgeTables(msgspec.Struct, frozen=True):
+    """`[bridge]`, which bridges read when they start: busd only sees whether it has changed."""
+
+    content: object = None
+
+    def change(self, place: str, after: "BridgeTables") -> str:
+        """What the log says where this, called `place` there, has become `after`."""
+        old, new = (one.content if isinstance(one.content, dict) else {} for one in (self, after))
+        tables = [f"{place}.{name}" for name in old | new if old.get(name) != new.get(name)]
+        return f"{', '.join(tables) or place}: changed, which a bridge reads when it starts"
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -38,8 +50,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """The users that can reach the socket at all."""
     access: tuple[AccessRule, ...] = ()
     """What users other than the daemon's own and root may do; the first that matches decides."""
-    bridge: object = None
-    """What bridges read when they start: busd only sees whether it has changed."""
+    bridge: BridgeTables = BridgeTables()
+    """The tables that bridges read, and busd does not."""
 
     def __post_init__(self) -> None:
         for key, known in (("log_level", LOG_LEVELS), ("log_format", LOG_FORMATS)):
@@ -80,5 +92,5 @@ def _config(content: Mapping[str, object]) -> Config:
             filled(key, rule, AccessTable).rule(key)
             for key, rule in each_of("access", content.get("access", []))
         ),
-        bridge=content.get("bridge"),
+        bridge=BridgeTables(content.get("bridge")),
     )

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from bus.errors import ConfigurationError
-from busd.config.file import Config, load
+from busd.config.file import BridgeTables, Config, load
 from busd.process.sd_notify import READY, notify, reloading
 
 __all__ = ["Reloader", "ends_with_terminal", "has_terminal"]
@@ -54,7 +54,7 @@ class Reloader:
         if self._path is None:
             raise ConfigurationError("busd was started without --config, so there is nothing to reload")
         config = load(self._path)
-        changes = [*_changes(self.config, config), *_changes_for_bridges(self.config.bridge, config.bridge)]
+        changes = list(_changes(self.config, config))
         if changes:
             self._apply(config)
             self.config = config
@@ -78,9 +78,11 @@ def ends_with_terminal() -> bool:
 def _changes(old: Any, new: Any, place: str = "") -> Iterator[str]:
     for name in old.__struct_fields__:
         before, after = getattr(old, name), getattr(new, name)
-        if before == after or name == "bridge":
+        if before == after:
             continue
-        if isinstance(before, msgspec.Struct) and type(before) is type(after):
+        if isinstance(before, BridgeTables):
+            yield before.change(f"{place}{name}", after)
+        elif isinstance(before, msgspec.Struct) and type(before) is type(after):
             yield from _changes(before, after, f"{place}{name}.")
         elif isinstance(before, tuple):
             as_many = len(before) == len(after)
@@ -88,15 +90,6 @@ def _changes(old: Any, new: Any, place: str = "") -> Iterator[str]:
             yield f"{place}{name}: {change}"
         else:
             yield f"{place}{name}: {_shown(before)} -> {_shown(after)}"
-
-
-def _changes_for_bridges(old: object, new: object) -> Iterator[str]:
-    if old == new:
-        return
-    before, after = (one if isinstance(one, dict) else {} for one in (old, new))
-    tables = [name for name in before | after if before.get(name) != after.get(name)]
-    names = ", ".join(f"bridge.{name}" for name in tables) or "bridge"
-    yield f"{names}: changed, which a bridge reads when it starts"
 
 
 def _count(rules: tuple[object, ...]) -> str:
