@@ -17,7 +17,7 @@ __all__ = ["PATIENCE_S", "Export"]
 
 _MOST_BYTES = 64 << 20
 _MOST_LOSSLESS_BYTES = 256 << 20
-"""As a subscription: all that a lossless publisher had room for before it waited."""
+"""As much as a subscription may hold: a lossless publisher may have published so much before it waits."""
 _LOSSLESS_BYTES = 1 << 20
 """So much of a lossless publisher waits here before that waits itself."""
 PATIENCE_S = 30.0
@@ -56,7 +56,7 @@ class Export:
         self._is_lossless = is_lossless
         self._is_matched = is_matched
         self._on_free = on_free
-        self._waiting = Waiting(_MOST_LOSSLESS_BYTES if is_lossless else _MOST_BYTES)
+        self._waiting = Waiting(_most_bytes(is_lossless=is_lossless))
         self._last = 0
         self._waits_since_s: float | None = None
         self._is_given_up = False
@@ -66,7 +66,7 @@ class Export:
         """The publisher is shown to the far side."""
         self.writer = writer
         self._is_lossless = qos.is_lossless
-        self._waiting.max_bytes = _MOST_LOSSLESS_BYTES if qos.is_lossless else _MOST_BYTES
+        self._waiting.max_bytes = _most_bytes(is_lossless=qos.is_lossless)
         self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth
         self._limit = None if rule.max_rate_hz is None else RateLimit(rule.max_rate_hz)
         self.flush()
@@ -194,3 +194,7 @@ class Export:
         account.sent += sent
         account.bytes += payload_bytes(samples if sent == len(samples) else samples[:sent])
         return sent
+
+
+def _most_bytes(*, is_lossless: bool) -> int:
+    return _MOST_LOSSLESS_BYTES if is_lossless else _MOST_BYTES
