@@ -5,6 +5,7 @@ There are taps for a topic and type while a far subscription is shown here. Owns
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import msgspec
@@ -18,6 +19,7 @@ from bus.schema import MessageSchema, depth_for
 from bus.subscription import Subscription
 from bus_bridge.core.export import PATIENCE_S, Export
 from bus_bridge.core.local_graph import Shown
+from bus_bridge.core.pace import GATHER_S, Pace
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, RouteRule, Sample, Writer
 from bus_bridge.errors import in_words
@@ -34,10 +36,6 @@ _EARLY_S = 5.0
 _LINGER_S = 2.0
 """How long messages wait whose publisher has gone."""
 _LOOK_S = 0.02
-_CLOSE_S = 0.0003
-_MOST_CLOSE = 8
-"""So many times in a row lossless messages may come so soon after each other; then some gather."""
-_GATHER_S = 0.001
 _MOST_MET = 1000
 _new_sample: Any = tuple.__new__
 
@@ -97,9 +95,6 @@ class TopicExports:
         self._loop = asyncio.get_running_loop()
         self._sent_by_gone = 0
         self._due: set[Subscription[Any]] = set()
-        self._gathering: set[Subscription[Any]] = set()
-        self._arrived_s = 0.0
-        self._close_arrivals = 0
 
     def is_matched(self, gid: bytes) -> bool:
         """Whether a far subscription is matched with this publisher, or may have been until that left."""
@@ -158,27 +153,23 @@ class TopicExports:
         for tap in self.taps:
             for gid in self.full if tap.qos.is_lossless else ():
                 tap.hold_back(gid)
-            tap.set_arrival_callback(lambda tap=tap: self._arrive(tap))  # type: ignore[misc]
+            on_arrival = (
+                partial(self._arrive, tap, Pace()) if tap.qos.is_lossless else partial(self.take, tap)
+            )
+            tap.set_arrival_callback(on_arrival)
             self.take(tap)
 
-    def _arrive(self, tap: Subscription[Any]) -> None:
-        """Something has come. A few messages cost two bridges nearly as much as many that go together: so
-        those of lossless publishers that don't pause gather for a moment. Else the bridges take the
-        processors that these need to publish more at a time, and all stay slow."""
-        if tap in self._gathering:
+    def _arrive(self, tap: Subscription[Any], pace: Pace) -> None:
+        """Something lossless has come."""
+        if pace.is_gathering:
             return
-        now_s = self._loop.time()
-        is_close = now_s - self._arrived_s < _CLOSE_S
-        self._close_arrivals, self._arrived_s = self._close_arrivals + 1 if is_close else 0, now_s
-        if self._close_arrivals > _MOST_CLOSE and tap.qos.is_lossless:
-            self._gathering.add(tap)
-            self._loop.call_later(_GATHER_S, self._take_gathered, tap)
-        else:
+        if pace.leaves(self._loop.time()):
             self.take(tap)
+        else:
+            self._loop.call_later(GATHER_S, self._take_gathered, tap, pace)
 
-    def _take_gathered(self, tap: Subscription[Any]) -> None:
-        self._gathering.discard(tap)
-        self._arrived_s = self._loop.time()
+    def _take_gathered(self, tap: Subscription[Any], pace: Pace) -> None:
+        pace.gathered(self._loop.time())
         if tap in self.taps:
             self.take(tap)
 

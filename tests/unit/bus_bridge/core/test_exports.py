@@ -13,7 +13,7 @@ from bus.qos import QoSProfile
 from bus.schema import schema_of
 from bus.subscription import MessageInfo
 from bus.types.support import type_support
-from bus_bridge.core import exports
+from bus_bridge.core import exports, pace
 from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.rules import Rules
 from bus_bridge.engine import RouteRule, Sample
@@ -121,7 +121,7 @@ async def test_one_that_is_full_is_held_back_and_no_other() -> None:
 
 
 async def test_what_comes_without_a_pause_gathers_if_it_is_lossless(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exports, "_CLOSE_S", 60.0)  # however slow this machine is
+    monkeypatch.setattr(pace, "_CLOSE_S", 60.0)  # however slow this machine is
     stage = Stage()
     for number in range(1, 31):
         stage.tap.come(OTHER, number)
