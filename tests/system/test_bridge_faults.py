@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import bus
-from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
+from bridging import KEPT, LATCHED, LOSSLESS, Made, Talk, World, received, world
 from bus.msg.std_msgs import Int32, String
 from bus_bridge.core import export, imports, mirrors
 from bus_bridge.core.bounds import Bounds
@@ -230,25 +230,35 @@ async def test_a_lossless_route_that_hangs_holds_up_no_other(world: Made) -> Non
         await flooding
 
 
+async def one_stuck(made: World, kind: Any) -> tuple[Talk, bus.Publisher[Any], Callable[[], None]]:
+    """A lossless talk whose publisher's way takes nothing, another publisher of its topic whose way does, and
+    what has the first go on."""
+    talk = await made.talk(LOSSLESS, kind=kind)
+    other = await (await talk.left.node("other")).create_publisher(kind, "numbers", LOSSLESS)
+    await talk.publisher.wait_for_subscriptions()
+    await until(lambda: sum(way.is_flowing for way in talk.one.bridge.status().routes) == 2)
+    writer = talk.one.engine.writers[talk.publisher.gid]
+    (reader,) = writer.readers
+    writer.readers[reader] = WINDOW_BYTES
+
+    def go_on() -> None:
+        writer.readers[reader] = 0
+        writer.on_change()
+
+    return talk, other, go_on
+
+
 async def test_a_lossless_publisher_that_is_stuck_does_not_hold_up_another_of_its_topic(world: Made) -> None:
     async with world() as made:
-        talk = await made.talk(LOSSLESS)
-        stuck, one, subscription = talk.publisher, talk.one, talk.subscription
-        other = await (await talk.left.node("other")).create_publisher(Int32, "numbers", LOSSLESS)
-        await stuck.wait_for_subscriptions()
-        await until(lambda: sum(route.is_flowing for route in one.bridge.status().routes) == 2)
-        readers = one.engine.writers[stuck.gid].readers
-        (reader,) = readers
-        readers[reader] = WINDOW_BYTES
+        talk, other, go_on = await one_stuck(made, Int32)
         for number in range(5):
-            stuck.publish(Int32(data=number))
-        await until(lambda: any(route.waiting == 5 for route in one.bridge.status().routes))
+            talk.publisher.publish(Int32(data=number))
+        await until(lambda: any(way.waiting == 5 for way in talk.one.bridge.status().routes))
         for number in range(10, 15):
             other.publish(Int32(data=number))
-        assert await received(subscription, 5) == [*range(10, 15)]
-        readers[reader] = 0
-        one.engine.writers[stuck.gid].on_change()
-        assert await received(subscription, 5) == [*range(5)]
+        assert await received(talk.subscription, 5) == [*range(10, 15)]
+        go_on()
+        assert await received(talk.subscription, 5) == [*range(5)]
 
 
 async def test_a_lossless_publisher_that_has_filled_its_route_holds_up_no_other_of_its_topic(
@@ -256,34 +266,26 @@ async def test_a_lossless_publisher_that_has_filled_its_route_holds_up_no_other_
 ) -> None:
     """It waits itself, with no more in the bridge than that has room for, and a window on its way there."""
     async with world() as made:
-        talk = await made.talk(LOSSLESS, kind=String)
-        stuck, one, subscription = talk.publisher, talk.one, talk.subscription
-        other = await (await talk.left.node("other")).create_publisher(String, "numbers", LOSSLESS)
-        await stuck.wait_for_subscriptions()
-        await until(lambda: sum(way.is_flowing for way in one.bridge.status().routes) == 2)
-        readers = one.engine.writers[stuck.gid].readers
-        (reader,) = readers
-        readers[reader] = WINDOW_BYTES
+        talk, other, go_on = await one_stuck(made, String)
         text = "x" * 10_000
 
         async def flood() -> None:
             for number in range(2000):
-                await stuck.send(String(data=f"{number} {text}"))
+                await talk.publisher.send(String(data=f"{number} {text}"))
 
         flooding = asyncio.create_task(flood())
-        (export,) = [export for _, export in one.bridge._exports if export.gid == stuck.gid]
+        (export,) = [one for _, one in talk.one.bridge._exports if one.gid == talk.publisher.gid]
         await until(lambda: export.is_full)
         for number in range(300):  # more than a window
             await other.send(String(data=f"{number} {text}"))
-            (heard,) = await received(subscription, 1)
+            (heard,) = await received(talk.subscription, 1)
             assert heard == f"{number} {text}"
         assert not flooding.done()
         assert export.waiting < 700
-        readers[reader] = 0
-        one.engine.writers[stuck.gid].on_change()
-        assert await received(subscription, 2000) == [f"{number} {text}" for number in range(2000)]
+        go_on()
+        assert await received(talk.subscription, 2000) == [f"{number} {text}" for number in range(2000)]
         await flooding
-        assert not any(way.dropped for way in one.bridge.status().routes)
+        assert not any(way.dropped for way in talk.one.bridge.status().routes)
 
 
 async def test_a_lossless_publisher_that_the_far_side_never_reads_goes_on_after_a_while(
