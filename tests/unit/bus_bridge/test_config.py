@@ -10,7 +10,7 @@ from bus.errors import ConfigurationError
 from bus_bridge.config import load, merged
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
-from busd.config.file import Config
+from busd.config.file import BridgeTables, Config
 from busd.config.file import load as load_busd
 from rows import for_each
 
@@ -81,7 +81,7 @@ def test_everything_can_be_set(file: Path) -> None:
     assert load(file, Ros2Table) == Ros2Table(
         domain_id=3, interface="eth0", peers=("10.0.0.7",), distro="humble"
     )
-    assert structs.replace(load_busd(file), bridge=None) == Config()  # busd has nothing to do with it
+    assert structs.replace(load_busd(file), bridge=BridgeTables()) == Config()  # busd has nothing to do with it
 
 
 @for_each(
