@@ -78,8 +78,9 @@ def _checks(
     ]
     for key, check in checks:
         said = getattr(table, key, None)
-        for text in said if isinstance(said, tuple) else () if said is None else (said,):
-            yield called(key), check, text
+        for text in said if isinstance(said, tuple) else (said,):
+            if text is not None:
+                yield called(key), check, text
     patterns = [("allow", one) for one in table.allow] + [("deny", one) for one in table.deny]
     patterns += [(f"topics[{at}].pattern", one.pattern) for at, one in enumerate(table.topics)]
     for key, text in patterns:

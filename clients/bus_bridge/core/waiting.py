@@ -10,6 +10,8 @@ from bus_bridge.packed import Packed, payload_bytes
 
 __all__ = ["RateLimit", "Waiting"]
 
+_MOST_MESSAGES = 1 << 22
+"""However short they are: one that did not come packed takes some 180 bytes besides its payload."""
 _NS_PER_S = 1_000_000_000
 _NEVER_NS = 1 << 63
 _SLACK = 0.05
@@ -17,7 +19,8 @@ _SLACK = 0.05
 
 
 class Waiting:
-    """At most `max_bytes`, but always room for one message. What came packed waits so."""
+    """At most `max_bytes` of payload, but always room for one message; and four million messages. What came
+    packed waits so."""
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
@@ -35,7 +38,7 @@ class Waiting:
     def put(self, samples: Sequence[Sample], depth: int | None) -> tuple[int, int]:
         """Put them behind the others; the oldest beyond the bounds go. `depth` None: as many as there are.
 
-        Returns how many went because of the depth, and how many because of the bytes.
+        Returns how many went because of the depth, and how many because of the memory.
         """
         if not samples:
             return 0, 0
@@ -51,6 +54,9 @@ class Waiting:
         while self._bytes > self.max_bytes and self._count > 1:
             self.remove(1)
             over += 1
+        if (many := self._count - _MOST_MESSAGES) > 0:
+            self.remove(many)
+            over += many
         return replaced, over
 
     def first(self, limit: int) -> Sequence[Sample]:

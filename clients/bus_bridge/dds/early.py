@@ -8,6 +8,9 @@ from bus_bridge.reasons import MEMORY, REPLACED
 
 __all__ = ["Arrived", "Early"]
 
+_MOST_MESSAGES = 1 << 20
+"""However short they are: each takes some 150 bytes besides its CDR."""
+
 Arrived = tuple[bytes, int]
 """CDR, and when it was published."""
 
@@ -21,13 +24,14 @@ _NOTHING = _Kept(deque(maxlen=0), Counter())
 
 
 class Early:
-    """By handle of a writer. At most `depth` messages of each (None: as many as there are) and `max_bytes` of
-    all together; the oldest of the writer whose message comes go beyond that."""
+    """By handle of a writer. At most `depth` messages of each (None: as many as there are), and of all
+    together `max_bytes` and a million messages. Beyond that the oldest of the writer go whose message comes.
+    """
 
     def __init__(self, depth: int | None, max_bytes: int) -> None:
         self._depth = depth
         self._max_bytes = max_bytes
-        self._bytes = 0
+        self._bytes = self._count = 0
         self._by_handle: dict[int, _Kept] = {}
 
     def __iter__(self) -> Iterator[int]:
@@ -36,7 +40,7 @@ class Early:
 
     def __len__(self) -> int:
         """How many messages wait."""
-        return sum(len(kept.messages) for kept in self._by_handle.values())
+        return self._count
 
     def put(self, handle: int, one: Arrived) -> bool:
         """Returns whether it is the first of its writer."""
@@ -47,14 +51,16 @@ class Early:
         messages, size = kept.messages, len(one[0])
         messages.append(one)
         self._bytes += size
+        self._count += 1
         while messages:
-            if self._bytes > self._max_bytes:
+            if self._bytes > self._max_bytes or self._count > _MOST_MESSAGES:
                 reason = MEMORY
             elif self._depth is not None and len(messages) > self._depth:
                 reason = REPLACED
             else:
                 break
             self._bytes -= len(messages.popleft()[0])
+            self._count -= 1
             kept.lost[reason] += 1
         return is_first
 
@@ -62,8 +68,9 @@ class Early:
         """What has come of that writer, in order, and by reason how many of its messages were lost."""
         messages, lost = self._by_handle.pop(handle, _NOTHING)
         self._bytes -= sum([len(data) for data, _ in messages])
+        self._count -= len(messages)
         return messages, lost
 
     def clear(self) -> None:
         self._by_handle.clear()
-        self._bytes = 0
+        self._bytes = self._count = 0

@@ -272,9 +272,7 @@ class Session:
         Raises BridgeError. Cancellation: closed.
         """
         descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        if (
-            0 <= descriptors < _LEAST_DESCRIPTORS
-        ):  # zenoh aborts the process where it can't have what it needs
+        if 0 <= descriptors < _LEAST_DESCRIPTORS:  # zenoh aborts a process that has too few
             raise BridgeError(
                 f"this program may open {descriptors} files (ulimit -n); zenoh needs {_LEAST_DESCRIPTORS}"
             )

@@ -1,8 +1,10 @@
 from collections.abc import Sequence
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bus_bridge.core import waiting as waiting_module
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import Sample
 from bus_bridge.packed import RECORD, Packed
@@ -49,6 +51,15 @@ def test_the_oldest_go_beyond_the_bytes_but_never_the_last() -> None:
     assert waiting.put(samples(3, size=500), 10) == (0, 1)
     assert numbers(waiting) == [3]
     assert waiting.bytes == 500
+
+
+def test_there_is_a_bound_for_messages_without_content_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(waiting_module, "_MOST_MESSAGES", 3)
+    waiting = Waiting(100)
+    assert waiting.put(samples(1, 2, 3, size=0), None) == (0, 0)
+    assert waiting.put(samples(4, size=0), None) == (0, 1)
+    assert waiting.put(packed(samples(5, 6, 7, 8, 9, size=0)), 4) == (4, 1)
+    assert numbers(waiting) == [7, 8, 9]
 
 
 def test_what_has_gone_on_is_forgotten() -> None:

@@ -1,5 +1,8 @@
 """bus_bridge.dds.early"""
 
+import pytest
+
+from bus_bridge.dds import early as early_module
 from bus_bridge.dds.early import Early
 
 OF_ONE, OF_OTHER = 1, 2
@@ -55,6 +58,20 @@ def test_without_a_depth_there_are_as_many_as_have_room() -> None:
     assert ([time_ns for _, time_ns in messages], lost) == ([*range(2, 10_002)], {"memory_limit": 2})
     messages, lost = early.pop(OF_OTHER)
     assert ([*messages], lost) == ([], {"memory_limit": 1})
+
+
+def test_there_is_a_bound_for_messages_without_content_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(early_module, "_MOST_MESSAGES", 3)
+    early = Early(None, 100)
+    early.put(OF_OTHER, (b"", 1))
+    for number in range(4):
+        early.put(OF_ONE, (b"", number))
+    messages, lost = early.pop(OF_ONE)
+    assert ([time_ns for _, time_ns in messages], lost) == ([2, 3], {"memory_limit": 2})
+    assert len(early) == 1
+    for number in range(2):
+        early.put(OF_ONE, (b"", number))
+    assert (len(early), early.pop(OF_ONE)[1]) == (3, {})
 
 
 def test_all_of_it_may_be_forgotten() -> None:
