@@ -81,7 +81,9 @@ def test_everything_can_be_set(file: Path) -> None:
     assert load(file, Ros2Table) == Ros2Table(
         domain_id=3, interface="eth0", peers=("10.0.0.7",), distro="humble"
     )
-    assert structs.replace(load_busd(file), bridge=BridgeTables()) == Config()  # busd has nothing to do with it
+    assert (
+        structs.replace(load_busd(file), bridge=BridgeTables()) == Config()
+    )  # busd has nothing to do with it
 
 
 @for_each(
