@@ -109,7 +109,7 @@ class Peer(Holder):
     types: dict[MessageType, int] = field(default_factory=dict)
     """Declared types with the size of their schemas."""
     refused_types: dict[MessageType, str] = field(default_factory=dict)
-    """Declared types that busd has not taken, and why."""
+    """Declared types that busd has not taken: the text with which endpoints of them are refused."""
     lapsed: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
     is_silent: bool = False

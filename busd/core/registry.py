@@ -89,7 +89,7 @@ class Registry:
         peer.refused_types.pop(kind, None)
         self._quotas.check_type(peer)
         size, most = len(message.schema), self._quotas.limits.schema_bytes
-        if size > most:  # said to who makes an endpoint of it: nobody waits for an answer to this message
+        if size > most:  # this message has no answer: an endpoint of the type is refused with this text
             peer.refused_types[kind] = (
                 f"the schema of {message.type_name} has {size} bytes, the limit is {most}; "
                 "in busd.toml it is schema_bytes of [limits]"

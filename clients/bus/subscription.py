@@ -216,7 +216,7 @@ class Subscription(Endpoint[M]):
         """Give one publisher no more room, until `release`: if it is lossless, it waits, and others go on.
 
         For bridges, where the way of one may be stuck. By shared memory nothing more of it is taken. By
-        socket what it has had room for still comes, and it hears no more that something was taken.
+        socket what it has had room for still comes, and is not acknowledged.
         """
         self._held_back |= {publisher_gid}
         if self._rings is not None:

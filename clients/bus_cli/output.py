@@ -43,9 +43,9 @@ def show(text: object, record: Any, *, as_json: bool) -> None:
 
 
 def reader() -> select.epoll | None:
-    """What is ready to be read once nobody reads what is printed any more; None where that can't be told.
+    """An epoll that is ready as soon as nobody reads what is printed any more; None where that can't be told.
 
-    To be closed. A verb that does nothing but print waits for it: what it prints next may come in an hour.
+    To be closed. Verbs that only print watch it: else they would notice with the next line, maybe in an hour.
     """
     try:
         watch = select.epoll()

@@ -2,10 +2,11 @@
 
 import asyncio
 import os
+import select
 import signal
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Coroutine
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -18,9 +19,6 @@ from bus.types.diff import difference
 from bus.types.support import find_type
 from bus_cli.output import CommandError, complain, reader
 from bus_cli.query import full_type_name
-
-if TYPE_CHECKING:
-    import select
 
 __all__ = [
     "add_window_argument",
@@ -57,7 +55,7 @@ def run_stream(main: Coroutine[Any, Any, T], *, only_prints: bool = False) -> T:
 
 
 async def _until_end(
-    main: Coroutine[Any, Any, T], watch: "select.epoll | None", ends: list[type[BaseException]]
+    main: Coroutine[Any, Any, T], watch: select.epoll | None, ends: list[type[BaseException]]
 ) -> T:
     loop, task = asyncio.get_running_loop(), asyncio.current_task()
     assert task is not None

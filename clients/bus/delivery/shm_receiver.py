@@ -134,9 +134,7 @@ class ShmReceiver:
 
     def hold(self, shown_gid: bytes, *, is_on: bool) -> bool:
         """Whether what that publisher writes stays in its ring; returns whether that is read here."""
-        feeds = self._feeds
-        proxies = [feed.proxy for feed in ((feeds[shown_gid],) if shown_gid in feeds else feeds.values())]
-        held = [proxy for proxy in proxies if proxy.shown_gid == shown_gid]
+        held = [feed.proxy for feed in self._feeds.values() if feed.proxy.shown_gid == shown_gid]
         for proxy in held:
             self.reader.hold(proxy, is_on)
         return bool(held)

@@ -97,7 +97,7 @@ bool feed_is_sound(const struct feed *self) { return feed_newest(self) <= MAX_SE
  * many records before it are there to be read. */
 uint64_t feed_start(struct feed *self, uint64_t since_ns, uint64_t history)
 {
-    struct ring_reader look = self->ring; /* what it counts does not count */
+    struct ring_reader look = self->ring; /* a scratch reader: its counters are thrown away */
     struct ring_record record;
     ring_join(&look, UINT64_MAX);
     const uint64_t oldest = look.next;

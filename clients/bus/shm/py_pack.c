@@ -77,11 +77,11 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
     return status == RING_CORRUPT ? reader_leave(self, feed, RING_IS_BROKEN) : 0;
 }
 
-/* How much of the feed one pack can take: no more than that, and less only where something is left out of it, or comes
- * with a time of its source. */
+/* At most so many bytes of the feed go into one pack. Fewer do where samples have expired, or where their payload begins
+ * with a source time, which the head takes over. */
 static size_t packed_bytes(const struct feed *feed, size_t most, size_t longest)
 {
-    struct ring_reader look = feed->ring; /* what it counts does not count */
+    struct ring_reader look = feed->ring; /* a scratch reader: its counters are thrown away */
     struct ring_record record;
     size_t size = 0;
     for (uint64_t left = feed->waiting; left != 0 && ring_look(&look, &record) == RING_OK; left--) {

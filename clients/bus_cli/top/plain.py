@@ -1,11 +1,12 @@
 """`bus top --once` and `--json`: looks at the bus without a screen, and needs no event loop."""
 
 import os
+import select
 import time
 from collections.abc import Generator
 from pathlib import Path
 from time import monotonic, monotonic_ns
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import structs, to_builtins
 
@@ -15,9 +16,6 @@ from bus_cli.query import Query
 from bus_cli.top.columns import BY_TOPIC, sums_text
 from bus_web.model import Model
 from bus_web.rows import EndpointRow, TopicRow
-
-if TYPE_CHECKING:
-    import select
 
 __all__ = ["looks", "record", "report"]
 
@@ -70,7 +68,7 @@ def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
             watch.close()
 
 
-def _find_again(path: Path, delay_s: float, watch: "select.epoll | None") -> Query:
+def _find_again(path: Path, delay_s: float, watch: select.epoll | None) -> Query:
     while True:
         try:
             return Query(path)
@@ -78,7 +76,7 @@ def _find_again(path: Path, delay_s: float, watch: "select.epoll | None") -> Que
             _rest(delay_s, watch)
 
 
-def _rest(seconds: float, watch: "select.epoll | None") -> None:
+def _rest(seconds: float, watch: select.epoll | None) -> None:
     if watch is None:
         time.sleep(seconds)
     elif watch.poll(seconds):
