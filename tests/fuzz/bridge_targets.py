@@ -162,7 +162,8 @@ def _token(script: Script) -> str:
         "I": [script.choose((_OWN, "c")), gid],
         "X": [],
     }[kind]
-    key = "/".join(["@busd", script.choose(("2", "2", "3")), bus, kind, run, *rest])
+    version = keys.VERSION + script.choose((0, 0, 1))
+    key = "/".join(["@busd", str(version), bus, kind, run, *rest])
     while (change := script.byte()) > 200:
         at = change * script.byte() % (len(key) + 1)
         key = key[:at] + script.take(2).decode(errors="replace") + key[at + script.byte() % 3 :]
