@@ -430,6 +430,47 @@ async def test_a_participant_that_shows_too_much_ends_nothing_of_the_others(worl
         await until(lambda: heard[2:] == ["true again"])
 
 
+async def test_a_reader_that_dds_refuses_leaves_none_behind(
+    bridge: Bridge, alone: Alone, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writers = [alone.writer("/chatter", *policies) for policies in (_LATCHED, ())]
+    await until(lambda: len(bridge.far.endpoints) == len(writers))
+    assert bridge.engine._participant is not None
+    make, made = bridge.engine._participant.make_reader, list[object]()
+
+    def make_one(*arguments: Any) -> Any:
+        if made:
+            raise BridgeError("there is no room for another reader")
+        made.append(make(*arguments))
+        return made[0]
+
+    monkeypatch.setattr(bridge.engine._participant, "make_reader", make_one)
+    with pytest.raises(BridgeError, match="no room"):
+        bridge.listen("/chatter", BEST)
+    assert len(made) == 1 and bridge.engine._ways._intakes == {}
+    assert [node.readers for node in bridge.engine._entities()] == [()]
+
+
+async def test_a_reader_that_dds_refuses_later_is_said_and_tried_again(
+    bridge: Bridge, alone: Alone, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: Any) -> Any:
+        raise BridgeError("there is no room for another reader")
+
+    writers = [alone.writer("/chatter")]
+    await until(lambda: bridge.far.endpoints)
+    bridge.listen("/chatter", BEST)
+    with monkeypatch.context() as patched:
+        patched.setattr(bridge.engine._participant, "make_reader", refuse)
+        writers.append(alone.writer("/chatter", *_LATCHED))
+        await until(lambda: bridge.far.warnings)
+    assert bridge.far.warnings == [
+        "not all that is said on /chatter comes in: there is no room for another reader"
+    ]
+    writers.append(alone.writer("/other"))  # whatever is discovered next
+    await until(lambda: len(bridge.engine._ways._intakes["rt/chatter"]) == 2)
+
+
 async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
     bridge.listen("/chatter")
     writer = bridge.publish("/chatter")

@@ -137,7 +137,11 @@ class DdsEngine:
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
         self._refuse_service(endpoint)
         subscription = _Subscription(self, endpoint, self._learn(schema))
-        subscription.adapt(self._far_kinds(endpoint.topic))
+        try:
+            subscription.adapt(self._far_kinds(endpoint.topic))
+        except BridgeError:
+            subscription.close()
+            raise
         self._subscriptions.add(subscription)
         return lambda: self._withdraw_subscription(subscription)
 
@@ -230,7 +234,11 @@ class DdsEngine:
             writer.look()
         self._ways.keep_only(self._discovery.handles)
         for subscription in self._subscriptions:
-            subscription.adapt(self._far_kinds(subscription.endpoint.topic))
+            topic = subscription.endpoint.topic
+            try:
+                subscription.adapt(self._far_kinds(topic))
+            except BridgeError as error:  # tried again with what is discovered next
+                self._far.warn(f"not all that is said on {topic} comes in: {error}")
 
     def _far_kinds(self, topic: str) -> set[ReaderKind]:
         return set(self._discovery.publishers.get(topic, {}).values())
