@@ -16,6 +16,7 @@ __all__ = ["RECORD", "Packed", "number_and_time", "payload_bytes", "scan"]
 
 RECORD = Struct("<QqI")
 """In front of each message: its number, its source time, its size."""
+_HEAD = Struct("<Qq")
 _ALL = 1 << 62
 _LARGEST = (1 << 64) - 1
 
@@ -36,19 +37,35 @@ class Scan(NamedTuple):
 
 
 class Packed(Sequence[Sample]):
-    """Behaves as the list of its samples, and is never changed."""
+    """Behaves as the list of its samples, and is never changed.
 
-    __slots__ = ("_count", "_last_at", "_whole", "is_consecutive", "payload_bytes", "start")
+    `first` and `last` are the number and the source time of the first and the last one.
+    """
+
+    __slots__ = (
+        "_count",
+        "_last_at",
+        "first",
+        "is_consecutive",
+        "last",
+        "payload_bytes",
+        "start",
+        "whole",
+    )
 
     def __init__(
         self, whole: bytes, start: int, count: int, payload_bytes: int, last_at: int, is_consecutive: bool
     ) -> None:
-        self._whole = whole
+        self.whole = whole
+        """The buffer; the samples begin at byte `start` of it."""
         self.start = start
         self._count = count
         self.payload_bytes = payload_bytes
         self._last_at = last_at
         self.is_consecutive = is_consecutive
+        self.first = self.last = _HEAD.unpack_from(whole, start)
+        if last_at != start:
+            self.last = _HEAD.unpack_from(whole, last_at)
 
     @classmethod
     def taken(cls, pack: Pack) -> "Packed":
@@ -63,38 +80,28 @@ class Packed(Sequence[Sample]):
         return cls(data, 0, found.records, found.payload_bytes, found.last_at, found.is_consecutive)
 
     @property
-    def whole(self) -> bytes:
-        """The buffer; the samples begin at byte `start` of it."""
-        return self._whole
-
-    @property
     def data(self) -> bytes:
         """The records."""
-        return self._whole[self.start :] if self.start else self._whole
+        return self.whole[self.start :] if self.start else self.whole
 
     @property
     def size(self) -> int:
         """Bytes of the records."""
-        return len(self._whole) - self.start
-
-    def number_and_time(self, which: Literal[0, -1]) -> tuple[int, int]:
-        """The number and the source time of the first or the last message."""
-        number, source_time_ns, _ = RECORD.unpack_from(self._whole, self._last_at if which else self.start)
-        return number, source_time_ns
+        return len(self.whole) - self.start
 
     def after(self, count: int) -> "Packed":
-        """All but the first `count`."""
+        """All but the first `count`; one is left at least."""
         if not count:
             return self
-        gone = scan(self._whole, self.start, count)
+        gone = scan(self.whole, self.start, count)
         left, size = self._count - count, self.payload_bytes - gone.payload_bytes
-        return Packed(self._whole, gone.stop, left, size, self._last_at, self.is_consecutive)
+        return Packed(self.whole, gone.stop, left, size, self._last_at, self.is_consecutive)
 
     def __len__(self) -> int:
         return self._count
 
     def __iter__(self) -> Iterator[Sample]:
-        whole, at, head, size = self._whole, self.start, RECORD.unpack_from, RECORD.size
+        whole, at, head, size = self.whole, self.start, RECORD.unpack_from, RECORD.size
         for _ in range(self._count):
             number, source_time_ns, length = head(whole, at)
             at += size
@@ -109,20 +116,20 @@ class Packed(Sequence[Sample]):
     def __getitem__(self, which: int | slice) -> Sample | Sequence[Sample]:
         if isinstance(which, slice):
             start, stop, step = which.indices(self._count)
-            return self.after(start) if (stop, step) == (self._count, 1) else list(self)[which]
+            if (stop, step) == (self._count, 1):
+                return self.after(start) if start < stop else []
+            return list(self)[which]
         if which in (0, -1) and self._count:
             at = self._last_at if which else self.start
-            number, source_time_ns, length = RECORD.unpack_from(self._whole, at)
+            number, source_time_ns, length = RECORD.unpack_from(self.whole, at)
             at += RECORD.size
-            return Sample(self._whole[at : at + length], number, source_time_ns)
+            return Sample(self.whole[at : at + length], number, source_time_ns)
         return list(self)[which]
 
 
 def scan(data: bytes, start: int, limit: int) -> Scan:
     """Look through the first `limit` records from byte `start` on; ends before what is none."""
-    if shm.has_core():
-        return Scan(*shm.native.scan_packed(data, start, limit))
-    return scan_here(data, start, limit)
+    return Scan(*_scan_native(data, start, limit)) if _scan_native else scan_here(data, start, limit)
 
 
 def scan_here(data: bytes, start: int, limit: int) -> Scan:
@@ -141,6 +148,9 @@ def scan_here(data: bytes, start: int, limit: int) -> Scan:
     return Scan(count, at, size, highest, last_at, is_consecutive)
 
 
+_scan_native = shm.native.scan_packed if shm.has_core() else None  # to ask each time costs as much as to scan
+
+
 def payload_bytes(samples: Sequence[Sample]) -> int:
     """Of all of them together."""
     return samples.payload_bytes if type(samples) is Packed else sum([len(one[0]) for one in samples])
@@ -148,4 +158,6 @@ def payload_bytes(samples: Sequence[Sample]) -> int:
 
 def number_and_time(samples: Sequence[Sample], which: Literal[0, -1]) -> tuple[int, int]:
     """The number and the source time of the first or the last of them, without a copy of the message."""
-    return samples.number_and_time(which) if type(samples) is Packed else samples[which][1:]
+    if type(samples) is Packed:
+        return samples.last if which else samples.first
+    return samples[which][1:]

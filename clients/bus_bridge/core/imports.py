@@ -227,7 +227,8 @@ class Import:
     def _is_next(self, samples: Sequence[Sample]) -> bool:
         """Whether they go on where the last ones ended, each once: they nearly always do."""
         number = first = number_and_time(samples, 0)[0]
-        if first != self._last + 1 or number_and_time(samples, -1)[0] - first != len(samples) - 1:
+        last = number_and_time(samples, -1)[0]
+        if first != self._last + 1 or last - first != len(samples) - 1:
             return False
         if type(samples) is Packed:
             if not samples.is_consecutive:
@@ -237,8 +238,7 @@ class Import:
                 if sample[1] != number:
                     return False
                 number += 1
-        self._last = first + len(samples) - 1
-        self._is_fresh = False
+        self._last, self._is_fresh = last, False
         return True
 
     def _without_repeated(self, samples: Sequence[Sample]) -> list[Sample]:
@@ -308,7 +308,7 @@ class Import:
     def _publish_all(self, samples: Sequence[Sample]) -> int:
         """Publish them. Returns how many of them have gone: a lossless publisher may have no room for all."""
         quick = self._publish_packed(samples) if type(samples) is Packed else 0
-        return quick if quick == len(samples) else quick + self._publish_each(samples[quick:])
+        return quick + self._publish_each(samples[quick:]) if quick < len(samples) else quick
 
     def _publish_packed(self, samples: Packed) -> int:
         """Publish as many as can be without a look at single ones."""
@@ -317,7 +317,9 @@ class Import:
         except BusError:  # which is met again
             return 0
         self.account.sent += done
-        self.account.bytes += samples.payload_bytes - samples.after(done).payload_bytes
+        self.account.bytes += samples.payload_bytes
+        if done < len(samples):
+            self.account.bytes -= samples.after(done).payload_bytes
         return done
 
     def _publish_each(self, samples: Sequence[Sample]) -> int:

@@ -80,12 +80,12 @@ class Waiting:
                 self._bytes -= len(part.payload)
                 count -= 1
                 continue
-            gone = min(count, len(part))
-            rest = part.after(gone)
-            self._bytes -= part.payload_bytes - rest.payload_bytes
-            if rest:
+            self._bytes -= part.payload_bytes
+            if count < len(part):
+                rest = part.after(count)
+                self._bytes += rest.payload_bytes
                 self._parts.appendleft(rest)
-            count -= gone
+            count -= min(count, len(part))
 
     def clear(self) -> int:
         """Returns how many waited."""

@@ -88,7 +88,9 @@ class ZenohEngine:
             self._declared.append(session.answer(expression, asked))
         heard = session.source(self._see_ack, _MAX_QUERIES, lambda _: None)
         self._declared.append(
-            session.subscribe(keys.ack_keys(self._bus), lambda key, payload, _: heard.push((key, payload)))
+            session.subscribe(
+                keys.ack_keys(self._bus), lambda key, payload, _: heard.push((str(key), payload))
+            )
         )
         self._looking = asyncio.get_running_loop().create_task(self._look())
 

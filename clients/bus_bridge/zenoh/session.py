@@ -143,22 +143,39 @@ class Source(Generic[_T]):
 
 
 class _Inbox:
-    """Wakes the loop once, however much comes until it looks."""
+    """Wakes the loop once, however much comes until it looks. By a bell of its own: `call_soon_threadsafe`
+    takes 7 us longer."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, on_fault: Callable[[Exception], None]) -> None:
         self._loop = loop
         self._on_fault = on_fault
         self._due: deque[Source[Any]] = deque()
         self._is_awake = False
+        self._bell: int | None = None
+        self._ringing = threading.Lock()  # or it is closed meanwhile, and its number is another file's
+
+    def open(self) -> None:
+        self._bell = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        self._loop.add_reader(self._bell, self._drain, self._bell)
 
     def wake(self, source: Source[Any]) -> None:
         self._due.append(source)
         if not self._is_awake:
             self._is_awake = True
-            with suppress(RuntimeError):  # the loop has been closed
-                self._loop.call_soon_threadsafe(self._drain)
+            with self._ringing:
+                if self._bell is not None:
+                    os.eventfd_write(self._bell, 1)
 
-    def _drain(self) -> None:
+    def close(self) -> None:
+        """Nothing wakes the loop any more."""
+        with self._ringing:
+            bell, self._bell = self._bell, None
+        if bell is not None:
+            self._loop.remove_reader(bell)
+            os.close(bell)
+
+    def _drain(self, bell: int) -> None:
+        os.eventfd_read(bell)
         self._is_awake = False
         for _ in range(len(self._due)):
             source = self._due.popleft()
@@ -279,6 +296,7 @@ class Session:
         os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
         keep_freed_memory()  # zenoh takes and gives back much with each message
         opened: asyncio.Future[None] = self._loop.create_future()
+        self._inbox.open()
         threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
         self._jobs.put(lambda: self._open(opened))
         try:
@@ -289,10 +307,12 @@ class Session:
         except BaseException:
             self._jobs.put(self._close)
             self._jobs.put(None)
+            self._inbox.close()
             raise
 
     async def close(self) -> None:
         """Everything declared has gone then. Cancellation: what is left of it is done in its thread."""
+        self._inbox.close()
         closed: asyncio.Future[None] = self._loop.create_future()
         self._jobs.put(self._close)
         self._jobs.put(lambda: self.call(_settle, closed))
@@ -315,14 +335,15 @@ class Session:
             lambda: self._zenoh.liveliness().declare_subscriber(keys, _direct(see), history=True),
         )
 
-    def subscribe(self, key: str, push: Callable[[str, bytes, bytes | None], None]) -> Declared:
-        """`push` is called in zenoh's thread: key, payload and attachment of each put."""
+    def subscribe(self, key: str, push: Callable[[Any, bytes, bytes | None], None]) -> Declared:
+        """`push` is called in zenoh's thread with each put's key (str() of it is one), payload and
+        attachment."""
 
         def see(sample: Any) -> None:
             _keep_thread()
             attachment = sample.attachment
             push(
-                str(sample.key_expr),
+                sample.key_expr,
                 sample.payload.to_bytes(),
                 None if attachment is None else attachment.to_bytes(),
             )

@@ -36,6 +36,8 @@ class Window:
         """Number of the newest part."""
         self._lossless = lossless
         self._flying = _Flying()
+        self._travelling = 0
+        """Bytes that some importer's bridge has not got yet."""
         self._importers: dict[str, _Importer] = {}
         self._span = _FIRST_SPAN
         """Bytes that may be between the bridges."""
@@ -52,7 +54,7 @@ class Window:
     @property
     def room(self) -> int:
         """Bytes that may go now; 0 or less: none. A single part may go as long as that is above 0."""
-        room = self._span - self._travelling()
+        room = self._span - self._travelling
         return min(room, WINDOW_BYTES - self._flying.size) if self._lossless else room
 
     @property
@@ -65,8 +67,10 @@ class Window:
         """It is on its way."""
         self.last = part.number
         if self._importers:
-            self._flying.add(part)
-            self._unasked += len(part.payload) + _PART
+            size = len(part.payload) + _PART
+            self._flying.add(part, size)
+            self._travelling += size
+            self._unasked += size
 
     def must_ask(self) -> bool:
         """Whether the importers should be asked how far they are: four times in a span. Then they are."""
@@ -84,6 +88,7 @@ class Window:
     def leave(self, importer: str) -> None:
         if self._importers.pop(importer, None) is not None:
             self._release()
+            self._measure()
 
     def joined(self, importer: str) -> int | None:
         """The number of the last part before it came; None where it is no importer."""
@@ -100,10 +105,10 @@ class Window:
         taken = max(known.taken, min(taken, arrived))
         if (arrived, taken) == (known.arrived, known.taken):
             return False
-        before = self._travelling()
+        before = self._travelling
         known.arrived, known.taken = arrived, taken
-        self._grow(before - self._travelling())
         self._release()
+        self._grow(before - self._measure())
         return True
 
     def find(self, importer: str, after: int) -> Part | None:
@@ -115,10 +120,11 @@ class Window:
             self._shrink()
         return self._flying.after(max(after, known.joined))
 
-    def _travelling(self) -> int:
-        """Bytes that some importer's bridge has not got yet."""
+    def _measure(self) -> int:
+        """Returns how many bytes travel now."""
         least = min((one.arrived for one in self._importers.values()), default=self.last)
-        return self._flying.size_after(least)
+        self._travelling = self._flying.size_after(least)
+        return self._travelling
 
     def _grow(self, gone: int) -> None:
         if self._span < self._threshold:
@@ -149,8 +155,7 @@ class _Flying:
         self._start = 0  # those before have been dropped
         self._end = 0
 
-    def add(self, part: Part) -> None:
-        size = len(part.payload) + _PART
+    def add(self, part: Part, size: int) -> None:
         self._end += size
         self.size += size
         self._ends.append(self._end)

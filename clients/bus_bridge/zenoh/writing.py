@@ -73,22 +73,22 @@ class ZenohWriter:
 
     def write(self, samples: Sequence[Sample]) -> int:
         """As `Writer.write`. What a best effort publisher sends beyond the link's speed is lost here."""
-        gone = len(samples)
+        count = gone = len(samples)
         if self._interests:
-            gone = self._fitting(samples)
-            if gone < len(samples):
+            gone = self._fitting(samples, count)
+            if gone < count:
                 if self._is_reliable:
                     self._is_held = True
                     self._nudge_later(_NUDGE_S)
                 else:
-                    self._lost[LINK_FULL] = self._lost.get(LINK_FULL, 0) + len(samples) - gone
-            fitting = samples if gone == len(samples) else samples[:gone]
+                    self._lost[LINK_FULL] = self._lost.get(LINK_FULL, 0) + count - gone
+            fitting = samples if gone == count else samples[:gone]
             self._rest += records.pack(fitting, self._number + 1, self._window.part_bytes)
             if self._rest:
                 self._number = self._rest[-1].number
             self._pump()
             if not self._is_reliable:
-                gone = len(samples)
+                gone = count
         if self._history is not None:
             self._history.add(samples[:gone])
         return gone
@@ -188,16 +188,16 @@ class ZenohWriter:
 
     # --- inside
 
-    def _fitting(self, samples: Sequence[Sample]) -> int:
-        """How many of them may be written now."""
+    def _fitting(self, samples: Sequence[Sample], count: int) -> int:
+        """How many of these `count` may be written now."""
         room = 0 if self._rest else self._window.room
         if type(samples) is Packed:  # mostly one part
-            return len(samples) if room > 0 else 0
+            return count if room > 0 else 0
         for index, sample in enumerate(samples):
             if room <= 0:
                 return index
             room -= len(sample[0])
-        return len(samples)
+        return count
 
     def _pump(self) -> None:
         """Put what waits for room, as far as there is some."""
@@ -207,8 +207,10 @@ class ZenohWriter:
         put = outlet.put
         while rest and window.room > 0:
             part = rest.popleft()
-            window.add(part)
-            put(part.payload, attachment=part.head)
+            try:
+                put(part.payload, attachment=part.head)
+            finally:  # behind it: meanwhile zenoh's threads have begun
+                window.add(part)
         if window.must_ask():
             self._probe()
         if rest:
