@@ -44,8 +44,7 @@ def load(path: Path, kind: type[T]) -> T:
 
 
 def check_values(table: BridgeTable, called: Callable[[str], str]) -> None:
-    """Whether each text in it can be what it stands for, whatever the others say. `called` tells what users
-    call a key.
+    """Look at each text by itself: ids, names, addresses, patterns. `called` gives what users call a key.
 
     Raises ConfigurationError, which names the key.
     """

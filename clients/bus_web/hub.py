@@ -78,7 +78,7 @@ class Hub:
     async def _watch(self) -> None:
         """Have changes of the graph seen at once."""
         while True:
-            with suppress(BusError, TimeoutError):  # which the looks say
+            with suppress(BusError, TimeoutError):  # the looks say so
                 async with aclosing(self.node.watch_graph()) as graphs:
                     async for _ in graphs:
                         self._changed.set()

@@ -133,7 +133,7 @@ class ShmReceiver:
         return last_seq
 
     def hold(self, shown_gid: bytes, *, is_on: bool) -> bool:
-        """Whether what that publisher writes stays in its ring; returns whether that is read here."""
+        """Leave what that publisher writes in its ring, or go on; returns whether that is read here."""
         held = [feed.proxy for feed in self._feeds.values() if feed.proxy.shown_gid == shown_gid]
         for proxy in held:
             self.reader.hold(proxy, is_on)

@@ -61,7 +61,7 @@ class Patience:
 
 
 def no_answer(path: str | os.PathLike[str], seconds: float) -> str:
-    """What every client says of a broker at `path` that has its connection, and says nothing for so long."""
+    """The text for a broker at `path` that took the connection and has said nothing for so long."""
     return f"busd at {os.fspath(path)} does not answer: it has said nothing for {seconds:g} s"
 
 

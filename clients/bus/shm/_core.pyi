@@ -298,7 +298,7 @@ class Reader(Generic[S]):
     def detach(self, source: S) -> None:
         """Leave a ring at once. Nothing happens where it is not attached."""
     def hold(self, source: S, is_on: bool, /) -> None:
-        """Whether what `source` publishes stays in its ring for now: that fills, and a lossless one waits.
+        """Leave what `source` publishes in its ring, which fills, so that a lossless one waits; or go on.
 
         Nothing happens where it is not attached.
         """

@@ -49,7 +49,7 @@ class Export:
         self._is_fresh = True
         """What comes next may begin anywhere: there was no tap before."""
         self._is_back = False
-        """What is missing before it was said while a far subscription was cut off."""
+        """What is missing before the next message was published while a far subscription was cut off."""
         self._depth = depth
         self._patience = depth
         """How many messages may wait for the way to be made."""

@@ -36,7 +36,7 @@ _EARLY_S = 5.0
 _LINGER_S = 2.0
 """How long messages wait whose publisher has gone."""
 _LOOK_S = 0.02
-_MOST_MET = 1000
+_MOST_REMEMBERED = 1000
 _new_sample: Any = tuple.__new__
 
 
@@ -83,13 +83,13 @@ class TopicExports:
         """Publishers whose messages came before a graph has shown them: when the first did."""
         self.met: dict[bytes, Match] = {}
         """Publishers that no graph has shown yet, as they were when they met a tap."""
+        self.full: set[bytes] = set()
+        """Lossless publishers that wait until there is room."""
         self._knows = knows
         self._hides = hides
         self._on_trouble = on_trouble
-        self.full: set[bytes] = set()
-        """Lossless publishers that wait until there is room."""
         self._unsure = unsure
-        """Where it is put while it has `early`, `met` or `full`."""
+        """Ways out to be swept: these are among them while there is something `early`, `met` or `full`."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
         self._loop = asyncio.get_running_loop()
@@ -112,7 +112,7 @@ class TopicExports:
             if match.gid not in self.exports and not self._knows(match.gid):
                 self.met[match.gid] = match
                 self._unsure.add(self)
-        while len(self.met) > _MOST_MET:
+        while len(self.met) > _MOST_REMEMBERED:
             del self.met[next(iter(self.met))]
 
     def matches_changed(self) -> None:
@@ -259,8 +259,8 @@ class Exports:
         """Those to be swept, so that the many others cost nothing."""
         self._of_gid: dict[bytes, tuple[TopicExports, Export]] = {}
         self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], object]]] = {}
-        """Of publishers that have gone, and whose messages wait: what looks at them, and who hears of their
-        end."""
+        """Of publishers that have gone, and whose messages wait: the timer of the next look at them, and what
+        is called at their end."""
         self._loop = asyncio.get_running_loop()
         self.on_short: Callable[[TopicExports, Match], object] = lambda route, match: None
         """Called for a publisher that was there too shortly to be seen in a graph."""
@@ -367,7 +367,7 @@ class Exports:
         """A far subscription needs them no longer. Cancellation: they are closed, or not needed by it."""
         route.holders -= 1
         route.away[gid] = None
-        while len(route.away) > _MOST_MET:
+        while len(route.away) > _MOST_REMEMBERED:
             del route.away[next(iter(route.away))]
         try:
             async with route.opening:

@@ -62,8 +62,8 @@ class Import:
         self._newest_ns = 0
         """When the publisher published what came last, by its clock."""
         self._known_ns = self._most_known = 0
-        """What a publisher that counts from 1 again keeps for late joiners and has published up to this time,
-        has come before; up to so many messages."""
+        """Where a publisher counts from 1 again and sends what it keeps for late joiners: up to so many
+        messages, published up to this time, have come before."""
         self._on_trouble = on_trouble
         self._loop = asyncio.get_running_loop()
         self._reader: Reader | None = None
@@ -217,8 +217,8 @@ class Import:
     # --- inside
 
     def _note_listeners(self) -> None:
-        """The matches may have changed. While busd is away there are none, and those that were there may be
-        back with it: who is it that had what came last?"""
+        """The matches may have changed: remember which subscriptions had what came last. While busd is away
+        there are none, and the same may come back with it."""
         if self._last != self._last_noted and self._matched:
             self._listeners = self._matched
         self._last_noted = self._last

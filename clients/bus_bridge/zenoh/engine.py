@@ -15,7 +15,7 @@ from bus_bridge.engine import (
     RouteRule,
     Sample,
 )
-from bus_bridge.errors import BridgeError
+from bus_bridge.errors import BridgeError, in_words
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions, check
@@ -239,7 +239,7 @@ class ZenohEngine:
 
     def _see_fault(self, error: Exception) -> None:
         assert self._far is not None
-        self._far.warn(f"something that came by zenoh could not be used: {type(error).__name__}: {error}")
+        self._far.warn(f"something that came by zenoh could not be used: {in_words(error)}")
 
     def _see_token(self, news: tuple[str, bool]) -> None:
         assert self._presence is not None

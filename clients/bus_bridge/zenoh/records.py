@@ -43,7 +43,7 @@ PART_BYTES = PACK_BYTES
 no multiple of half a TCP segment: by loopback that leaves 48. A part that is cut costs a quarter more."""
 WHOLE_BYTES = LONG_PACK_BYTES
 """Up to here a message, or several, may go by one put, which zenoh cuts itself: pieces cost two copies more,
-and each put what it takes to wake all that have to do with it."""
+and each put wakes every thread on its way."""
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
 """Of a message: a million a second for nine years. Higher ones are lies, and would break counters."""
@@ -82,8 +82,8 @@ Content = Sequence[Sample] | Piece | Probe
 
 
 def pack(samples: Sequence[Sample], number: int, most: int = WHOLE_BYTES) -> Iterator[Part]:
-    """The parts that carry `samples`; the first one has that number. Those that zenoh has to cut have `most`
-    bytes, which is not below `PART_BYTES`."""
+    """The parts that carry `samples`; the first one has that number. One that zenoh has to cut has
+    `most` bytes at most, which is not below `PART_BYTES`."""
     if type(samples) is Packed and samples.size <= most:  # a batch already
         yield Part(samples.data, number, _HEAD.pack(_BATCH_KIND, number))
         return

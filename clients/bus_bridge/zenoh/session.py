@@ -32,9 +32,9 @@ __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 _T = TypeVar("_T")
 
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
-"""What zenoh reads from its environment once. By default one thread is told by the system that something has
-come, and wakes one of two others to read it; of links that were accepted, the one that is told reads here.
-Python could not run two at a time anyway."""
+"""What zenoh reads from its environment once. By default the thread to which the system says that something
+has come wakes one of two others to read it. This has it read by itself, where a link was accepted: Python
+could not run two at a time anyway."""
 _MOST_KEPT_THREADS = 16
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}

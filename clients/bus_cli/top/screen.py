@@ -168,7 +168,7 @@ class Top(App[None]):
         while True:
             began_s = monotonic()
             if not self._state.is_paused:
-                with suppress(TimeoutError):  # which the sums say (_show_news)
+                with suppress(TimeoutError):  # the sums say so (_show_news)
                     self._take(await self._node.graph(statistics=True))
                     if await self._descriptions.ask():
                         self._model.forget_pairs()

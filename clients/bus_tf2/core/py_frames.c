@@ -74,7 +74,7 @@ static uint32_t number_of(const FrameTree *self, PyObject *name)
     return number == NULL ? NO_FRAME : (uint32_t)PyLong_AsUnsignedLong(number);
 }
 
-/* With an error set: there was no memory for all that a frame needs, and the numbers must go on fitting. */
+/* There was no memory for all that the last frame needs: take it out, so that the numbers fit. An error is set. */
 static void forget_last(FrameTree *self, uint32_t number)
 {
     PyObject *type, *value, *traceback;
