@@ -124,6 +124,8 @@ class _Shared:
                     kind = wanted
                     try:
                         subscription = await self._subscribe(kind)
+                    except TimeoutError:  # busd says nothing for long, which the looks say: ask again
+                        continue
                     except BusError as error:
                         for listener in [*self.listeners]:
                             listener.hear_fault(self._topic, str(error))

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import msgspec
 
 from bus.endpoint import Match
-from bus.errors import BusError
 from bus.events import SubscriptionEvents
 from bus.node import Node
 from bus.qos import Durability, History, QoSProfile, Reliability
@@ -389,7 +388,7 @@ class Exports:
         try:
             for profile in profiles:
                 taps.append(await self._open_tap(route, profile))
-        except BusError:
+        except BaseException:
             for tap in taps:
                 await tap.close()
             raise

@@ -40,7 +40,7 @@ class Publishing:
                 schema = await self._schema(one)
                 codec = codec_of(schema)
                 publisher = await self._hub.node.create_publisher(schema, one.topic, _DEPTH)
-            except BusError as error:
+            except (BusError, TimeoutError) as error:
                 faults.append(f"channel {one.id} ({one.topic}): {error}")
             else:
                 self._channels[one.id] = publisher, codec

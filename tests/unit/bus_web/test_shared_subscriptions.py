@@ -4,9 +4,11 @@ import gc
 from typing import Any
 from weakref import ref
 
+import pytest
+
 from bus.msg.std_msgs import Int32, String
 from bus.qos import Durability, QoSProfile, Reliability
-from bus.schema import schema_of
+from bus.schema import MessageSchema, schema_of
 from bus.types.support import type_support
 from bus_web.shared_subscriptions import Heard
 from web_world import WebWorld, turns
@@ -73,6 +75,25 @@ async def test_a_topic_of_another_type_now() -> None:
     assert [one.is_closed for one in world.node.subscriptions["/x"]] == [True, False]
     world.publish(number, Int32(data=5))
     assert listener.values == [5]
+    await world.close()
+
+
+async def test_busd_does_not_answer_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = WebWorld()
+    chatter = world.add("publisher", "/talker", "/chatter", String)
+    world.look()
+    get_schema, silences = world.node.get_schema, iter(range(3))
+
+    async def get_schema_late(*kind: str) -> MessageSchema:
+        for _ in silences:
+            raise TimeoutError("busd does not answer")
+        return await get_schema(*kind)
+
+    monkeypatch.setattr(world.node, "get_schema", get_schema_late)
+    world.hub.subscriptions.add("/chatter", listener := Listener())
+    await turns()
+    world.publish(chatter, String(data="a"))
+    assert (listener.values, listener.faults) == (["a"], [])
     await world.close()
 
 

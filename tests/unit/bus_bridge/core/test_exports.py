@@ -195,6 +195,27 @@ async def test_what_waits_of_a_publisher_that_is_back_goes_on() -> None:
     assert (leaving.ends, leaving.troubles) == (2, [])
 
 
+async def test_a_tap_that_can_not_be_had_leaves_no_other_behind() -> None:
+    made: list[Any] = []
+
+    async def create_subscription(*arguments: object, **more: object) -> Any:
+        if made:
+            raise TimeoutError("busd does not answer")
+        made.append(SimpleNamespace(matches=(), closed=asyncio.Event()))
+
+        async def close() -> None:
+            made[0].closed.set()
+
+        made[0].close = close
+        return made[0]
+
+    node: Any = SimpleNamespace(create_subscription=create_subscription)
+    ways = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)
+    with pytest.raises(TimeoutError):
+        await ways.hold(TOPIC, SCHEMA, b"far")
+    assert made[0].closed.is_set() and ways.schema(TOPIC) is None
+
+
 async def test_a_tap_that_does_not_end_leaves_nothing_behind() -> None:
     node: Any = None
     ways = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)

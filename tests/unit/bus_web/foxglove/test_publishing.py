@@ -88,6 +88,18 @@ async def test_what_can_not_be_published(
     await world.close()
 
 
+async def test_busd_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def refuse(*arguments: object) -> None:
+        raise TimeoutError("busd does not answer")
+
+    world = WebWorld()
+    monkeypatch.setattr(world.node, "create_publisher", refuse)
+    await Publishing(world.hub, world.client).advertise([channel(1)])
+    (told,) = await world.told()
+    assert told["message"] == "channel 1 (/x): busd does not answer"
+    await world.close()
+
+
 async def test_many_that_can_not_be_published_are_one_status() -> None:
     world = WebWorld()
     publishing = Publishing(world.hub, world.client)
