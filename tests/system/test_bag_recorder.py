@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,30 @@ async def test_without_discovery_only_what_is_there(node: bus.Node, bag: Bag) ->
         await node.wait_for_graph(lambda graph: "/later" in graph.topics())
         assert "/topic" in recorder.pipeline.losses()
         assert "/later" not in recorder.pipeline.losses()
+
+
+async def test_a_busd_that_is_silent_for_long_ends_nothing(
+    node: bus.Node, bag: Bag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publisher = await node.create_publisher(Int32, "topic", 10)
+    async with recording(bag, wanted=Wanted(topics=frozenset(["/topic", "/later"]))) as recorder:
+        answers = {name: getattr(recorder._node, name) for name in ("get_schema", "create_subscription")}
+        silences = {name: iter(range(2)) for name in answers}
+
+        async def ask(name: str, *words: Any, **more: Any) -> Any:
+            for _ in silences[name]:
+                raise TimeoutError("busd does not answer")
+            return await answers[name](*words, **more)
+
+        for name in answers:
+            monkeypatch.setattr(recorder._node, name, partial(ask, name))
+        later = await node.create_publisher(String, "later", 10)
+        await later.wait_for_subscriptions()
+        publisher.publish(Int32(data=1))
+        later.publish(String(data="2"))
+        await until(lambda: all(one.written for one in recorder.pipeline.losses().values()))
+        assert not any(map(list, silences.values()))
+    assert bag.losses() == {"/topic": TopicLosses(1, 1), "/later": TopicLosses(1, 1)}
 
 
 async def test_what_fails_in_the_middle_ends_it_with_a_whole_bag(

@@ -1,12 +1,12 @@
 """The recorder's node: finds topics, takes what comes, and ends the bag whatever happens."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import aclosing, suppress
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns, time_ns
-from typing import Any
+from typing import Any, TypeVar
 
 from bus.errors import BusError, ConfigurationError
 from bus.events import MatchedChange, SubscriptionEvents
@@ -35,6 +35,8 @@ _STRAGGLERS_S = 0.3
 _PATIENCE_S = 1.0
 """How long a disk may take that is yet to take something, where the recording is to end at once."""
 _SPLIT_EVENT = "rosbag2_interfaces/msg/WriteSplitEvent"
+
+T = TypeVar("T")
 
 
 class Recorder:
@@ -184,15 +186,18 @@ class Recorder:
 
     async def _discover(self) -> None:
         try:
-            async with aclosing(self._node.watch_graph()) as graphs:
-                async for graph in graphs:
-                    await self._look(graph)
-                    if not self._has_begun:
-                        self._begin()
-                    if not self._options.has_discovery:
-                        return
+            await _patiently(self._follow)
         except BusError as error:
             self._log.error(f"no more topics can be found: {error}")
+
+    async def _follow(self) -> None:
+        async with aclosing(self._node.watch_graph()) as graphs:
+            async for graph in graphs:
+                await self._look(graph)
+                if not self._has_begun:
+                    self._begin()
+                if not self._options.has_discovery:
+                    return
 
     def _begin(self) -> None:
         self._has_begun = True
@@ -233,7 +238,7 @@ class Recorder:
     async def _schema(self, type_name: str, type_hash: str) -> MessageSchema | None:
         """None where it has gone meanwhile."""
         with suppress(ConfigurationError):
-            return await self._node.get_schema(type_name, type_hash)
+            return await _patiently(lambda: self._node.get_schema(type_name, type_hash))
         return None
 
     async def _subscribe(self, found: Found, schema: MessageSchema) -> None:
@@ -245,8 +250,10 @@ class Recorder:
             self._topics[found.topic] = topic
             self.pipeline.add(topic)
             events = SubscriptionEvents(matched=partial(self._meet, topic))
-            subscription = await self._node.create_subscription(
-                schema, found.topic, profile or profile_for(schema), events=events, raw=True
+            subscription = await _patiently(
+                lambda: self._node.create_subscription(
+                    schema, found.topic, profile or profile_for(schema), events=events, raw=True
+                )
             )
         except BusError as error:
             self._topics.pop(found.topic, None)
@@ -383,3 +390,10 @@ class Recorder:
             self.pipeline.flush()
             if not self.pipeline.is_idle and self.failure is None:
                 await self._progress.wait()
+
+
+async def _patiently(ask: Callable[[], Awaitable[T]]) -> T:
+    """What busd answers. One that says nothing for long is asked again: a recording goes on meanwhile."""
+    while True:
+        with suppress(TimeoutError):
+            return await ask()
