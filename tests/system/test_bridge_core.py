@@ -1,7 +1,8 @@
 """Two buses and what crosses between them, over an engine without a network."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing
 from itertools import combinations
 from typing import Any
 
@@ -15,6 +16,7 @@ from bus.srv.example_interfaces import AddTwoInts
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.engine import LocalEndpoint
 from bus_bridge.errors import NotCarried
+from conftest import WAIT_S
 from semantics import until
 
 __all__ = ["world"]
@@ -205,6 +207,26 @@ async def test_what_comes_while_busd_says_nothing_for_long_crosses(
         monkeypatch.setattr(one.node, "get_schema", get_schema_late)
         await (await left.node("talker")).create_publisher(String, "chatter")
         await until(lambda: one.bridge.status().shown_there.publishers == 1)
+
+
+async def test_a_busd_that_says_nothing_for_long_at_the_beginning_ends_no_bridge(
+    world: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch_graph, silences = bus.Node.watch_graph, iter(range(3))
+
+    async def watch_graph_late(node: bus.Node) -> AsyncIterator[bus.Graph]:
+        for _ in silences:
+            raise TimeoutError
+        async with aclosing(watch_graph(node)) as graphs:
+            async for graph in graphs:
+                yield graph
+
+    monkeypatch.setattr(bus.Node, "watch_graph", watch_graph_late)
+    async with world() as made:
+        talk = await made.talk()
+        async with asyncio.timeout(WAIT_S):
+            await talk.is_on()
+    assert not [*silences]
 
 
 async def test_nothing_crosses_without_a_subscription_and_once_with_three(world: Made) -> None:

@@ -76,10 +76,13 @@ class Announcing:
             watching.cancel()
 
     async def _watch(self) -> None:
-        async with aclosing(self._node.watch_graph()) as graphs:
-            async for graph in graphs:
-                self._newest = graph
-                self._has_news.set()
+        while True:
+            with suppress(TimeoutError):  # busd says nothing for long: ask again
+                async with aclosing(self._node.watch_graph()) as graphs:
+                    async for graph in graphs:
+                        self._newest = graph
+                        self._has_news.set()
+                return
 
     async def _look(self, graph: Graph) -> None:
         now_s = self._loop.time()
