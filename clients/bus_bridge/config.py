@@ -1,7 +1,6 @@
 """`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, and what the command line says besides."""
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,6 +23,17 @@ T = TypeVar("T", bound=BridgeTable)
 
 TABLES: Mapping[str, type[BridgeTable]] = {"zenoh": ZenohTable, "ros2": Ros2Table}
 """By the name of the engine, as users call it."""
+
+_CHECKS: Mapping[str, Callable[[str], object]] = {
+    "id": checked_id,
+    "namespace": Naming,
+    "interface": checked_interface,
+    "peers": checked_peer,
+    "listen": parse_address,
+    "connect": parse_address,
+    "router": parse_address,
+}
+"""What each text of a key has to pass, where a table has that key."""
 
 
 def load(path: Path, kind: type[T]) -> T:
@@ -48,43 +58,24 @@ def check_values(table: BridgeTable, called: Callable[[str], str]) -> None:
 
     Raises ConfigurationError, which names the key.
     """
-    for key, check, text in _checks(table, called):
-        try:
-            check(text)
-        except BusError as error:
-            said = str(error)
-            raise ConfigurationError(said if key in said else f"{key}: {said}") from None
+    for key, check in _CHECKS.items():
+        said = getattr(table, key, None)
+        for text in said if isinstance(said, tuple) else (said,):
+            try:
+                if text is not None:
+                    check(text)
+            except BusError as error:
+                raise ConfigurationError(f"{called(key)}: {error}") from None
+    patterns = [("allow", one) for one in table.allow] + [("deny", one) for one in table.deny]
+    patterns += [(f"topics[{at}].pattern", one.pattern) for at, one in enumerate(table.topics)]
+    for key, pattern in patterns:
+        compiled(pattern, called(key))
 
 
 def merged(file: T, flags: T) -> T:
     """`flags` go before what `file` says; what there may be several of is added to it."""
     merged: T = _both(file, flags)
     return merged
-
-
-def _checks(
-    table: BridgeTable, called: Callable[[str], str]
-) -> Iterator[tuple[str, Callable[[str], object], str]]:
-    """What a text is called, what it has to pass, and the text."""
-    checks: list[tuple[str, Callable[[str], object]]] = [
-        ("id", checked_id),
-        ("namespace", Naming),
-        ("interface", checked_interface),
-        ("peers", checked_peer),
-        ("listen", parse_address),
-        ("connect", parse_address),
-        ("router", parse_address),
-    ]
-    for key, check in checks:
-        said = getattr(table, key, None)
-        for text in said if isinstance(said, tuple) else (said,):
-            if text is not None:
-                yield called(key), check, text
-    patterns = [("allow", one) for one in table.allow] + [("deny", one) for one in table.deny]
-    patterns += [(f"topics[{at}].pattern", one.pattern) for at, one in enumerate(table.topics)]
-    for key, text in patterns:
-        name = called(key)
-        yield name, partial(compiled, key=name), text
 
 
 def _both(ours: Any, theirs: Any) -> Any:
