@@ -1,14 +1,15 @@
-"""What has arrived from one far publisher: parts in order, each once. Pure.
+"""What has arrived from one far publisher: parts in order, each once; and what of it was taken. Pure.
 
 A route begins by asking where it begins, and for what the far side keeps; what arrives meanwhile is held. It
 asks again whenever a part is missing before one that has come.
 """
 
+from collections import deque
 from itertools import islice
 
 from bus_bridge.zenoh.records import Content, Probe, Room
 
-__all__ = ["HELD_BYTES", "Arrival"]
+__all__ = ["HELD_BYTES", "Arrival", "Untaken"]
 
 HELD_BYTES = 16 << 20
 """That may wait for what is missing: more than is ever under way."""
@@ -90,3 +91,34 @@ class Arrival:
         self._held_bytes -= size
         self._room.give(size)
         return content
+
+
+class Untaken:
+    """Parts of a lossless publisher until this bus has taken their messages, of which it says only how many
+    bytes they have."""
+
+    def __init__(self) -> None:
+        self._parts: deque[tuple[int, int]] = deque()
+        self._credit = 0
+        self._last = 0
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    def add(self, number: int, size: int) -> None:
+        """The next part, whose messages have so many bytes."""
+        if self._parts and not size:  # or a far side that sends nothing but empty ones would fill the memory
+            size = self._parts.pop()[1]
+        self._parts.append((number, size))
+
+    def take(self, size: int) -> None:
+        """So many bytes more were taken."""
+        self._credit += size
+
+    def last_taken(self) -> int:
+        """The number of the newest part of which all was taken."""
+        parts = self._parts
+        while parts and parts[0][1] <= self._credit:
+            self._last, size = parts.popleft()
+            self._credit -= size
+        return self._last

@@ -1,14 +1,13 @@
 """The way in of one far publisher through zenoh, in order."""
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
 from bus_bridge.engine import FarEndpoint, Sample
 from bus_bridge.packed import number_and_time, payload_bytes
 from bus_bridge.zenoh import keys, records
-from bus_bridge.zenoh.arrival import Arrival
+from bus_bridge.zenoh.arrival import Arrival, Untaken
 from bus_bridge.zenoh.presence import Interest
 from bus_bridge.zenoh.records import Assembler, Content, Piece, Probe, Room
 from bus_bridge.zenoh.session import Session
@@ -58,10 +57,7 @@ class ZenohReader:
         self._ask_most = _ASK_FIRST
         self._is_asked = False
         self._is_closed = False
-        self._untaken: deque[tuple[int, int]] = deque()
-        """Number of each part and the size of the messages that it brought, until the bus has taken them."""
-        self._credit = 0
-        self._taken = 0
+        self._untaken = Untaken()
         self._unsaid = 0
         self._saying: asyncio.TimerHandle | None = None
         self._kept_key = keys.kept_key(bus, gid, own.run)
@@ -90,7 +86,7 @@ class ZenohReader:
     def taken(self, size: int) -> None:
         if not self._is_lossless:
             return
-        self._credit += size
+        self._untaken.take(size)
         self._unsaid += size
         if self._unsaid >= _SAY_BYTES:
             self._say()
@@ -135,7 +131,7 @@ class ZenohReader:
         if samples:
             self._arrived.append(samples)
         if self._is_lossless:
-            self._untaken.append((number, payload_bytes(samples)))
+            self._untaken.add(number, payload_bytes(samples))
 
     def _samples(self, content: Content) -> Sequence[Sample]:
         if isinstance(content, Piece):
@@ -237,8 +233,5 @@ class ZenohReader:
             self._saying.cancel()
             self._saying = None
         self._unsaid, self._is_asked = 0, False
-        while self._untaken and self._untaken[0][1] <= self._credit:
-            self._taken, gone = self._untaken.popleft()
-            self._credit -= gone
-        ack = records.write_pair(self._arrival.last, self._taken)
+        ack = records.write_pair(self._arrival.last, self._untaken.last_taken())
         self._session.put(self._ack_key, ack)

@@ -36,7 +36,12 @@ def tcp_sockets() -> Iterator[socket.socket]:
             descriptor = int(place.name)
             if not stat.S_ISSOCK(os.fstat(descriptor).st_mode):
                 continue
-            found = socket.socket(fileno=os.dup(descriptor))
+            copy = os.dup(descriptor)
+            try:
+                found = socket.socket(fileno=copy)
+            except OSError:  # the number is another file's by now
+                os.close(copy)
+                continue
             if found.type == socket.SOCK_STREAM and found.family in (socket.AF_INET, socket.AF_INET6):
                 yield found
             else:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_bridge.engine import Sample
-from bus_bridge.zenoh.arrival import HELD_BYTES, Arrival
+from bus_bridge.zenoh.arrival import HELD_BYTES, Arrival, Untaken
 from bus_bridge.zenoh.records import Content, Probe, Room
 
 
@@ -136,3 +136,24 @@ def test_whatever_zenoh_drops_everything_arrives_once_in_order(seed: int, total:
     while arrival.misses:
         ask()
     assert got == list(range(base + 1, base + total + 1))
+
+
+def test_a_part_is_taken_with_the_last_byte_of_its_messages() -> None:
+    untaken = Untaken()
+    for number, size in ((1, 10), (2, 5), (3, 7)):
+        untaken.add(number, size)
+    for size, last in ((9, 0), (1, 1), (6, 2), (6, 3)):
+        untaken.take(size)
+        assert untaken.last_taken() == last
+
+
+def test_parts_without_bytes_go_with_the_one_before_and_fill_nothing() -> None:
+    untaken = Untaken()
+    for number in range(1, 100):
+        untaken.add(number, 0)
+    assert (len(untaken), untaken.last_taken()) == (1, 99)
+    untaken.add(100, 3)
+    untaken.add(101, 0)
+    assert (len(untaken), untaken.last_taken()) == (1, 99)
+    untaken.take(3)
+    assert untaken.last_taken() == 101

@@ -1,11 +1,12 @@
 """TCP sockets of this process give up in time: all of them, and nothing else is touched."""
 
+import os
 import socket
 import struct
 
 import pytest
 
-from bus_bridge.zenoh.sockets import give_up_in_time
+from bus_bridge.zenoh.sockets import give_up_in_time, tcp_sockets
 from conftest import open_descriptors
 
 _LINGERS = struct.pack("ii", 1, 10)
@@ -43,3 +44,12 @@ def test_sockets_that_are_no_tcp_stay_as_they_are() -> None:
         assert lingers(one)
         one.sendall(b"still there")
         assert other.recv(100) == b"still there"
+
+
+def test_a_socket_whose_number_has_become_a_file_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = socket.socketpair()
+    with one, other:
+        monkeypatch.setattr(os, "dup", lambda _: os.memfd_create("no socket"))
+        before = open_descriptors()
+        assert list(tcp_sockets()) == []
+        assert open_descriptors() == before
