@@ -68,6 +68,26 @@ async def test_it_asks_for_the_graph_once(node: bus.Node, monkeypatch: pytest.Mo
     assert len(asked) == 1
 
 
+async def test_who_asks_again_after_a_silence_is_given_the_graph_though_another_watches_still(
+    node: bus.Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link: Any = node._link
+    request, silences = link.request, iter(range(1))
+
+    async def request_late(*what: Any) -> Any:
+        for _ in silences:
+            raise TimeoutError("busd says nothing")
+        return await request(*what)
+
+    monkeypatch.setattr(link, "request", request_late)
+    async with aclosing(node.watch_graph()) as first, aclosing(node.watch_graph()) as second:
+        waiting = asyncio.create_task(anext(second))
+        with pytest.raises(TimeoutError):
+            await anext(first)
+        async with aclosing(node.watch_graph()) as again:
+            assert same(await anext(again), await waiting)
+
+
 async def test_who_is_slow_gets_the_newest(node: bus.Node) -> None:
     async with aclosing(node.watch_graph()) as graphs:
         await anext(graphs)

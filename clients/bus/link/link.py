@@ -191,7 +191,7 @@ class Link:
     def observe(self, tell: Callable[[], None]) -> None:
         """Keep `graph_mirror` up to date, and call `tell` when that has changed, until `stop_observing`."""
         self._observers.append(tell)
-        if len(self._observers) == 1:
+        if len(self._observers) == 1 or self.graph_mirror.failure is not None:  # who asks again is answered
             self._mirror()
 
     def stop_observing(self, tell: Callable[[], None]) -> None:

@@ -1,5 +1,10 @@
 """What a publisher's way out keeps, and for how long."""
 
+from random import Random
+
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bus_bridge.engine import Sample
 from bus_bridge.zenoh.records import PART_BYTES, WHOLE_BYTES, Assembler, Part, Piece, Probe, Room, read_part
 from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, History, Window
@@ -130,6 +135,54 @@ def test_importers_are_asked_a_few_times_in_a_span() -> None:
 
 
 # --- history
+
+
+@given(st.integers(0, 10**9), st.booleans())
+def test_what_it_keeps_and_counts_is_what_some_importer_lacks(seed: int, lossless: bool) -> None:
+    chance = Random(seed)
+    window = Window(lossless=lossless)
+    parts: list[Part] = []
+    known: dict[str, list[int]] = {}
+    """Of each importer: where it joined, how far its bridge is, how far its bus is."""
+
+    def lacked(which: int) -> list[Part]:
+        return [one for one in parts if one.number > min(of[which] for of in known.values())] if known else []
+
+    def size(some: list[Part]) -> int:
+        return sum(len(one.payload) + 64 for one in some)
+
+    for _ in range(100):
+        who = chance.choice("abc")
+        match chance.choice(("add", "add", "add", "join", "leave", "hear", "hear", "find")):
+            case "add":
+                parts.append(Part(bytes(chance.choice((0, 1, 5000))), window.last + 1, b""))
+                window.add(parts[-1])
+                parts = parts if known else []
+            case "join" if who not in known:
+                window.join(who)
+                known[who] = [window.last] * 3
+            case "leave":
+                window.leave(who)
+                known.pop(who, None)
+            case "hear":
+                arrived, taken = (chance.randint(0, window.last + 3) for _ in range(2))
+                old = known.get(who, [0, 0, 0])
+                arrived = max(old[1], min(arrived, window.last))
+                taken = max(old[2], min(taken, arrived))
+                assert window.hear(who, arrived, taken) is (who in known and [arrived, taken] != old[1:])
+                if who in known:
+                    known[who] = [old[0], arrived, taken]
+            case "find":
+                after = chance.randint(0, window.last + 1)
+                kept = lacked(2 if lossless else 1)
+                wanted = (
+                    next((one for one in kept if one.number > max(after, known[who][0])), None)
+                    if who in known
+                    else None
+                )
+                assert window.find(who, after) == wanted
+        assert window.in_flight == size(lacked(2 if lossless else 1))
+        assert window._travelling == size(lacked(1))
 
 
 def read(history: History) -> list[int]:
