@@ -75,13 +75,17 @@ async def test_what_comes_after_the_end_is_not_taken_nor_written_to_a_file_that_
     source, bell = Source(inbox, taken.append, 1, lambda _: None), inbox._bell
     inbox.close()
     inbox.close()
-    other = os.eventfd(0, os.EFD_NONBLOCK)
+    assert bell is not None
+    others = [os.eventfd(0, os.EFD_NONBLOCK)]
+    while others[-1] < bell:
+        others.append(os.eventfd(0, os.EFD_NONBLOCK))
     try:
-        assert other == bell
+        assert others[-1] == bell
         source.push(1)
         await asyncio.sleep(0)
         assert not taken
         with pytest.raises(BlockingIOError):
-            os.eventfd_read(other)
+            os.eventfd_read(bell)
     finally:
-        os.close(other)
+        for one in others:
+            os.close(one)
