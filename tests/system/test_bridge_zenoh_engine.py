@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-import threading
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -237,27 +236,6 @@ async def test_endpoints_are_seen_as_they_are_and_go() -> None:
         assert (listening.state, listening.text, listening.address) == ("up", "listening", link.address)
         assert (came.state, came.bus) == ("up", "laptop") and came.address.startswith("tcp/127.0.0.1:")
     assert not laptop.far.warnings and not robot.far.warnings
-
-
-async def test_python_knows_a_thread_of_zenohs_as_long_as_it_lives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else it makes all that it knows of it anew for each message: mapped memory, too."""
-    known: list[int] = []
-
-    class Thread(threading.local):
-        stays = False
-
-        def __init__(self) -> None:
-            known.append(threading.get_native_id())
-
-    monkeypatch.setattr("bus_bridge.zenoh.session._thread", Thread())
-    async with pair() as (robot, laptop):
-        publisher, taken = Publisher(robot, RELIABLE), Taken()
-        read(laptop, await laptop.far.endpoint(), taken)
-        await publisher.wanted()
-        for number in range(1, 51):
-            await publisher.send(1)
-            await taken.until(number)
-    assert len(known) == len(set(known)) > 1
 
 
 @pytest.mark.parametrize(

@@ -415,5 +415,11 @@ def run_samples(
 def scan_packed(data: Buffer, start: int, limit: int, /) -> tuple[int, int, int, int, int, bool]:
     """What `bus_bridge.packed.scan` says."""
 
+def keep_thread() -> None:
+    """Keep Python's state of the calling thread, which Python has not made, until that ends.
+
+    Else Python makes it anew for each call from there, and maps memory for it.
+    """
+
 def forget_pins() -> None:
     """In the child of a fork: views that it inherited must not release the parent's pins."""

@@ -393,4 +393,7 @@ PyObject *reader_take_packed(PyObject *self, PyObject *const *args, Py_ssize_t c
 PyObject *writer_publish_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
 PyObject *core_scan_packed(PyObject *module, PyObject *const *args, Py_ssize_t count);
 
+/* py_threads.c */
+PyObject *core_keep_thread(PyObject *module, PyObject *unused);
+
 #endif

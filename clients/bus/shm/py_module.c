@@ -199,6 +199,7 @@ static PyMethodDef functions[] = {
     {"run_messages", (PyCFunction)(void (*)(void))core_run_messages, METH_FASTCALL, NULL},
     {"run_samples", (PyCFunction)(void (*)(void))core_run_samples, METH_FASTCALL, NULL},
     {"scan_packed", (PyCFunction)(void (*)(void))core_scan_packed, METH_FASTCALL, NULL},
+    {"keep_thread", core_keep_thread, METH_NOARGS, NULL},
     {"forget_pins", core_forget_pins, METH_NOARGS, NULL},
     {0},
 };

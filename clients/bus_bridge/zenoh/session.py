@@ -6,7 +6,6 @@ Only `put` and `reply` are called on the loop: with congestion control DROP they
 """
 
 import asyncio
-import ctypes
 import json
 import os
 import queue
@@ -21,6 +20,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
+from bus import shm
 from bus.transport.memory import keep_freed_memory
 from bus_bridge.engine import Priority
 from bus_bridge.errors import BridgeError
@@ -35,7 +35,6 @@ _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
 """What zenoh reads from its environment once. By default the thread to which the system says that something
 has come wakes one of two others to read it. This has it read by itself, where a link was accepted: Python
 could not run two at a time anyway."""
-_MOST_KEPT_THREADS = 16
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
 _OPEN_MS = 4000  # then begin anew: TCP asks less and less often, and the cable may be back meanwhile
@@ -338,9 +337,12 @@ class Session:
     def subscribe(self, key: str, push: Callable[[Any, bytes, bytes | None], None]) -> Declared:
         """`push` is called in zenoh's thread with each put's key (str() of it is one), payload and
         attachment."""
+        # Else Python makes its state of zenoh's thread anew for each part, which costs a seventh more in all.
+        keep_thread = shm.native.keep_thread if shm.has_core() else None
 
         def see(sample: Any) -> None:
-            _keep_thread()
+            if keep_thread is not None:
+                keep_thread()
             attachment = sample.attachment
             push(
                 sample.key_expr,
@@ -483,29 +485,6 @@ class Session:
     def _close(self) -> None:
         if self._zenoh is not None:
             self._zenoh.close()
-
-
-class _KnownThread(threading.local):
-    stays = False
-
-
-_thread = _KnownThread()
-_kept_threads = 0
-
-
-def _keep_thread() -> None:
-    """Have Python keep what it knows of the calling thread of zenoh's. Else it makes all of it anew for each
-    part, and maps memory for it, which costs a seventh more in all.
-
-    What is kept of a thread that ends stays until the process ends, some 20 KiB. zenoh's thread that reads is
-    there as long as that, however many links come and go; in case it is not, there is a bound.
-    """
-    global _kept_threads
-    if not _thread.stays:
-        _thread.stays = True
-        if _kept_threads < _MOST_KEPT_THREADS:
-            _kept_threads += 1
-            ctypes.pythonapi.PyGILState_Ensure()  # and no release: those of zenoh's own pairs leave one
 
 
 def _direct(callback: Callable[[Any], None]) -> Any:

@@ -1,0 +1,47 @@
+/* What Python keeps of a thread that it has not made, as those in which zenoh calls back for each message: a state,
+ * which is made anew for each call and goes when that returns, unless somebody holds it.
+ *
+ * Like py_run.c it has no segment, and is in this folder because the core is one compiled file.
+ */
+#include "py.h"
+
+#include <pthread.h>
+
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+static pthread_key_t kept; /* the state that is held in this thread */
+static int fault;
+
+/* The thread ends. Python no longer finds the state by its thread, so another one is made to clear it in. */
+static void let_go(void *value)
+{
+    PyThreadState *const state = value;
+    if (!Py_IsInitialized())
+        return; /* all states have gone */
+    const PyGILState_STATE before = PyGILState_Ensure();
+    PyThreadState_Clear(state);
+    PyGILState_Release(before);
+    PyThreadState_Delete(state);
+}
+
+static void make_key(void) { fault = pthread_key_create(&kept, let_go); }
+
+/* The state goes, as in a thread that Python has made after all: there is nothing left to let go of. */
+static void forget(PyObject *Py_UNUSED(capsule)) { pthread_setspecific(kept, NULL); }
+
+PyObject *core_keep_thread(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused))
+{
+    pthread_once(&once, make_key);
+    if (fault != 0 || pthread_getspecific(kept) != NULL)
+        Py_RETURN_NONE;
+    PyObject *const of_state = PyThreadState_GetDict(); /* borrowed; it goes with the state */
+    if (of_state == NULL)
+        Py_RETURN_NONE;
+    PyObject *const capsule = PyCapsule_New(&kept, NULL, forget);
+    const int status = capsule == NULL ? -1 : PyDict_SetItemString(of_state, "bus.shm._core.keep_thread", capsule);
+    Py_XDECREF(capsule);
+    if (status != 0)
+        return NULL;
+    if (pthread_setspecific(kept, PyThreadState_Get()) == 0)
+        (void)PyGILState_Ensure(); /* and no release: so the calls that follow find the state */
+    Py_RETURN_NONE;
+}
