@@ -155,13 +155,24 @@ class Peer:
             self._news.notify_all()
 
 
-def ros(distro: Distro, name: str, machine: Machine | None, *, namespace: str = "", domain: int = 0) -> Peer:
-    """A node of ROS 2's own rclpy, that looks for others on its machine only. Skips where there is none."""
+def ros(
+    distro: Distro,
+    name: str,
+    machine: Machine | None,
+    *,
+    namespace: str = "",
+    domain: int = 0,
+    reach: Literal["LOCALHOST", "SUBNET"] = "LOCALHOST",
+) -> Peer:
+    """A node of ROS 2's own rclpy, that looks for others on its machine only. Skips where there is none.
+
+    SUBNET is what ROS 2 does by default, and is for machines of a test: it calls on all networks.
+    """
     if reason := why_no_ros(distro):
         pytest.skip(reason)
     environ = {
         "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": reach,
         "ROS_LOG_DIR": tempfile.gettempdir(),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
         "PYTHONPATH": "",

@@ -12,6 +12,7 @@ import msgspec
 import pytest
 
 import bus
+import netns
 from bridged_world import Bridge, Side, World, on_one_loop, until
 from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.sensor_msgs import Image
@@ -117,6 +118,23 @@ async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro
         await answers(ros, "nodes", lambda found: found == ["/ros/ros_node"])
         bridge.end()
         await until(lambda: not side.names())
+
+
+@pytest.mark.parametrize("distro", DISTROS)
+@on_one_loop
+async def test_a_node_as_ros_starts_it_is_found_on_loopback_whenever_it_comes(
+    tmp_path: Path, forks: Forks, distro: peer.Distro
+) -> None:
+    """It is on the network of its machine, and calls there, but not on loopback."""
+    if netns.why_not():
+        pytest.skip(netns.why_not())
+    with World(tmp_path, forks, "robot", "laptop") as world:
+        world.lay("robot", "laptop")
+        side, _ = join(world)
+        for name in ("one", "again"):
+            with peer.ros(distro, name, side.machine, domain=world.domain, reach="SUBNET"):
+                await until(lambda name=name: f"/{name}" in side.names(), lambda: f"{side.names()}")
+            await until(lambda name=name: f"/{name}" not in side.names(), lambda: f"{side.names()} left")
 
 
 # --- messages

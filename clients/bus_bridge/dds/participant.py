@@ -26,6 +26,9 @@ _COMPATIBILITY: Final = (
 _PARTICIPANTS: Final = (
     "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
 )
+_CALLS: Final = "<SPDPInterval>2 s</SPDPInterval>"
+"""Nodes of ROS 2 don't call on loopback by default, and know of no `--peer` that is here: who starts after
+the bridge waits until it calls. Cyclone by itself calls seldom, and forgets who has not answered in 30 s."""
 _SETTINGS: Final = (
     "<Internal><SocketReceiveBufferSize min='default' max='4 MB'/>"
     "<Watermarks><WhcHigh>8 MB</WhcHigh><WhcHighInit>2 MB</WhcHighInit></Watermarks></Internal>"
@@ -44,10 +47,10 @@ def configuration(options: DdsOptions, user_uri: str = "") -> str:
     else:
         kind = "address" if is_address(options.interface) else "name"
         interface = f"<NetworkInterface {kind}='{options.interface}'/>"
-    listed = "".join(f"<Peer address='{peer}'/>" for peer in dict.fromkeys(peers))
+    listed = "".join(f"<Peer address='{peer}' PruneDelay='inf'/>" for peer in dict.fromkeys(peers))
     return (
         f"<CycloneDDS><Domain><General><Interfaces>{interface}</Interfaces></General>"
-        f"<Discovery><Peers>{listed}</Peers>{_PARTICIPANTS}</Discovery>"
+        f"<Discovery><Peers>{listed}</Peers>{_PARTICIPANTS}{_CALLS}</Discovery>"
         f"{_SETTINGS}</Domain></CycloneDDS>,<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>"
     )
 

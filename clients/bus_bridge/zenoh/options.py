@@ -115,10 +115,11 @@ def _check_files(options: ZenohOptions) -> None:
         except OSError as error:
             raise BridgeError(f"{flag} {name}: {error.strerror}") from None
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    try:
-        context.load_verify_locations(options.ca)
-    except (ssl.SSLError, OSError):
-        raise BridgeError(f"--ca {options.ca} has no certificate in PEM") from None
+    for flag, name in (("--ca", options.ca), ("--certificate", options.certificate)):
+        try:
+            context.load_verify_locations(name)
+        except (ssl.SSLError, OSError):
+            raise BridgeError(f"{flag} {name} has no certificate in PEM") from None
     try:
         context.load_cert_chain(options.certificate, options.key, password="")
     except (ssl.SSLError, OSError) as error:

@@ -95,7 +95,8 @@ def test_certificates_are_looked_at(tmp_path: Path) -> None:
     assert check(options(robot.ca, robot.certificate, robot.key)) == []
     for wrong, why in (
         (options(tmp_path / "none", robot.certificate, robot.key), "No such file"),
-        (options(robot.key, robot.certificate, robot.key), "has no certificate in PEM"),
+        (options(robot.key, robot.certificate, robot.key), "^--ca .* has no certificate in PEM"),
+        (options(robot.ca, robot.key, robot.key), "^--certificate .* has no certificate in PEM"),
         (options(robot.ca, robot.certificate, laptop.key), "does not belong to"),
         (options(robot.ca, robot.certificate, robot.ca), "is no private key"),
     ):
