@@ -1,5 +1,7 @@
 """bus.wire.framing: frames out of bytes, whatever the pieces, and what is refused."""
 
+import subprocess
+import sys
 from collections.abc import Iterable
 
 import pytest
@@ -178,6 +180,18 @@ class TestMemory:
             space[:count] = stream[at : at + count]
             list(frames.received(count))
             at += count
+
+    def test_as_garbage_it_says_nothing(self) -> None:
+        """Not in the development mode either, whose complaints Python 3.13 makes always."""
+        program = (
+            "import gc; from bus.wire.framing import FrameReader; "
+            "reader = FrameReader(max_control_bytes=9, max_data_bytes=9); reader.itself = reader; "
+            "del reader; gc.collect()"
+        )
+        done = subprocess.run(
+            [sys.executable, "-X", "dev", "-c", program], capture_output=True, text=True, check=True
+        )
+        assert done.stderr == ""
 
 
 class TestRefusals:
