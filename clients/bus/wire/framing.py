@@ -8,10 +8,10 @@ length that lies costs us no memory. The frames of one read are cut a few at a t
 The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
 
-from io import BytesIO
 from struct import Struct
 from typing import TypeAlias
 
+from bus.base.buffers import paged_buffer
 from bus.errors import RemoteProtocolError
 from bus.wire.layout import (
     CONTROL,
@@ -41,15 +41,6 @@ _pack_address = Struct("<II").pack_into  # endpoint and source, which stand behi
 _unpack_frame_head = FRAME_HEAD.unpack_from
 _unpack_data_head = DATA_HEAD.unpack_from
 
-
-class _Pages(BytesIO):
-    """They take memory only once something is read into them, which mostly are the first few. A bytearray
-    would fill all with zeros."""
-
-    def close(self) -> None:
-        """Nothing. Python calls it for garbage, and from 3.13 on complains where a view is still there."""
-
-
 Front: TypeAlias = tuple[int, int, int, int, int]
 """Of a data frame: endpoint, `source` or `only_for`, first number, samples, bytes of the whole frame."""
 
@@ -66,7 +57,7 @@ class FrameReader:
         self.max_control_bytes = max_control_bytes
         self.max_data_bytes = max_data_bytes
         self._is_broker = is_broker
-        self._view = _Pages(bytes(BUFFER_BYTES)).getbuffer()
+        self._view = paged_buffer(BUFFER_BYTES)
         self._end = 0  # bytes of a part of a frame at the start of the buffer
         self._start = self._stop = 0  # what is yet to be cut
         self._begin = 0  # of what was readdressed
