@@ -14,6 +14,7 @@ import pytest
 
 import bus
 from bus.base.version import RELEASE
+from bus.wire.layout import PROTOCOL_VERSION
 from rows import for_each
 
 ROOT = Path(__file__).parents[2]
@@ -40,6 +41,17 @@ def test_the_version_has_one_source() -> None:
     assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "bus.base.version.RELEASE"}
     assert bus.__version__ == RELEASE
     assert re.fullmatch(r"\d+\.\d+\.\d+", RELEASE)
+
+
+def test_the_changelog_begins_with_this_release() -> None:
+    headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    released = [heading for heading in headings if heading != "Unreleased"]
+    assert re.fullmatch(rf"{re.escape(RELEASE)} - \d{{4}}-\d\d-\d\d", released[0])
+
+
+def test_the_changelog_names_the_protocol() -> None:
+    newest = (ROOT / "CHANGELOG.md").read_text().partition(f"## {RELEASE} ")[2].partition("\n## ")[0]
+    assert f"Protocol version {PROTOCOL_VERSION}." in newest
 
 
 def test_the_licence_is_what_bus_pkg_create_writes() -> None:
