@@ -101,7 +101,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         '    print(f"{error.size_bytes} bytes, at most {error.limit_bytes}")\n'
         "```",
         (
-            *("BusError", "ConfigurationError", "CommandLineError", "ParameterError", "MessageTypeError"),
+            *("BusError", "ConfigurationError", "CommandLineError", "EnvironmentVariableError"),
+            *("ParameterError", "MessageTypeError"),
             *("PayloadTooLarge", "QuotaExceeded", "AccessDenied", "SharedMemoryError", "ConnectionClosed"),
             *("BrokerUnavailable", "ServiceError", "ServiceUnavailable", "ForkError", "ProtocolError"),
             *("LocalProtocolError", "RemoteProtocolError"),

@@ -2,7 +2,8 @@
 
     BusError
     ├── ConfigurationError (ValueError)   a bad name, QoS profile or configuration
-    │   └── CommandLineError              what stands after --ros-args can't be used
+    │   ├── CommandLineError              what stands after --ros-args can't be used
+    │   └── EnvironmentVariableError      BUSD_DOMAIN or the like can't be used
     ├── ParameterError (ValueError)       a parameter can't be declared, read or set so
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
@@ -33,6 +34,7 @@ __all__ = [
     "CommandLineError",
     "ConfigurationError",
     "ConnectionClosed",
+    "EnvironmentVariableError",
     "ForkError",
     "LocalProtocolError",
     "MessageTypeError",
@@ -80,7 +82,15 @@ class ConfigurationError(BusError, ValueError):
 class CommandLineError(ConfigurationError):
     """What stands after --ros-args can't be used: a mistake of whoever started the program.
 
-    Where nobody catches it, `bus.run` ends the program with its text alone.
+    If the program does not catch it, the program ends with its text in one line, without a traceback.
+    """
+
+
+class EnvironmentVariableError(ConfigurationError):
+    """A variable of the environment that chooses the bus can't be used: BUSD_DOMAIN, BUSD_SOCKET or
+    XDG_RUNTIME_DIR. A mistake of whoever started the program.
+
+    If the program does not catch it, the program ends with its text in one line, without a traceback.
     """
 
 

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from bus.errors import BrokerUnavailable, CommandLineError
+from bus.process.start_errors import START_ERRORS, text_of
 from bus.process.termination import Terminated, say_nothing_of_signals
 
 T = TypeVar("T")
@@ -31,8 +31,8 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     a shell to see, and no traceback is printed. The result of a `main` that catches its cancellation is
     returned. All this in the main thread only, and where the program has no handlers of its own.
 
-    Where no busd answers and none may be started, or the command line can't be used, the program ends with
-    one line that says so.
+    If no busd answers and none may be started, or the command line or a variable as BUSD_DOMAIN can't be
+    used, the program ends with one line that says so.
 
     Raises TypeError for what is no coroutine, RuntimeError where an event loop runs already.
 
@@ -73,8 +73,8 @@ def run(main: Coroutine[Any, Any, T]) -> T:
             raise
         say_nothing_of_signals()
         raise Terminated from None
-    except (BrokerUnavailable, CommandLineError) as error:
-        sys.exit(f"{type(error).__name__}: {error}")
+    except START_ERRORS as error:
+        sys.exit(text_of(error))
     finally:
         if not is_frozen:
             gc.unfreeze()  # else Python would not find files that were left open, to write what they hold

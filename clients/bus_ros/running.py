@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
-from bus.errors import BrokerUnavailable
+from bus.process.start_errors import START_ERRORS, text_of
 from bus.process.termination import die_at_interrupt, heed_interrupts, is_dying
 
 __all__ = [
@@ -190,8 +190,8 @@ def _run(body: Callable[[], Any], *, of_package: bool = False) -> NoReturn:
         die_at_interrupt()
         raise
     except BaseException as error:
-        if isinstance(error, BrokerUnavailable):
-            print(f"{type(error).__name__}: {error}", file=sys.stderr)  # as bus.run does
+        if isinstance(error, START_ERRORS):
+            print(text_of(error), file=sys.stderr)  # as bus.run does
         else:
             _show(error)
         code = 1

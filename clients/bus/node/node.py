@@ -28,6 +28,7 @@ from bus.parameters.host import ParameterHost
 from bus.parameters.served import ServedParameters
 from bus.process.address import socket_name
 from bus.process.ros_args import Arguments
+from bus.process.start_errors import shown_in_one_line
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile, rosout_default
 from bus.schema import MessageSchema, support_of
@@ -56,6 +57,13 @@ def _say_why_slow() -> None:
         _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)
 
 
+def _parse(arguments: Sequence[str]) -> Arguments:
+    try:
+        return Arguments.parse(arguments)
+    except ConfigurationError as error:
+        raise CommandLineError(str(error)) from None
+
+
 class Node(ParameterHost, GraphHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
@@ -67,7 +75,8 @@ class Node(ParameterHost, GraphHost):
     An exception in a callback or timer cancels the body of the `async with`, which then raises it.
 
     Raises ConfigurationError for a name that breaks the rules, CommandLineError for `arguments` that can't be
-    used; on entering, BrokerUnavailable.
+    used, EnvironmentVariableError for BUSD_DOMAIN and the like; on entering, BrokerUnavailable. A program
+    that does not catch one of the last three ends with one line.
 
     `origin` is for bridges: the node stands for one of another bus.
 
@@ -87,20 +96,21 @@ class Node(ParameterHost, GraphHost):
         origin: Origin | None = None,
     ) -> None:
         names.validate_node_name(name)
-        try:
-            self._arguments = Arguments.parse(sys.argv[1:] if arguments is None else arguments)
-        except ConfigurationError as error:
-            raise CommandLineError(str(error)) from None
+        with shown_in_one_line:
+            self._arguments = _parse(sys.argv[1:] if arguments is None else arguments)
+            self._path = socket_name(socket, domain)
         self.name: str = self._arguments.node_name(name)
         """Its own name, without the namespace, after remapping."""
         self.namespace: str = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
         """With a slash in front; `/` where it has none."""
         self._origin = origin
         self._id = 0
-        self._path = socket_name(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
-        self._served = ServedParameters(self, self._arguments.parameters if self._takes_parameters else ())
+        with shown_in_one_line:
+            self._served = ServedParameters(
+                self, self._arguments.parameters if self._takes_parameters else ()
+            )
         self._link: Link | None = None
         self._context: NodeContext  # since it was opened
         self._endpoints = NodeEndpoints(self)
@@ -136,6 +146,10 @@ class Node(ParameterHost, GraphHost):
             from bus.process.mistakes import no_loop
 
             raise no_loop()
+        with shown_in_one_line:
+            await self._open()
+
+    async def _open(self) -> None:
         self._link = await Link.acquire(self._path)
         self._context = NodeContext(self._link, self.full_name, self._logger, self._fail)
         if self._link.shm_context is None and not names.is_hidden_node(self.name):

@@ -11,6 +11,7 @@ from bus.base.callbacks import is_async
 from bus.errors import CommandLineError, ConfigurationError, ParameterError
 from bus.parameters.store import Change, Declared, Outcome, ParameterStore
 from bus.parameters.values import SEPARATOR, UNDECLARED, ParameterType, Range, Rules
+from bus.process.start_errors import shown_in_one_line
 
 __all__ = ["Description", "OnSet", "Parameter", "ParameterSet", "PostSet", "PreSet", "Values"]
 
@@ -113,7 +114,8 @@ class ParameterSet:
             reason = outcome.reason
             if wanted is ParameterType.DOUBLE and one.type_ is ParameterType.INTEGER:
                 reason += f"; write {float(one.value)}"
-            raise self._refused([one], reason, is_outside=is_outside)
+            with shown_in_one_line:
+                raise self._refused([one], reason, is_outside=is_outside)
         self._provided.discard(name)
         return _copy(one.value)
 

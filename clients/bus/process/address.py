@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from bus.errors import ConfigurationError
+from bus.errors import ConfigurationError, EnvironmentVariableError
 
 if TYPE_CHECKING:  # it takes a while to import, and a program that only uses the bus needs none of it
     from pathlib import Path
@@ -45,21 +45,20 @@ def socket_name(
     That one is $XDG_RUNTIME_DIR/busd/<domain>.sock, or /tmp/busd-<uid>/<domain>.sock where that variable is
     not set. `uid` defaults to this process's user. An empty variable counts as not set.
 
-    Raises ConfigurationError for a path that is too long for a socket, and for a domain out of range.
+    Raises ConfigurationError for a path that is too long for a socket, and for a domain out of range; if
+    a variable says so, EnvironmentVariableError.
     """
-    chosen = socket if socket is not None else environ.get("BUSD_SOCKET") or None
-    if chosen is not None:
-        name = os.fspath(chosen)
-        if not name.startswith("/"):
-            name = f"{os.getcwd()}/{name}"  # noqa: PTH109
-        return _checked(_normal(name))
+    if socket is not None:
+        return _checked(_absolute(os.fspath(socket)), ConfigurationError)
+    if chosen := environ.get("BUSD_SOCKET"):
+        return _checked(_absolute(chosen), EnvironmentVariableError)
     runtime = environ.get("XDG_RUNTIME_DIR", "")
     # The XDG specification: a relative path is invalid and to be ignored.
     if runtime.startswith("/"):
         folder = _normal(f"{runtime}/busd")
     else:
         folder = f"/tmp/busd-{os.getuid() if uid is None else uid}"
-    return _checked(f"{folder}/{domain_id(domain, environ=environ)}.sock")
+    return _checked(f"{folder}/{domain_id(domain, environ=environ)}.sock", EnvironmentVariableError)
 
 
 def is_default_folder(
@@ -76,7 +75,7 @@ def is_default_folder(
 def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.environ) -> int:
     """The domain, which keeps apart the systems of one host: `domain`, else $BUSD_DOMAIN, else 0.
 
-    Raises ConfigurationError where it is not from 0 to 65535.
+    Raises ConfigurationError if it is not from 0 to 65535; for the variable, EnvironmentVariableError.
     """
     if domain is not None:
         if isinstance(domain, bool) or not isinstance(domain, int) or not 0 <= domain <= MAX_DOMAIN:
@@ -88,7 +87,7 @@ def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.envi
     # The length keeps int() from the numbers that it refuses for their size.
     number = int(text) if text.isascii() and text.isdigit() and len(text) <= 16 else -1
     if not 0 <= number <= MAX_DOMAIN:
-        raise ConfigurationError(f"BUSD_DOMAIN must be an integer from 0 to {MAX_DOMAIN}, not '{text}'")
+        raise EnvironmentVariableError(f"BUSD_DOMAIN must be an integer from 0 to {MAX_DOMAIN}, not '{text}'")
     return number
 
 
@@ -98,12 +97,16 @@ def _normal(path: str) -> str:
     return root + "/".join(part for part in path.split("/") if part not in ("", "."))
 
 
-def _checked(path: str) -> str:
+def _absolute(name: str) -> str:
+    return _normal(name if name.startswith("/") else f"{os.getcwd()}/{name}")  # noqa: PTH109
+
+
+def _checked(path: str, error: type[ConfigurationError]) -> str:
     encoded = os.fsencode(path)
     if b"\0" in encoded:
-        raise ConfigurationError(f"the path of busd's socket must not contain a NUL byte: {path!r}")
+        raise error(f"the path of busd's socket must not contain a NUL byte: {path!r}")
     if len(encoded) > MAX_PATH_BYTES:
-        raise ConfigurationError(
+        raise error(
             f"the path of busd's socket has {len(encoded)} bytes, but a socket's path may have at most "
             f"{MAX_PATH_BYTES}: '{path}'; choose a shorter one with --socket or BUSD_SOCKET"
         )
