@@ -12,18 +12,19 @@ from importlib.util import find_spec
 from benchmarks import ros
 from benchmarks.harness import Child, Group
 from benchmarks.systems import BUS, CYCLONE, ZENOH, Speed
+from bus.base.optional import how_to_install
 
-ENGINES = {"zenoh": ("zenoh", "busd[zenoh]"), "ros2": ("cyclonedds", "busd[ros2]")}
-"""The package that each engine needs, and what brings it."""
+ENGINES = {"zenoh": ("zenoh", "eclipse-zenoh"), "ros2": ("cyclonedds", "cyclonedds")}
+"""By engine: the module that it needs and the distribution that has it."""
 FAR = "far"
 """The name of the second bus: its socket is far.sock."""
 
 
 def missing(engine: str) -> str:
     """Why a bridge can't be measured here; empty where it can."""
-    package, extra = ENGINES[engine]
-    if find_spec(package) is None:
-        return f"{package} is not installed: pip install '{extra}'"
+    module, distribution = ENGINES[engine]
+    if find_spec(module) is None:
+        return f"{module} is not installed: {how_to_install(distribution)}"
     return BUS.missing()
 
 

@@ -5,6 +5,8 @@ import sys
 from importlib.util import find_spec
 from typing import NamedTuple
 
+from bus.base.optional import how_to_install
+
 __all__ = ["EXTRAS", "Extra", "why_missing"]
 
 _MACHINE = "x86_64"
@@ -16,15 +18,13 @@ class Extra(NamedTuple):
 
     module: str
     distribution: str
-    name: str
-    """As in `pip install 'busd[name]'`."""
     is_limited: bool = False
     """Whether there are wheels of it for Linux on x86_64 only, and up to Python 3.13."""
 
 
 EXTRAS = {
-    "zenoh": Extra("zenoh", "eclipse-zenoh", "zenoh"),
-    "ros2": Extra("cyclonedds", "cyclonedds", "ros2", is_limited=True),
+    "zenoh": Extra("zenoh", "eclipse-zenoh"),
+    "ros2": Extra("cyclonedds", "cyclonedds", is_limited=True),
 }
 """By the name of the engine."""
 
@@ -44,4 +44,4 @@ def why_missing(engine: str, machine: str | None = None, python: tuple[int, int]
     if extra.is_limited and python >= _FIRST_WITHOUT:
         here = ".".join(map(str, python))
         return f"{what}, of which there is no package for Python {here} yet: use 3.13 or older"
-    return f"{what}: pip install 'busd[{extra.name}]'"
+    return f"{what}: {how_to_install(extra.distribution)}"

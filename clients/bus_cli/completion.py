@@ -4,6 +4,7 @@ from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from bus.base.optional import how_to_install
 from bus_cli.output import CommandError, say
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def main(args: Namespace) -> int:
     try:
         from argcomplete import shellcode  # type: ignore[attr-defined,unused-ignore]
     except ImportError:
-        raise CommandError("completion needs argcomplete: pip install 'busd[cli]'") from None
+        raise CommandError(f"completion needs argcomplete: {how_to_install('argcomplete')}") from None
     # argcomplete's code is for both; it looks which shell runs it.
     say(shellcode(["bus"], shell=args.shell).rstrip())
     return 0

@@ -5,6 +5,7 @@ import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import TYPE_CHECKING
 
+from bus.base.optional import how_to_install
 from bus.process.address import socket_path
 from bus_cli.output import CommandError, complain, print_json, say
 from bus_cli.stream import open_node, run_stream
@@ -13,10 +14,10 @@ from bus_web.place import DEFAULT, parse_place
 if TYPE_CHECKING:
     from bus_web.entrance import Addresses
 
-_EPILOG = """\
+_EPILOG = f"""\
 Served on loopback or a unix socket only, to whoever has the token of the address that is printed; nobody who
 looks can publish, call or set anything without the options that allow it. See docs/look.md.
-Needs websockets: pip install 'busd[web]'
+Needs websockets: {how_to_install("websockets")}
 """
 
 
@@ -50,7 +51,7 @@ def main(args: Namespace) -> int:
     try:
         import websockets  # noqa: F401
     except ImportError as error:
-        raise CommandError(f"the page needs websockets ({error}): pip install 'busd[web]'") from None
+        raise CommandError(f"the page needs websockets ({error}): {how_to_install('websockets')}") from None
     from bus_web.listening import ListenError
 
     try:

@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import Any
 
+from bus.base.optional import how_to_install
+
 __all__ = ["extra"]
 
 _PACKAGES = {"cv2": ("OpenCV", "opencv-python-headless"), "numpy": ("NumPy", "numpy")}
@@ -16,4 +18,4 @@ def extra(module: str, who: str) -> Any:
         if error.name != module:
             raise
         title, package = _PACKAGES[module]
-        raise ModuleNotFoundError(f"{who} needs {title}: pip install {package}", name=module) from None
+        raise ModuleNotFoundError(f"{who} needs {title}: {how_to_install(package)}", name=module) from None

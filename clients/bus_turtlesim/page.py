@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import json
 
+from bus.base.optional import how_to_install
 from bus_turtlesim.canvas import Canvas, Colour, Square
 from bus_turtlesim.frames import Frames, Pictures, Seen, message
 from bus_turtlesim.world import World
@@ -83,7 +84,7 @@ class Page:
         try:
             from bus_web.server import Server
         except ImportError as error:
-            self._failure = NoPage(f"the page needs websockets ({error}): pip install 'busd[web]'")
+            self._failure = NoPage(f"the page needs websockets ({error}): {how_to_install('websockets')}")
             return
         try:
             with listening(place) as (listener, here):

@@ -67,7 +67,7 @@ def main() -> int:
         return max(map(_merge, wanted))
     ready = _ready(wanted)
     if not ready:
-        print("nothing could be run: it takes atheris (pip install 'busd[fuzz]') or clang with libFuzzer")
+        print("nothing could be run: it takes atheris (pip install -e '.[fuzz]') or clang with libFuzzer")
         return 1
     return _fuzz(ready, args.seconds)
 
@@ -88,7 +88,7 @@ def _ready(wanted: list[str]) -> list[str]:
     has_atheris = find_spec("atheris") is not None
     ready = [name for name in wanted if _program(name) or (has_atheris and name in TARGETS)]
     if out := [name for name in wanted if name not in ready]:
-        why = "" if has_atheris else " (atheris is not there: pip install 'busd[fuzz]')"
+        why = "" if has_atheris else " (atheris is not there: pip install -e '.[fuzz]')"
         print(f"left out{why}: {', '.join(out)}")
     return ready
 

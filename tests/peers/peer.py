@@ -184,7 +184,7 @@ def ros(
 def cyclone(machine: Machine | None, *, domain: int = 0) -> Peer:
     """A participant of cyclonedds alone, on loopback."""
     if importlib.util.find_spec("cyclonedds") is None:
-        pytest.skip("cyclonedds is not installed: pip install 'busd[ros2]'")
+        pytest.skip("cyclonedds is not installed: make setup installs it")
     environ = {"CYCLONEDDS_URI": _LOOPBACK_ONLY}
     return Peer((sys.executable, str(PROGRAMS / "cyclone.py"), str(domain)), environ, machine)
 
@@ -192,5 +192,5 @@ def cyclone(machine: Machine | None, *, domain: int = 0) -> Peer:
 def zenoh(machine: Machine | None, way: Literal["listen", "connect"], endpoint: str) -> Peer:
     """A session of zenoh alone."""
     if importlib.util.find_spec("zenoh") is None:
-        pytest.skip("eclipse-zenoh is not installed: pip install 'busd[zenoh]'")
+        pytest.skip("eclipse-zenoh is not installed: make setup installs it")
     return Peer((sys.executable, str(PROGRAMS / "zenoh_alone.py"), way, endpoint), None, machine)

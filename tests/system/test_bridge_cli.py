@@ -230,7 +230,11 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("engine", "module", "said"),
         [
-            ("zenoh", "zenoh", "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'\n"),
+            (
+                "zenoh",
+                "zenoh",
+                "a bridge to zenoh needs eclipse-zenoh: pip install 'eclipse-zenoh>=1.10,<2'\n",
+            ),
             ("ros2", "cyclonedds", "a bridge to ros2 needs cyclonedds"),
         ],
     )

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import pytest
 
-pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
 from cyclonedds.core import Policy, Qos
 from cyclonedds.idl import make_idl_struct

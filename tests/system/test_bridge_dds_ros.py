@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
 from bus.msg.geometry_msgs import Twist
 from bus.msg.sensor_msgs import Image

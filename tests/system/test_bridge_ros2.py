@@ -22,7 +22,7 @@ from forks import Forks
 from peers import peer
 from peers.peer import Peer
 
-pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
 LATCHED = bus.QoSProfile(1, durability="transient_local")
 _LATCHED = {"durability": "transient_local", "depth": 1}

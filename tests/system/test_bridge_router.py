@@ -14,7 +14,7 @@ from bus_bridge.zenoh.options import parse_address
 from certificates import make_certificates
 from forks import Forks
 
-pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: make setup installs it")
 
 SIDES = ("robot", "laptop")
 ROUTER = """

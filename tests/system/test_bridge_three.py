@@ -13,7 +13,7 @@ from bridged_world import Stream, World, on_one_loop, until
 from bus.msg.std_msgs import String
 from forks import Forks
 
-pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: make setup installs it")
 pytestmark = pytest.mark.nightly
 
 NAMES = ("hub", "left", "right")

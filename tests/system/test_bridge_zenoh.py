@@ -17,7 +17,7 @@ from certificates import make_certificates
 from conftest import WAIT_S
 from forks import Forks
 
-pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: make setup installs it")
 
 KEEP_ALL = bus.QoSProfile(history="keep_all")
 LATCHED = bus.QoSProfile(1, durability="transient_local")

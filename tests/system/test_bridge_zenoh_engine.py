@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("zenoh", reason="needs the extra zenoh: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("zenoh", reason="needs the extra zenoh: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
 import netns
 from conftest import WAIT_S

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import pytest
 
-pytest.importorskip("zenoh", reason="needs the extra zenoh: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
 from bus import shm
 from bus_bridge.zenoh.options import ZenohOptions

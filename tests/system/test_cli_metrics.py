@@ -170,7 +170,7 @@ def test_without_prometheus_client(socket_path: Path) -> None:
     )
     assert done.returncode == 1
     assert re.fullmatch(
-        r"metrics need prometheus-client \(.*\): pip install 'busd\[metrics\]'\n", done.stderr
+        r"metrics need prometheus-client \(.*\): pip install 'prometheus-client>=0.20'\n", done.stderr
     )
 
 

@@ -473,7 +473,7 @@ def test_without_textual(daemon: Daemon) -> None:
         "-c", f"{hide}sys.argv = ['bus', 'top']; from bus_cli.main import main; main()"
     ) as shown:
         shown.read_until(
-            r"bus top needs textual \(.*\): pip install 'busd\[top\]'; --once and --json do without\r\n"
+            r"bus top needs textual \(.*\): pip install 'textual>=3'; --once and --json work without it\r\n"
         )
         assert shown.wait() == 1
 

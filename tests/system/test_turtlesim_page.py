@@ -176,5 +176,5 @@ async def test_without_websockets_it_runs_without_a_page(tmp_path: Path) -> None
     hide = "import sys; sys.modules['websockets'] = None; sys.argv = ['turtlesim_node']; "
     program = f"{hide}from bus_turtlesim.turtlesim_node import main; main()"
     async with running(tmp_path, "-c", program) as blind:
-        await blind.line(r"^no page: the page needs websockets \(.*\): pip install 'busd\[web\]'$")
+        await blind.line(r"^no page: the page needs websockets \(.*\): pip install 'websockets>=15'$")
         await blind.line(r"Spawning turtle \[turtle1\]")

@@ -477,7 +477,7 @@ def test_without_websockets(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     result = bus("web", is_fresh=True)
     assert (result.code, result.out) == (1, "")
-    assert result.err.endswith("pip install 'busd[web]'\n")
+    assert result.err.endswith("pip install 'websockets>=15'\n")
 
 
 REASON = "\x1b[2J[red]<b>\u202e"

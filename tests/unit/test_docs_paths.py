@@ -28,6 +28,8 @@ TYPE = re.compile(r"\w+/(?:(?:msg|srv|action)/)?[A-Z]\w*")
 
 OF_USERS = {"CMakeLists.txt", "busd.toml", "metadata.yaml", "package.xml", "resource/", "setup.cfg"}
 """Files and folders that users have, not this tree."""
+MADE = {".fuzz/", "dist/"}
+"""By targets of make."""
 NO_PATHS = {
     "docs/bag.md": {"events/write_split"},
     "docs/bridge.md": {"quic/", "tcp/", "tls/"},
@@ -38,10 +40,9 @@ NO_PATHS = {
     },
     "docs/look.md": {"b/s", "lost/s"},
     "docs/protocol.md": {"talker.py"},
-    "docs/reliability.md": {".fuzz/"},
     "docs/running.md": {"lib/PKG/EXE", "test/"},
 }
-"""By page: names of topics and services, kinds of addresses, units, and files of the reader's or of a run."""
+"""By page: names of topics and services, kinds of addresses, units, and files of the reader's."""
 
 
 def wrong_paths(page: str, text: str) -> list[str]:
@@ -53,7 +54,7 @@ def wrong_paths(page: str, text: str) -> list[str]:
     """
     here = ROOT / page
     fences = FENCE.findall(text)
-    of_users = OF_USERS | NO_PATHS.get(page, set()) | {name for name, _ in fences}
+    of_users = OF_USERS | MADE | NO_PATHS.get(page, set()) | {name for name, _ in fences}
     in_fences = "".join(block for _, block in fences)
     prose = FENCE.sub("", text)
     lost = [target for target in LINK.findall(prose) if not _leads(target, [here.parent])]

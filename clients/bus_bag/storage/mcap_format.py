@@ -7,6 +7,7 @@ import struct
 from importlib import import_module
 from typing import Any
 
+from bus.base.optional import how_to_install
 from bus_bag.errors import BagError
 
 __all__ = [
@@ -58,9 +59,8 @@ def package(module: str = "mcap.records") -> Any:
     except ModuleNotFoundError as error:
         if error.name not in (module, module.partition(".")[0]):
             raise
-        raise BagError(
-            f"bags need the package {error.name.partition('.')[0]}: pip install 'busd[bag]'"
-        ) from None
+        missing = error.name.partition(".")[0]
+        raise BagError(f"bags need the package {missing}: {how_to_install('mcap')}") from None
 
 
 def encode(*records: Any) -> bytes:

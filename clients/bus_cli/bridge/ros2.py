@@ -2,11 +2,13 @@
 
 from argparse import ArgumentParser, Namespace
 
+from bus.base.optional import how_to_install
 from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
 
-_EPILOG = """\
+_EPILOG = f"""\
 Topics cross; services, actions and parameters don't. DDS protects nothing: choose an --interface whose
-network you trust. Needs cyclonedds: pip install 'busd[ros2]'. See docs/bridge.md
+network you trust. Needs cyclonedds: {how_to_install("cyclonedds")}
+See docs/bridge.md
 """
 
 

@@ -2,12 +2,14 @@
 
 from argparse import ArgumentParser, Namespace
 
+from bus.base.optional import how_to_install
 from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
 
-_EPILOG = """\
+_EPILOG = f"""\
 ADDRESS is tls/HOST:PORT, quic/HOST:PORT or tcp/HOST:PORT. One that other machines can reach needs tls/ or
-quic/ with certificates on both sides, or --insecure. Needs eclipse-zenoh: pip install 'busd[zenoh]'. See
-docs/bridge.md
+quic/ with certificates on both sides, or --insecure.
+Needs eclipse-zenoh: {how_to_install("eclipse-zenoh")}
+See docs/bridge.md
 """
 
 

@@ -7,6 +7,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
+from bus.base.optional import how_to_install
 from bus.process.address import socket_path
 from bus.process.termination import die_at_interrupt
 from bus_cli.metrics.view import View, look
@@ -23,9 +24,9 @@ _MOST_ROWS = 2000
 _LOOK_S = 3600.0
 """How often the server looks whether to end. It never has to: a signal ends it at once."""
 
-_EPILOG = """\
+_EPILOG = f"""\
 PLACE is on loopback, which every user of this machine can read. The metrics are listed in docs/operation.md.
-Needs prometheus-client: pip install 'busd[metrics]'
+Needs prometheus-client: {how_to_install("prometheus-client")}
 """
 
 
@@ -83,7 +84,8 @@ def _registry(args: Namespace) -> "CollectorRegistry":
 
         from bus_cli.metrics.families import BusCollector
     except ImportError as error:
-        raise CommandError(f"metrics need prometheus-client ({error}): pip install 'busd[metrics]'") from None
+        advice = how_to_install("prometheus-client")
+        raise CommandError(f"metrics need prometheus-client ({error}): {advice}") from None
     path = socket_path(args.socket, args.domain)
     last_reason = ""
 

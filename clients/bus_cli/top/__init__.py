@@ -4,15 +4,17 @@ import os
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 
+from bus.base.optional import how_to_install
 from bus.process.address import socket_path
 from bus_cli.completion import completed_by
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.stream import positive
 from bus_cli.top.columns import SORT_KEYS
 
-_EPILOG = """\
+_EPILOG = f"""\
 Keys: s next column to sort by, r reverse, / filter, h hidden ones, n by node, Enter live values, space pause,
-? help, q quit. --once and --json need no terminal; the rest needs textual: pip install 'busd[top]'
+? help, q quit. --once and --json need no terminal; the rest needs textual:
+{how_to_install("textual")}
 """
 
 
@@ -52,8 +54,9 @@ def main(args: Namespace) -> int:
     try:
         from bus_cli.top.screen import run
     except ImportError as error:
+        advice = how_to_install("textual")
         raise CommandError(
-            f"bus top needs textual ({error}): pip install 'busd[top]'; --once and --json do without"
+            f"bus top needs textual ({error}): {advice}; --once and --json work without it"
         ) from None
     return run(args)
 

@@ -80,8 +80,8 @@ def test_the_goals() -> None:
 
 def test_without_the_engines_there_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bridged, "find_spec", lambda name: None)
-    assert BY_ZENOH.missing() == "zenoh is not installed: pip install 'busd[zenoh]'"
-    assert TO_DDS.missing() == "cyclonedds is not installed: pip install 'busd[ros2]'"
+    assert BY_ZENOH.missing() == "zenoh is not installed: pip install 'eclipse-zenoh>=1.10,<2'"
+    assert TO_DDS.missing() == "cyclonedds is not installed: pip install 'cyclonedds>=11.0.1'"
     monkeypatch.setattr("benchmarks.systems.find_spec", lambda name: None)
     monkeypatch.setattr("benchmarks.systems.shm.why_not", lambda: "no shared memory")
     section = bridge.run(Plan(quick=True, repetitions=1))

@@ -16,9 +16,19 @@ def nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
 @for_each(
     ("engine", "machine", "python", "said"),
     [
-        ("zenoh", X86, (3, 11), "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'"),
-        ("zenoh", ARM, (3, 14), "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'"),
-        ("ros2", X86, (3, 13), "a bridge to ros2 needs cyclonedds: pip install 'busd[ros2]'"),
+        (
+            "zenoh",
+            X86,
+            (3, 11),
+            "a bridge to zenoh needs eclipse-zenoh: pip install 'eclipse-zenoh>=1.10,<2'",
+        ),
+        (
+            "zenoh",
+            ARM,
+            (3, 14),
+            "a bridge to zenoh needs eclipse-zenoh: pip install 'eclipse-zenoh>=1.10,<2'",
+        ),
+        ("ros2", X86, (3, 13), "a bridge to ros2 needs cyclonedds: pip install 'cyclonedds>=11.0.1'"),
         (
             "ros2",
             ARM,

@@ -173,7 +173,7 @@ def test_the_package_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     for name in [name for name in sys.modules if name.partition(".")[0] == "mcap"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "path", [path for path in sys.path if "site-packages" not in path])
-    text = r"^bags need the package mcap: pip install 'busd\[bag\]'$"
+    text = r"^bags need the package mcap: pip install 'mcap>=1.3,<2'$"
     with pytest.raises(BagError, match=text):
         open_bag(folder)
     with pytest.raises(BagError, match=text):

@@ -9,7 +9,7 @@ from bus.types.definitions import names
 from bus_ros.cdr import codec_of, schema_of_definition
 from rows import for_each
 
-idl = pytest.importorskip("cyclonedds.idl", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+idl = pytest.importorskip("cyclonedds.idl", reason="cyclonedds is not installed: make setup installs it")
 
 from bus_bridge.dds.idl import idl_type  # noqa: E402
 

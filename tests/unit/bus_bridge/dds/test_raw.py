@@ -4,7 +4,7 @@ import inspect
 
 import pytest
 
-pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: pip install 'busd[ros2]'")
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed: make setup installs it")
 
 from cyclonedds import _clayer
 from cyclonedds.core import Entity

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-pytest.importorskip("zenoh", reason="needs the extra zenoh: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions

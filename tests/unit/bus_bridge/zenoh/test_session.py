@@ -8,7 +8,7 @@ from threading import Thread
 
 import pytest
 
-pytest.importorskip("zenoh", reason="needs the extra zenoh: pip install 'busd[zenoh]'")
+pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
 from bus_bridge.zenoh.session import Source, _Inbox
 from conftest import WAIT_S

@@ -57,14 +57,14 @@ def test_what_is_missing_is_no_fault_where_nobody_wants_it(installed: set[str], 
     file.write_text("log_level = 'info'")
     found = [*bridges.examine(file)]
     assert [one.mark for one in found] == ["ok", "ok"]
-    assert found[0].text == "a bridge to zenoh needs eclipse-zenoh: pip install 'busd[zenoh]'"
+    assert found[0].text == "a bridge to zenoh needs eclipse-zenoh: pip install 'eclipse-zenoh>=1.10,<2'"
 
 
 def test_what_is_missing_and_stands_in_the_file(installed: set[str], file: Path) -> None:
     installed.clear()
     file.write_text("[bridge.zenoh]\nlisten = 'tcp/127.0.0.1:7447'")
     assert next(bridges.examine(file)) == Finding(
-        "warn", "bridges", "a bridge to zenoh needs eclipse-zenoh", "pip install 'busd[zenoh]'"
+        "warn", "bridges", "a bridge to zenoh needs eclipse-zenoh", "pip install 'eclipse-zenoh>=1.10,<2'"
     )
 
 

@@ -119,7 +119,7 @@ def test_conversions_that_need_opencv(target: str) -> None:
     with pytest.raises(ModuleNotFoundError) as caught:
         BRIDGE.imgmsg_to_cv2(BRIDGE.cv2_to_imgmsg(colors(), "bgr8"), target)
     assert str(caught.value) == (
-        "cv_bridge from BGR to GRAY needs OpenCV: pip install opencv-python-headless"
+        "cv_bridge from BGR to GRAY needs OpenCV: pip install 'opencv-python-headless>=4.8'"
     )
     with pytest.raises(ModuleNotFoundError, match="compressed images needs OpenCV"):
         BRIDGE.cv2_to_compressed_imgmsg(colors())

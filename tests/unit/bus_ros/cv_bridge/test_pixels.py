@@ -9,7 +9,7 @@ from bus_ros.cv_bridge.encodings import Color, Depth, steps
 from rows import for_each
 
 np = pytest.importorskip("numpy")
-cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install opencv-python-headless")
+cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: make test-nightly installs it")
 BRIDGE = CvBridge()
 PLAIN = ("mono8", "rgb8", "bgr8", "rgba8", "bgra8", "mono16", "rgb16", "bgra16")
 PACKED = ("uyvy", "yuv422", "yuyv", "yuv422_yuy2")

@@ -181,7 +181,7 @@ def test_without_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "numpy", None)
     with pytest.raises(ModuleNotFoundError) as caught:
         read_points(cloud)
-    assert str(caught.value) == "sensor_msgs_py.point_cloud2 needs NumPy: pip install numpy"
+    assert str(caught.value) == "sensor_msgs_py.point_cloud2 needs NumPy: pip install 'numpy>=1.26'"
 
 
 def test_columns_with_names_and_without() -> None:

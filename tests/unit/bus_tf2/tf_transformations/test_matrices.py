@@ -130,4 +130,4 @@ def test_without_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "numpy", None)
     with pytest.raises(ModuleNotFoundError) as caught:
         tft.euler_matrix  # noqa: B018
-    assert str(caught.value) == "tf_transformations needs NumPy: pip install numpy"
+    assert str(caught.value) == "tf_transformations needs NumPy: pip install 'numpy>=1.26'"
