@@ -22,6 +22,8 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 from unittest.mock import patch
 
+from bus.alarms import wake_up
+
 _LONGEST_S = 20_000
 """No story lasts longer: it waits for what never comes."""
 _MOST_TURNS = 50_000
@@ -77,9 +79,10 @@ def play(story: Callable[[], Coroutine[Any, Any, None]]) -> None:
 
 @contextmanager
 def _clock_of(loop: JumpingLoop) -> Iterator[None]:
-    """All modules of the bus that have a clock have that of `loop`."""
+    """All modules of the bus that have a clock have that of `loop`, and none uses the kernel's timers."""
     clocks = {time.monotonic: loop.time, time.monotonic_ns: loop.time_ns}
     with ExitStack() as patches:
+        patches.enter_context(patch.object(wake_up, "has_kernel_timer", lambda: False))
         for name, module in tuple(sys.modules.items()):
             if name.partition(".")[0] in ("bus", "busd"):
                 for clock in (time.monotonic, time.monotonic_ns):

@@ -4,10 +4,14 @@ Must not know where the simulation's time comes from (`bus.parameters.time_sourc
 """
 
 import asyncio
+from collections.abc import Callable
 from time import monotonic_ns, time_ns
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from bus.errors import ConfigurationError, ConnectionClosed
+
+if TYPE_CHECKING:  # most programs have no timers
+    from bus.alarms import Alarm, Alarms
 
 __all__ = ["Clock", "Rate", "TimerOfClock"]
 
@@ -34,6 +38,7 @@ class Clock:
         self._simulated_ns = 0
         self._is_closed = False
         self._waiting: dict[asyncio.Future[None], int] = {}
+        self._alarms: Alarms | None = None
 
     def now_ns(self) -> int:
         """Nanoseconds since 1970, or what the simulation says."""
@@ -62,6 +67,18 @@ class Clock:
                 _wake(waiting)
         self._tell_timers()
 
+    def call_at(self, due_ns: int, callback: Callable[[], object]) -> "Alarm":
+        """Call `callback()` on the running event loop once the monotonic clock shows `due_ns`.
+
+        Cancel it before `close`. Raises ConnectionClosed if the clock is closed.
+        """
+        if self._alarms is None:
+            from bus.alarms import Alarms
+
+            self.check_open()
+            self._alarms = Alarms.acquire(asyncio.get_running_loop())
+        return self._alarms.add(due_ns, callback)
+
     async def wait(self, due_ns: int) -> None:
         """Wait until `steady_ns` shows that, or for a jump. It may end early: look again.
 
@@ -69,24 +86,24 @@ class Clock:
         behind.
         """
         self.check_open()
-        loop = asyncio.get_running_loop()
-        waiting = loop.create_future()
-        handle = None
-        if not self.is_simulated:
-            handle = loop.call_later(max(0, due_ns - monotonic_ns()) / _NS_PER_S, _wake, waiting)
+        waiting = asyncio.get_running_loop().create_future()
+        alarm = None if self.is_simulated else self.call_at(due_ns, lambda: _wake(waiting))
         self._waiting[waiting] = due_ns
         try:
             await waiting
         finally:
             del self._waiting[waiting]
-            if handle is not None:
-                handle.cancel()
+            if alarm is not None:
+                alarm.cancel()
         self.check_open()
 
     def close(self) -> None:
         """From now on `wait` raises ConnectionClosed, also where it waits already."""
         self._is_closed = True
         self._wake_all()
+        if self._alarms is not None:
+            self._alarms.release()
+            self._alarms = None
 
     def check_open(self) -> None:
         """Raises ConnectionClosed after `close`."""

@@ -2,11 +2,16 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bus.base.callbacks import callback_name, is_async
 from bus.clock import Clock
 from bus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from bus.alarms import Alarm
+
+_LONGEST_S = 1e9
 
 
 class Timer:
@@ -15,6 +20,10 @@ class Timer:
     The first call comes after one period. The next call's time advances by whole periods: no drift, and calls
     that could not be made in time are skipped and counted in `missed`, never made up for in a burst. An async
     callback that still runs when the next call is due makes that call a missed one.
+
+    On Linux, calls are some ten microseconds late, whatever the period. This needs a timer of the kernel,
+    which the native core has, and Python from 3.13 on. Without one, the event loop's timers are used: calls
+    are up to a millisecond late, and periods below 1 ms miss calls (asyncio) or use a whole CPU (uvloop).
 
     While the node's parameter `use_sim_time` is true the seconds are those of the simulation. Where its time
     begins, ends or jumps back, the next call comes one period from then.
@@ -31,22 +40,19 @@ class Timer:
     ) -> None:
         if callable(period_s):
             raise ConfigurationError("the period comes first: create_timer(0.5, callback)")
-        if not 0 <= period_s < 1e9:
-            raise ConfigurationError(f"timer period {period_s!r} is not a number of seconds from 0")
-        self.period_s = period_s
-        """Seconds from one call to the next."""
+        self._period_ns = _as_ns(period_s)
+        self._period_s = period_s
         self.calls: int = 0
         """Calls that were made."""
         self.missed: int = 0
         """Calls that were skipped."""
-        self._period_ns = round(period_s * 1e9)
         self._callback = callback
         self._is_async = is_async(callback)
         self._on_error = on_error
         self._loop = asyncio.get_running_loop()
         self._clock = clock
         self._epoch = clock.epoch
-        self._handle: asyncio.TimerHandle | None = None
+        self._alarm: Alarm | None = None
         self._task: asyncio.Task[None] | None = None
         self._next_ns = 0
         self.reset()
@@ -55,7 +61,30 @@ class Timer:
         state = "canceled " if self.is_canceled else ""
         counts = f"calls={self.calls} missed={self.missed}"
         name = f"{state}{callback_name(self._callback)}"
-        return f"<{type(self).__name__} {name} every {self.period_s:g} s {counts}>"
+        return f"<{type(self).__name__} {name} every {self._period_s:g} s {counts}>"
+
+    @property
+    def period(self) -> float:
+        """Seconds from one call to the next.
+
+        Setting it takes effect now: the next call comes one new period after the last one, or at once if that
+        time is past. A canceled timer stays canceled. Raises ConfigurationError for a period below 0 or above
+        1e9.
+        """
+        return self._period_s
+
+    @period.setter
+    def period(self, period_s: float) -> None:
+        before_ns, self._period_ns = self._period_ns, _as_ns(period_s)
+        self._period_s = period_s
+        if self._period_ns != before_ns and not self.is_canceled:
+            self._next_ns = max(self._next_ns - before_ns + self._period_ns, self._clock.steady_ns())
+            self._arm()
+
+    @property
+    def period_s(self) -> float:
+        """The same as `period`; read-only."""
+        return self._period_s
 
     @property
     def is_canceled(self) -> bool:
@@ -65,17 +94,18 @@ class Timer:
     def cancel(self) -> None:
         """No more calls, until `reset`. An async callback that runs is left to end."""
         self._clock.timers.discard(self)
-        if self._handle is not None:
-            self._handle.cancel()
-            self._handle = None
+        self._disarm()
 
     def reset(self) -> None:
-        """The next call comes one period from now, also after `cancel`."""
-        self.cancel()
+        """The next call comes one period from now, also after `cancel`.
+
+        Raises ConnectionClosed if the node is closed.
+        """
+        self._clock.check_open()
         self._clock.timers.add(self)
         self._epoch = self._clock.epoch
         self._next_ns = self._clock.steady_ns() + self._period_ns
-        self._arm(self._period_ns)
+        self._arm()
 
     def close(self) -> None:
         """Cancel, also an async callback that runs."""
@@ -92,21 +122,24 @@ class Timer:
         elif self._clock.steady_ns() >= self._next_ns:
             self._fire()
 
-    def _arm(self, delay_ns: int) -> None:
+    def _arm(self) -> None:
+        self._disarm()
         if not self._clock.is_simulated:
-            self._handle = self._loop.call_later(max(delay_ns, 0) / 1e9, self._fire)
+            self._alarm = self._clock.call_at(self._next_ns, self._fire)
+
+    def _disarm(self) -> None:
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
 
     def _fire(self) -> None:
         now_ns = self._clock.steady_ns()
-        if now_ns < self._next_ns:
-            self._arm(self._next_ns - now_ns)  # the loop's clock is coarser than ours
-            return
         self._next_ns += self._period_ns
         if self._next_ns <= now_ns and self._period_ns:
             skipped = (now_ns - self._next_ns) // self._period_ns + 1
             self.missed += skipped
             self._next_ns += skipped * self._period_ns
-        self._arm(self._next_ns - self._clock.steady_ns())
+        self._arm()
         if self._task is not None and not self._task.done():
             self.missed += 1
             return
@@ -124,3 +157,14 @@ class Timer:
             await self._callback()
         except Exception as error:
             self._on_error(error)
+
+
+def _as_ns(period_s: float) -> int:
+    try:
+        if 0 <= period_s <= _LONGEST_S:
+            return round(period_s * 1e9)
+    except TypeError:
+        pass
+    raise ConfigurationError(
+        f"timer period {period_s!r} is not a number of seconds from 0 to {_LONGEST_S:.0f}"
+    )

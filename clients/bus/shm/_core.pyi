@@ -423,3 +423,9 @@ def keep_thread() -> None:
 
 def forget_pins() -> None:
     """In the child of a fork: views that it inherited must not release the parent's pins."""
+
+def timerfd_create() -> int:
+    """A new descriptor: a timer of the monotonic clock, non-blocking and not inherited. Raises OSError."""
+
+def timerfd_settime(descriptor: int, due_ns: int, /) -> None:
+    """Make it readable once the monotonic clock shows `due_ns`, and not before; 0: never."""

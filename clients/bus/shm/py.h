@@ -2,7 +2,7 @@
  *
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
  * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes
- * descriptors: bus.shm.segments does.
+ * descriptors: bus.shm.segments does. Exception: py_timerfd.c makes a timer, which has nothing to do with segments.
  * Types: Mapping (py_segment.c), with View and Loan, which are what memoryviews of records hold; Writer (py_writer.c),
  * which has gates (py_gates.c); Readers and Bell (py_readers.c); Reader (py_reader.c), which takes (py_take.c) from
  * feeds (py_feed.c). Plan (py_plan.c), OpenRun (py_run.c, of the other route) and Sends (py_send.c) have no segment.
@@ -392,6 +392,10 @@ PyObject *reader_wait(PyObject *self, PyObject *const *args, Py_ssize_t count);
 PyObject *reader_take_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
 PyObject *writer_publish_packed(PyObject *self, PyObject *const *args, Py_ssize_t count);
 PyObject *core_scan_packed(PyObject *module, PyObject *const *args, Py_ssize_t count);
+
+/* py_timerfd.c */
+PyObject *core_timerfd_create(PyObject *module, PyObject *unused);
+PyObject *core_timerfd_settime(PyObject *module, PyObject *args);
 
 /* py_threads.c */
 PyObject *core_keep_thread(PyObject *module, PyObject *unused);

@@ -200,6 +200,8 @@ static PyMethodDef functions[] = {
     {"run_samples", (PyCFunction)(void (*)(void))core_run_samples, METH_FASTCALL, NULL},
     {"scan_packed", (PyCFunction)(void (*)(void))core_scan_packed, METH_FASTCALL, NULL},
     {"keep_thread", core_keep_thread, METH_NOARGS, NULL},
+    {"timerfd_create", core_timerfd_create, METH_NOARGS, NULL},
+    {"timerfd_settime", core_timerfd_settime, METH_VARARGS, NULL},
     {"forget_pins", core_forget_pins, METH_NOARGS, NULL},
     {0},
 };
