@@ -2,6 +2,7 @@
 
 import os
 import socket
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -25,7 +26,7 @@ from bus.wire import messages as m
 from bus.wire.answers import expect
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Role, Session
-from bus_cli.output import CommandError
+from bus_cli.output import CommandError, complain
 
 if TYPE_CHECKING:
     from bus.types.definitions import Kind
@@ -169,6 +170,26 @@ def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = Tr
     """The graph of the broker that the command line names."""
     with Query(socket_path(args.socket, args.domain), may_start=may_start) as query:
         return query.graph(statistics=statistics)
+
+
+def graph_to_list(args: Namespace) -> Graph:
+    """The graph for a verb that lists names; a user at a terminal is told if it has no nodes, and where."""
+    path = socket_path(args.socket, args.domain)
+    with Query(path) as query:
+        graph = query.graph()
+    if sys.stderr.isatty() and all(names.is_hidden_node(node.name) for node in graph.nodes):
+        complain(f"no nodes on {path}{_chosen_by(args)}")
+    return graph
+
+
+def _chosen_by(args: Namespace) -> str:
+    """The variable that chose the bus: a user may have forgotten that it is set."""
+    if args.socket is not None:
+        return ""
+    for name in ("BUSD_SOCKET", "BUSD_DOMAIN"):
+        if (value := os.environ.get(name)) and (name == "BUSD_SOCKET" or args.domain is None):
+            return f" (as {name}={value} says)"
+    return ""
 
 
 def full_topic_name(name: str) -> str:

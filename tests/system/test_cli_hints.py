@@ -1,8 +1,12 @@
 """What `bus` says to a slip of the pen, and about types that differ."""
 
+import os
+import pty
 import signal
+from contextlib import suppress
 
-from cli import LISTENER, Result, bus, script, start
+from cli import LISTENER, Result, begin, bus, script, start
+from conftest import WAIT_S, Daemon
 
 WHEEL = """
 import asyncio, sys, bus, msgspec
@@ -78,3 +82,34 @@ def test_two_nodes_of_one_name_are_told_to_both(daemon: object) -> None:
                 f"there is another node named /minimal_subscriber, in pid {other.process.pid} (-c), " in line
             )
         assert first.end(signal.SIGINT).err == second.end(signal.SIGINT).err == ""
+
+
+LISTS = ("topic list", "node list", "service list", "action list", "param list", "lifecycle nodes")
+
+
+def _at_a_terminal(line: str) -> tuple[str, str]:
+    """What a verb prints if only stderr is a terminal."""
+    terminal, theirs = pty.openpty()
+    out, into = os.pipe()
+    with open(os.devnull) as nothing:  # noqa: PTH123
+        verb = begin(("-m", "bus_cli", *line.split()), (nothing.fileno(), into, theirs))
+    os.close(theirs)
+    os.close(into)
+    texts = []
+    for end in (out, terminal):
+        with open(end, "rb", 0) as shown, suppress(OSError):  # EIO is the end of a terminal  # noqa: PTH123
+            texts.append("")
+            while more := shown.read(4096):
+                texts[-1] += more.decode()
+    assert verb.wait(WAIT_S) == 0
+    return texts[0], texts[1]
+
+
+def test_lists_of_nothing_say_where_at_a_terminal(daemon: Daemon) -> None:
+    said = f"no nodes on {daemon.path} (as BUSD_SOCKET={daemon.path} says)\r\n"
+    assert {line: _at_a_terminal(line) for line in LISTS} == dict.fromkeys(LISTS, ("", said))
+    assert {line: bus(*line.split()) for line in LISTS} == dict.fromkeys(LISTS, Result("", "", 0))
+    line = f"--socket {daemon.path} topic list"
+    assert _at_a_terminal(line) == ("", f"no nodes on {daemon.path}\r\n")
+    with script(LISTENER):
+        assert _at_a_terminal("action list") == ("", "")

@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus_actions.graph import action_clients_of, action_servers_of, actions_of
 from bus_cli.output import print_json, say, show
-from bus_cli.query import get_graph
+from bus_cli.query import graph_to_list
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    graph = get_graph(args)
+    graph = graph_to_list(args)
     rows = actions_of((*graph.publishers, *graph.subscriptions))
     if args.count_actions:
         show(len(rows), {"count": len(rows)}, as_json=args.json)

@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus_cli.lifecycle.remote import lifecycle_nodes
 from bus_cli.output import show
-from bus_cli.query import get_graph
+from bus_cli.query import graph_to_list
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    found = lifecycle_nodes(get_graph(args), are_hidden_too=args.all)
+    found = lifecycle_nodes(graph_to_list(args), are_hidden_too=args.all)
     if args.count_nodes:
         show(len(found), {"count": len(found)}, as_json=args.json)
         return 0

@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from bus.names import is_hidden_node
 from bus_cli.origin import origin_record, origin_text, origins
 from bus_cli.output import complain, show
-from bus_cli.query import get_graph
+from bus_cli.query import graph_to_list
 
 _NOT_UNIQUE = (
     "WARNING: Be aware that there are nodes in the graph that share an exact name, "
@@ -21,7 +21,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    graph = get_graph(args)
+    graph = graph_to_list(args)
     found = sorted(
         (node for node in graph.nodes if args.all or not is_hidden_node(node.name)),
         key=lambda node: (node.full_name, node.pid),

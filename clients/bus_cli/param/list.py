@@ -10,7 +10,7 @@ from bus.names import is_hidden_node
 from bus_cli.completion import completed_by, nodes
 from bus_cli.output import CommandError, complain, print_json, say
 from bus_cli.param.remote import TYPE_NAMES, Remote, find_node, nodes_with_parameters
-from bus_cli.query import get_graph
+from bus_cli.query import graph_to_list
 from bus_cli.stream import open_node, run_stream
 
 
@@ -35,7 +35,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     if args.node_name is not None:
         return run_stream(_list(args, [find_node(args)]))
-    found = nodes_with_parameters(get_graph(args))
+    found = nodes_with_parameters(graph_to_list(args))
     shown = [name for name in found if args.include_hidden_nodes or not is_hidden_node(name)]
     return run_stream(_list(args, shown)) if shown else 0
 

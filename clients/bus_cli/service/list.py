@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
 from bus_cli.output import print_json, say, show
-from bus_cli.query import get_graph
+from bus_cli.query import graph_to_list
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -16,7 +16,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    graph = get_graph(args)
+    graph = graph_to_list(args)
     rows = [
         (service, types)
         for service, types in graph.services().items()

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from bus.names import is_hidden_topic
 from bus_cli.output import print_json, say
-from bus_cli.query import get_graph
+from bus_cli.query import graph_to_list
 
 Row = tuple[str, list[str], int, int]
 """Topic, types, publishers, subscriptions."""
@@ -20,7 +20,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    graph = get_graph(args)
+    graph = graph_to_list(args)
     rows = [
         (topic, types, len(graph.publishers_of(topic)), len(graph.subscriptions_of(topic)))
         for topic, types in graph.topics().items()
