@@ -77,12 +77,25 @@ compiled: $(TOOLS)
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --collect-only -p no:cacheprovider >/dev/null || true
 
 # Each part runs also where another has failed; the last lines say which have.
-NIGHTLY = test-nightly native sanitize arm mutants chaos chaos-bridges fuzz soak
+NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm mutants chaos chaos-bridges fuzz soak
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
 test-nightly: $(TOOLS) $(VISION_STAMP)
 	$(PYTEST) --nightly $(PYTEST_ARGS)
+
+# The clocks of a machine that booted a minute ago: a test must not subtract an hour from them.
+test-uptime: $(TOOLS)
+	@if ! unshare --fork --time true 2>/dev/null; then \
+		echo "unshare --time is not allowed here: the suite was not run at an uptime of 60 s"; \
+	else since=$$((60 - $$(cut -d. -f1 /proc/uptime))); \
+		unshare --fork --time --monotonic=$$since --boottime=$$since env $(PYTEST) $(PYTEST_ARGS); \
+	fi
+
+# As under nohup, cron or a CI runner: signals are ignored, and there is no terminal. Ctrl-C at make ends it, too.
+test-nohup: $(TOOLS)
+	@setsid --fork --wait setpriv --pdeathsig TERM \
+		sh -c 'trap "" INT HUP QUIT; exec "$$@"' sh env $(PYTEST) $(PYTEST_ARGS) </dev/null
 
 $(VISION_STAMP): pyproject.toml | $(TOOLS)
 	@echo "installing OpenCV into $(VENV): some 10 seconds, 180 MB"
@@ -215,4 +228,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons clean

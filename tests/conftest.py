@@ -17,6 +17,7 @@ from zlib import crc32
 import hypothesis
 import pytest
 
+import inherited_signals
 from bus import shm
 from effort import DAILY, NIGHTLY
 from forks import Fork, Forks
@@ -148,6 +149,12 @@ def start_daemon(socket_path: Path, forks: Forks) -> Iterator[Callable[..., Daem
 @pytest.fixture
 def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
     return start_daemon()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def signals_as_in_a_terminal() -> None:
+    """In each process that runs tests, before its first program."""
+    inherited_signals.restore()
 
 
 @pytest.fixture(autouse=True)

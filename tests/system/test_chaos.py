@@ -49,7 +49,6 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
             stdout=subprocess.DEVNULL,
             stderr=errors,
             env=ENVIRONMENT | {"TMPDIR": str(place)},
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # also in background
         )
     try:
         wait_until(lambda: any(place.glob("*/zygote.log")))
