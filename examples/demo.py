@@ -48,7 +48,7 @@ async def demonstrate(seconds: float | None) -> int:
         print(f"The demo failed: {error}.", file=sys.stderr)
         return 1
     problem = judge(transcript.texts)
-    print(problem or f"Both listeners heard all {len(transcript.texts[TALKER])} messages.", flush=True)
+    print(problem or praise(len(transcript.texts[TALKER])), flush=True)
     return 1 if problem else 0
 
 
@@ -75,6 +75,10 @@ async def everything_is_heard(transcript: Transcript) -> None:
     with suppress(TimeoutError):
         async with asyncio.timeout(LAST_MESSAGE_S):
             await transcript.wait_until(lambda: all(texts[name][-1:] == last for name in LISTENERS))
+
+
+def praise(heard: int) -> str:
+    return f"Both listeners heard all {heard} messages." if heard > 1 else "Both listeners heard the message."
 
 
 def judge(texts: dict[str, list[str]]) -> str | None:

@@ -19,6 +19,7 @@ from errno import EBADF, EFBIG
 from pathlib import Path
 from typing import Any
 
+from bus.base.counted import counted
 from bus.base.printable import printable
 from bus.errors import ConfigurationError
 from bus.process.logfile import MOST_BYTES, empty, is_log, open_log
@@ -118,7 +119,7 @@ class _Lines(logging.Handler):
     def _tell(self) -> None:
         """Write a line that says how many were left out."""
         if self._left_out:
-            text = f"({self._left_out} lines were left out)"
+            text = f"({counted(self._left_out, 'line', 'was', 'were')} left out)"
             record = logging.LogRecord("busd", logging.WARNING, __file__, 0, text, (), None)
             record.left_out = self._left_out
             self._put(record, self._left_out)

@@ -14,6 +14,7 @@ import msgspec
 
 from bus import shm
 from bus.base.awaited import done_anyway
+from bus.base.counted import counted
 from bus.base.descriptor import Descriptor
 from bus.delivery.sender import Sender, find_loan_class
 from bus.delivery.shm_sender import ShmSender
@@ -459,7 +460,9 @@ class Publisher(Endpoint[M]):
                 await self.flush()
         lost = self._sender.drop_queued()
         if lost:
-            self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
+            self._logger.warning(
+                f"{counted(lost, 'message')} on '{self.topic_name}' could not be handed over"
+            )
 
     def _type_warning(self) -> str:
         return f"Incompatible type on topic '{self.topic_name}', no messages will be sent to it."

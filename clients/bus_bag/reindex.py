@@ -5,6 +5,7 @@ from pathlib import Path
 
 import msgspec
 
+from bus.base.counted import counted
 from bus_bag.errors import BagError
 from bus_bag.metadata import NAME, VERSION
 from bus_bag.storage import BagReader, Problem
@@ -33,10 +34,13 @@ def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
             rewrite(file, reader.metadata)
             lost += file.problems
             if file.attachments:
-                text = f"its {file.attachments} attachments are left out"
+                text = f"{counted(file.attachments, 'attachment', 'is', 'are')} left out"
                 lost.append(Problem(str(file.path), None, text))
-            say(f"{file.path.name}: written anew with an index, {file.summary.message_count} messages")
+            say(
+                f"{file.path.name}: written anew with an index, {counted(file.summary.message_count, 'message')}"
+            )
     with BagReader(folder, all_files=True) as reader:
         write_metadata_file(folder, msgspec.structs.replace(reader.metadata, version=VERSION))
-        say(f"{NAME}: {reader.metadata.message_count} messages in {len(reader.files)} files")
+        messages = counted(reader.metadata.message_count, "message")
+        say(f"{NAME}: {messages} in {counted(len(reader.files), 'file')}")
         return lost + [problem for problem in reader.problems if not problem.path.endswith(NAME)]

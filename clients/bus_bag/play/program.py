@@ -7,6 +7,7 @@ from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmana
 from pathlib import Path
 from typing import Any
 
+from bus.base.counted import counted
 from bus.base.keys import Keys
 from bus.errors import BusError
 from bus.logger import Logger
@@ -80,7 +81,7 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
             if options.acknowledged_within is not None:
                 await _wait_for_all(publishers, options.acknowledged_within, logger)
             if options.is_verbose:
-                logger.info(f"Lateness: {player.lateness} ({player.lateness.count} messages)")
+                logger.info(f"Lateness: {player.lateness} ({counted(player.lateness.count, 'message')})")
 
 
 def _tell_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:

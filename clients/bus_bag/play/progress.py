@@ -3,6 +3,8 @@
 from enum import Enum
 from typing import NamedTuple
 
+from bus.base.counted import counted
+
 __all__ = ["Progress", "Status"]
 
 _S = 1_000_000_000
@@ -30,8 +32,7 @@ class Progress(NamedTuple):
     def __str__(self) -> str:
         played, whole = (max(0, ns - self.start_ns) / _S for ns in (self.bag_ns, self.end_ns))
         seconds, part = divmod(self.bag_ns, _S)
-        count = "message" if self.messages == 1 else "messages"
         return (
             f"[{seconds}.{part:09d}] {min(played, whole):.2f}/{whole:.2f} s [{self.status.value}] "
-            f"rate {self.rate:g}, {self.messages} {count}"
+            f"rate {self.rate:g}, {counted(self.messages, 'message')}"
         )

@@ -3,6 +3,7 @@
 from collections import Counter
 from typing import Any
 
+from bus.base.counted import counted
 from bus.base.suggest import did_you_mean
 from bus.errors import BusError, ConfigurationError
 from bus.logger import Logger
@@ -84,8 +85,7 @@ class Topics:
     def tell_undecodable(self) -> None:
         """Say how many messages were left out."""
         for topic, count in self._undecodable.items():
-            messages = "message" if count == 1 else "messages"
-            self._logger.warning(f"{count} {messages} of '{topic}' left out: {self._reasons[topic]}")
+            self._logger.warning(f"{counted(count, 'message')} of '{topic}' left out: {self._reasons[topic]}")
 
     def _tell_unknown(self) -> None:
         for name in self._options.selection.topics:

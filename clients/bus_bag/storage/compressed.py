@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from bus.base.counted import counted
 from bus_bag.errors import BagError
 from bus_bag.storage.bag_file import BagFile, BagMessage, Problem
 from bus_bag.storage.decompression import decompress_frame
@@ -63,7 +64,7 @@ def decompress_messages(
             continue
         yield message
     if passed_over:
-        text = f"{passed_over} messages are passed over: they can't be unpacked ({why})"
+        text = f"{counted(passed_over, 'message', 'is', 'are')} passed over: unpacking fails ({why})"
         problem = Problem(str(path), None, text)
         if problem not in problems:
             problems.append(problem)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 
+from bus.base.counted import counted
 from bus_bag.storage.bag_file import Buffer, Problem
 from bus_bag.storage.decompression import decompress
 from bus_bag.storage.mcap_format import CHUNK_HEAD, RECORD, Opcode
@@ -124,7 +125,7 @@ class McapBytes:
         while True:
             head = self._read(position, 9 + INDEX_HEAD.size)
             if len(head) < 9 + INDEX_HEAD.size or head[0] != Opcode.MESSAGE_INDEX:
-                return f" with {count} messages" if count else ""
+                return f" with {counted(count, 'message')}" if count else ""
             count += INDEX_HEAD.unpack_from(head, 9)[1] // 16
             position += RECORD.size + RECORD.unpack_from(head)[1]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from bus.base.counted import counted
 from bus_bag.errors import BagError
 from bus_bag.metadata import BagMetadata, TopicMetadata, from_record
 from bus_bag.profiles import profiles_from_yaml
@@ -93,7 +94,8 @@ class SqliteFile:
         except _FAULTS as error:
             self._problem(f"the rest of its messages can't be read: {error}")
         if passed_over:
-            self._problem(f"{passed_over} rows are passed over, for they are no messages of a topic")
+            rows = counted(passed_over, "row", "is", "are")
+            self._problem(f"{rows} passed over: no message of a topic")
 
     def _problem(self, text: str) -> None:
         problem = Problem(str(self.path), None, text)

@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from bus.base.counted import counted
 from bus.names import request_topic, service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
@@ -178,7 +179,7 @@ class DdsEngine:
         if self._participant is None:
             return []
         count, refused = self._graph.participants, len(self._discovery.refused)
-        text = f"{count} participant{'' if count == 1 else 's'}"
+        text = counted(count, "participant")
         return [LinkStatus(address, "up", self._bus.id, f"{text}, {refused} refused" if refused else text)]
 
     def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake:

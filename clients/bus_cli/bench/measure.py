@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from bus.base.counted import counted
 from bus.process.address import socket_path
 from bus.qos import QoSProfile
 from bus_cli.bench.figures import Run, bytes_text, tables
@@ -100,8 +101,8 @@ class _Bench:
             where = f"a busd of its own, for none listens on {self._path}"
         plan = self._plan
         say(
-            f"{Payload(plan.type_name, plan.sizes[0]).name}, {_number(plan.publishers, 'publisher')}, "
-            f"{_number(plan.subscribers, 'subscriber')}, {_qos_text(plan.qos)}\non {where}"
+            f"{Payload(plan.type_name, plan.sizes[0]).name}, {counted(plan.publishers, 'publisher')}, "
+            f"{counted(plan.subscribers, 'subscriber')}, {_qos_text(plan.qos)}\non {where}"
         )
 
     def _report(self, place: Place) -> None:
@@ -168,10 +169,6 @@ def _route(ready: list[Ready], wanted: str | None) -> str:
 
 def _total(sent: list[Sent]) -> int:
     return sum(one.count for one in sent)
-
-
-def _number(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _qos_text(qos: QoSProfile) -> str:

@@ -7,6 +7,7 @@ from itertools import groupby
 
 from msgspec import to_builtins
 
+from bus.base.counted import counted
 from bus.process.address import socket_path
 from bus_bridge.core.status import RouteState
 from bus_bridge.reasons import LOST
@@ -58,8 +59,7 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
     for title, counts in (("shown here", status.shown_here), ("shown there", status.shown_there)):
         yield f"{title:11}  {counts.nodes:5}  {counts.publishers:10}  {counts.subscriptions:13}"
     if status.repeated:
-        plural = "" if status.repeated == 1 else "s"
-        yield f"dropped because it came a second time: {status.repeated} message{plural}"
+        yield f"dropped because it came a second time: {counted(status.repeated, 'message')}"
     yield ""
     for link in sorted(status.links, key=lambda link: (link.state != "up", link.address)):
         what = ", ".join(text for text in (link.bus, link.text) if text)

@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from bus.base.counted import counted
 from bus.base.version import RELEASE
 from bus.errors import BusError, RemoteProtocolError
 from bus.graph import Graph
@@ -53,7 +54,7 @@ def examine(path: Path, seen: Seen | BusError) -> Iterator[Finding]:
         yield _silent(path, seen)
     else:
         pid, nodes = seen.hello.pid, len(seen.graph.nodes)
-        text = f"pid {pid}, protocol {seen.hello.version}, {nodes} node{'' if nodes == 1 else 's'}"
+        text = f"pid {pid}, protocol {seen.hello.version}, {counted(nodes, 'node')}"
         yield ok("daemon", text + _age(seen.hello))
         yield _release(seen.hello)
         yield from _replaced(seen.hello)

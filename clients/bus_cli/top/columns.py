@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from textwrap import wrap
 from typing import TypeAlias
 
+from bus.base.counted import counted
 from bus.qos import in_words
 from bus_cli.output import dropped_text, size_text
 from bus_cli.top.figures import (
@@ -136,10 +137,6 @@ def sums_text(sums: Sums) -> str:
     if sums.lost_per_s > 0:
         lost = f"losing {rate_text(sums.lost_per_s)}/s, {lost}"
     return (
-        f"{_some(sums.nodes, 'node')}, {_some(sums.topics, 'topic')}, {rate_text(sums.hz)} messages/s, "
+        f"{counted(sums.nodes, 'node')}, {counted(sums.topics, 'topic')}, {rate_text(sums.hz)} messages/s, "
         f"{size_text(sums.bytes_per_s)}/s, {lost}"
     )
-
-
-def _some(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

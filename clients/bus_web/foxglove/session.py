@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from bus.base.counted import counted
 from bus.base.version import RELEASE
 from bus.errors import BusError
 from bus_ros.cdr import CdrError
@@ -209,7 +210,9 @@ class Session(Watcher):
         worst = ", ".join(f"{topic} {number}" for topic, number in self._missed.most_common(5))
         total = self._missed.total()
         self._client.say(
-            Level.WARNING, f"{total} messages left out, because this client reads too slowly: {worst}", "slow"
+            Level.WARNING,
+            f"{counted(total, 'message')} left out, because this client reads too slowly: {worst}",
+            "slow",
         )
 
     # --- what the client says

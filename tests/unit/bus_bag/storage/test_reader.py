@@ -72,7 +72,7 @@ def test_an_old_database(tmp_path: Path) -> None:
         assert [one.text for one in read(reader)] == ["a", "b"]
         assert [problem.text for problem in reader.problems] == [
             "there is none; the files say what they have",
-            "2 rows are passed over, for they are no messages of a topic",
+            "2 rows are passed over: no message of a topic",
         ]
         assert reader.definitions == {}
 
