@@ -19,6 +19,7 @@ from bus.base.version import RELEASE
 from bus.errors import ConfigurationError
 from bus.process.address import socket_path
 from bus.process.logfile import log_path
+from bus.process.start_errors import check_descriptors
 from busd.config.access import find_doubts
 from busd.config.file import Config, load
 from busd.config.reload import Reloader, ends_with_terminal, has_terminal
@@ -73,6 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"busd: {doubt}", file=sys.stderr)
             return 0
         _allow_descriptors()
+        check_descriptors()
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # else writing to a terminal may stop it
         _set_up_log(options, config, path)
         with open_listener(path, rights=config.socket) as listener:

@@ -101,7 +101,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         '    print(f"{error.size_bytes} bytes, at most {error.limit_bytes}")\n'
         "```",
         (
-            *("BusError", "ConfigurationError", "CommandLineError", "EnvironmentVariableError"),
+            *("BusError", "ConfigurationError", "CommandLineError", "StartError"),
             *("ParameterError", "MessageTypeError"),
             *("PayloadTooLarge", "QuotaExceeded", "AccessDenied", "SharedMemoryError", "ConnectionClosed"),
             *("BrokerUnavailable", "ServiceError", "ServiceUnavailable", "ForkError", "ProtocolError"),

@@ -14,6 +14,7 @@ Names are imported when they are first used, so that tools which need only a few
 """
 
 import gc
+import os
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
         CommandLineError,
         ConfigurationError,
         ConnectionClosed,
-        EnvironmentVariableError,
         ForkError,
         LocalProtocolError,
         MessageTypeError,
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         ServiceError,
         ServiceUnavailable,
         SharedMemoryError,
+        StartError,
     )
     from bus.events import (
         DeadlineMissed,
@@ -82,7 +83,6 @@ _HOMES = {
         "CommandLineError",
         "ConfigurationError",
         "ConnectionClosed",
-        "EnvironmentVariableError",
         "ForkError",
         "LocalProtocolError",
         "MessageTypeError",
@@ -94,6 +94,7 @@ _HOMES = {
         "ServiceError",
         "ServiceUnavailable",
         "SharedMemoryError",
+        "StartError",
     ),
     "bus.events": (
         "DeadlineMissed",
@@ -135,7 +136,6 @@ __all__ = [
     "DeadlineMissed",
     "Durability",
     "EndpointStatistics",
-    "EnvironmentVariableError",
     "ForkError",
     "Graph",
     "GraphEndpoint",
@@ -181,6 +181,7 @@ __all__ = [
     "ServiceUnavailable",
     "Severity",
     "SharedMemoryError",
+    "StartError",
     "Subscription",
     "SubscriptionEvents",
     "SubscriptionStatistics",
@@ -191,6 +192,9 @@ __all__ = [
     "qos",
     "run",
 ]
+
+if os.sysconf("SC_OPEN_MAX") < 100:
+    import_module("bus.process.start_errors")  # later there may be no descriptor left to read it with
 
 
 def __getattr__(name: str) -> Any:
@@ -211,6 +215,7 @@ def __dir__() -> list[str]:
 
 def _import(module: str) -> ModuleType:
     """What is imported stays: the collector would look at all of it several times, and find nothing."""
+    import_module("bus.process.start_errors").check_descriptors()
     if not gc.isenabled():
         return import_module(module)
     gc.disable()

@@ -3,7 +3,7 @@
     BusError
     ├── ConfigurationError (ValueError)   a bad name, QoS profile or configuration
     │   ├── CommandLineError              what stands after --ros-args can't be used
-    │   └── EnvironmentVariableError      BUSD_DOMAIN or the like can't be used
+    │   └── StartError                    BUSD_DOMAIN or the limit of open files, say, can't be used
     ├── ParameterError (ValueError)       a parameter can't be declared, read or set so
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
@@ -34,7 +34,6 @@ __all__ = [
     "CommandLineError",
     "ConfigurationError",
     "ConnectionClosed",
-    "EnvironmentVariableError",
     "ForkError",
     "LocalProtocolError",
     "MessageTypeError",
@@ -46,6 +45,7 @@ __all__ = [
     "ServiceError",
     "ServiceUnavailable",
     "SharedMemoryError",
+    "StartError",
     "again",
 ]
 
@@ -86,9 +86,9 @@ class CommandLineError(ConfigurationError):
     """
 
 
-class EnvironmentVariableError(ConfigurationError):
-    """A variable of the environment that chooses the bus can't be used: BUSD_DOMAIN, BUSD_SOCKET or
-    XDG_RUNTIME_DIR. A mistake of whoever started the program.
+class StartError(ConfigurationError):
+    """The program was started with something that keeps it from the bus: a variable that chooses the bus
+    (BUSD_DOMAIN, BUSD_SOCKET, XDG_RUNTIME_DIR), or too low a limit of open files (`ulimit -n`).
 
     If the program does not catch it, the program ends with its text in one line, without a traceback.
     """

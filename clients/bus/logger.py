@@ -260,8 +260,9 @@ class ConsoleHandler(logging.Handler):
     $RCUTILS_CONSOLE_OUTPUT_FORMAT is a template with {severity}, {time}, {name}, {message}, {file_name},
     {line_number}, {function_name} and {time_as_nanoseconds}. Lines are coloured on a terminal, and elsewhere
     if $RCUTILS_COLORIZED_OUTPUT is 1, but never if that is 0 or $NO_COLOR is set. Control characters are
-    escaped, but for newlines, tabs, and colours, which end with the line. Where the stream can't be written
-    to, the line is lost and nothing else happens.
+    escaped, but for newlines, tabs, and colours, which end with the line. If the stream can't be written
+    to, the line is lost. If it is a pipe without a reader, SIGPIPE ends programs of `bus.run` and
+    `bus.connect`.
     """
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 from bus.process.start_errors import START_ERRORS, text_of
-from bus.process.termination import Terminated, say_nothing_of_signals
+from bus.process.termination import ReaderGone, Terminated, drop_unread_output, say_nothing_of_signals
 
 T = TypeVar("T")
 
@@ -31,6 +31,9 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     a shell to see, and no traceback is printed. The result of a `main` that catches its cancellation is
     returned. All this in the main thread only, and where the program has no handlers of its own.
 
+    SIGPIPE does the same if the program writes, by `print` or a logger, to a pipe that no process reads any
+    more, as after `| head -1`. Other broken pipes and sockets raise BrokenPipeError only.
+
     If no busd answers and none may be started, or the command line or a variable as BUSD_DOMAIN can't be
     used, the program ends with one line that says so.
 
@@ -39,40 +42,59 @@ def run(main: Coroutine[Any, Any, T]) -> T:
         bus.run(main())
     """
     _check(main)
-    is_terminated = False
+    end: type[KeyboardInterrupt] | None = None
 
-    async def until_sigterm() -> T:
+    async def until_signal() -> T:
         loop, task = asyncio.get_running_loop(), asyncio.current_task()
         assert task is not None
 
         def terminate() -> None:
-            nonlocal is_terminated
-            is_terminated = True
+            nonlocal end
+            end = Terminated
             task.cancel()
 
-        loop.add_signal_handler(signal.SIGTERM, terminate)
+        def lose_reader() -> None:
+            nonlocal end
+            if drop_unread_output():  # else it is the pipe or socket of someone else
+                end = ReaderGone
+                task.cancel()
+
+        if handles_term:
+            loop.add_signal_handler(signal.SIGTERM, terminate)
+        if handles_pipe:
+            loop.add_signal_handler(signal.SIGPIPE, lose_reader)
         try:
             return await main
         finally:
-            loop.remove_signal_handler(signal.SIGTERM)
+            if handles_term:
+                loop.remove_signal_handler(signal.SIGTERM)
+            if handles_pipe:
+                loop.remove_signal_handler(signal.SIGPIPE)
+                signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as Python has it; the loop leaves SIG_DFL
 
     # Python gives signals to the main thread alone.
     is_main = threading.current_thread() is threading.main_thread()
-    is_ours = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    handles_term = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    handles_pipe = is_main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
     is_frozen = gc.get_freeze_count() > 0  # by the program, and that is to stay so
     try:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
             if not is_frozen:
                 gc.freeze()  # what was imported stays: no collection need look at it
-            return runner.run(until_sigterm() if is_ours else main)
+            return runner.run(until_signal())
     except KeyboardInterrupt:
         say_nothing_of_signals()
         raise
     except asyncio.CancelledError:
-        if not is_terminated:
+        if end is None:
             raise
         say_nothing_of_signals()
-        raise Terminated from None
+        raise end from None
+    except BrokenPipeError:  # of a print, in `main` or a callback, before the signal's turn came
+        if not handles_pipe or (end is not ReaderGone and not drop_unread_output()):
+            raise
+        say_nothing_of_signals()
+        raise ReaderGone from None
     except START_ERRORS as error:
         sys.exit(text_of(error))
     finally:

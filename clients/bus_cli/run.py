@@ -87,8 +87,10 @@ def start(call: Call) -> int:
     of a call that can't be done (its text is on stderr); a program that runs in this process ends it.
     """
     from bus.errors import BusError
+    from bus.process.start_errors import check_descriptors
 
     try:
+        check_descriptors()
         _export(call)
         return _start(call)
     except _Refused as refused:

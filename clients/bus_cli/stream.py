@@ -13,6 +13,7 @@ import msgspec
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint
 from bus.node import Node
+from bus.process.start_errors import check_descriptors
 from bus.process.termination import Terminated
 from bus.runner import loop_factory
 from bus.types.diff import difference
@@ -44,6 +45,11 @@ def run_stream(main: Coroutine[Any, Any, T], *, only_prints: bool = False) -> T:
     Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up; and
     BrokenPipeError where it `only_prints`, into a pipe that nobody reads any more.
     """
+    try:
+        check_descriptors()
+    except BaseException:
+        main.close()
+        raise
     ends: list[type[BaseException]] = []
     try:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:

@@ -75,7 +75,7 @@ class Node(ParameterHost, GraphHost):
     An exception in a callback or timer cancels the body of the `async with`, which then raises it.
 
     Raises ConfigurationError for a name that breaks the rules, CommandLineError for `arguments` that can't be
-    used, EnvironmentVariableError for BUSD_DOMAIN and the like; on entering, BrokerUnavailable. A program
+    used, StartError for BUSD_DOMAIN and the like; on entering, BrokerUnavailable. A program
     that does not catch one of the last three ends with one line.
 
     `origin` is for bridges: the node stands for one of another bus.

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from bus.errors import ConfigurationError, EnvironmentVariableError
+from bus.errors import ConfigurationError, StartError
 
 if TYPE_CHECKING:  # it takes a while to import, and a program that only uses the bus needs none of it
     from pathlib import Path
@@ -46,19 +46,19 @@ def socket_name(
     not set. `uid` defaults to this process's user. An empty variable counts as not set.
 
     Raises ConfigurationError for a path that is too long for a socket, and for a domain out of range; if
-    a variable says so, EnvironmentVariableError.
+    a variable says so, StartError.
     """
     if socket is not None:
         return _checked(_absolute(os.fspath(socket)), ConfigurationError)
     if chosen := environ.get("BUSD_SOCKET"):
-        return _checked(_absolute(chosen), EnvironmentVariableError)
+        return _checked(_absolute(chosen), StartError)
     runtime = environ.get("XDG_RUNTIME_DIR", "")
     # The XDG specification: a relative path is invalid and to be ignored.
     if runtime.startswith("/"):
         folder = _normal(f"{runtime}/busd")
     else:
         folder = f"/tmp/busd-{os.getuid() if uid is None else uid}"
-    return _checked(f"{folder}/{domain_id(domain, environ=environ)}.sock", EnvironmentVariableError)
+    return _checked(f"{folder}/{domain_id(domain, environ=environ)}.sock", StartError)
 
 
 def is_default_folder(
@@ -75,7 +75,7 @@ def is_default_folder(
 def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.environ) -> int:
     """The domain, which keeps apart the systems of one host: `domain`, else $BUSD_DOMAIN, else 0.
 
-    Raises ConfigurationError if it is not from 0 to 65535; for the variable, EnvironmentVariableError.
+    Raises ConfigurationError if it is not from 0 to 65535; for the variable, StartError.
     """
     if domain is not None:
         if isinstance(domain, bool) or not isinstance(domain, int) or not 0 <= domain <= MAX_DOMAIN:
@@ -87,7 +87,7 @@ def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.envi
     # The length keeps int() from the numbers that it refuses for their size.
     number = int(text) if text.isascii() and text.isdigit() and len(text) <= 16 else -1
     if not 0 <= number <= MAX_DOMAIN:
-        raise EnvironmentVariableError(f"BUSD_DOMAIN must be an integer from 0 to {MAX_DOMAIN}, not '{text}'")
+        raise StartError(f"BUSD_DOMAIN must be an integer from 0 to {MAX_DOMAIN}, not '{text}'")
     return number
 
 

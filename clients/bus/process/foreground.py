@@ -19,7 +19,7 @@ from typing import Any, ClassVar, TypeVar
 
 from bus.errors import BusError, ConfigurationError, ForkError, LocalProtocolError, again
 from bus.process.shared_loop import GuardedLoop, Until
-from bus.process.termination import Terminated, say_nothing_of_signals
+from bus.process.termination import ReaderGone, Terminated, drop_unread_output, say_nothing_of_signals
 
 T = TypeVar("T")
 
@@ -29,7 +29,13 @@ _REST_NS = 5_000_000
 _OFTEN_NS = 100_000
 """One that publishes without a pause looks for events this often: to look costs more than to publish."""
 
-_SIGNALS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+_SIGNALS = {
+    signal.SIGINT: signal.default_int_handler,
+    signal.SIGTERM: signal.SIG_DFL,
+    signal.SIGPIPE: signal.SIG_IGN,
+}
+"""Signals, and their handlers in a program that has none of its own."""
+_ENDS = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated, signal.SIGPIPE: ReaderGone}
 _MOST_S = 1e9
 _MOST_TURNS = 20
 
@@ -205,11 +211,13 @@ class Foreground:
         self._heard.clear()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if number == signal.SIGPIPE and not drop_unread_output():
+            return  # another pipe or socket; what writes to it gets BrokenPipeError
         if not self._is_silent and not hasattr(sys, "ps1"):  # at an interactive prompt users want to see it
             self._is_silent = True
             say_nothing_of_signals()
         loop = self.loop
-        loop.interruption = KeyboardInterrupt if number == signal.SIGINT else Terminated
+        loop.interruption = _ENDS[signal.Signals(number)]
         if loop.is_busy(frame):
             loop.is_interrupted = True
             loop.interrupt()

@@ -4,15 +4,30 @@ Owns which errors these are and how a program ends that does not catch one. Call
 notebooks, supervisors) see ordinary exceptions. Must not know nodes.
 """
 
+import os
 import sys
 from types import TracebackType
 from typing import Final
 
-from bus.errors import BrokerUnavailable, CommandLineError, EnvironmentVariableError
+from bus.errors import BrokerUnavailable, CommandLineError, StartError
 
-__all__ = ["START_ERRORS", "shown_in_one_line", "text_of"]
+__all__ = ["START_ERRORS", "check_descriptors", "shown_in_one_line", "text_of"]
 
-START_ERRORS: Final = (BrokerUnavailable, CommandLineError, EnvironmentVariableError)
+START_ERRORS: Final = (BrokerUnavailable, CommandLineError, StartError)
+
+_MIN_DESCRIPTORS = 32
+"""An event loop, the connection to busd, a busd that is started, and rings of a few topics."""
+
+
+def check_descriptors() -> None:
+    """Raise StartError if this process may open too few files for any node."""
+    limit = os.sysconf("SC_OPEN_MAX")  # the soft limit; `resource` would have to be loaded first
+    if 0 <= limit < _MIN_DESCRIPTORS:
+        with shown_in_one_line:
+            raise StartError(
+                f"this process may open {limit} files (soft limit RLIMIT_NOFILE), but a program on the bus "
+                f"needs {_MIN_DESCRIPTORS} or more: try ulimit -n 1024 in the shell that starts it"
+            )
 
 
 def text_of(error: BaseException) -> str:

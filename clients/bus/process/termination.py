@@ -2,7 +2,7 @@
 
 Whether a shell goes on with its loop, and a supervisor sees a failure, depends on what `waitpid` reports. So
 a program that a signal ends cleans up and then dies by that very signal. For SIGINT Python does this itself,
-unless the program catches the KeyboardInterrupt. Owns the same for SIGTERM, and the silence of both.
+unless the program catches the KeyboardInterrupt. Owns the same for SIGTERM and SIGPIPE, and their silence.
 """
 
 import sys
@@ -10,10 +10,12 @@ from types import TracebackType
 from typing import NoReturn
 
 __all__ = [
+    "ReaderGone",
     "Terminated",
     "die_at_exit",
     "die_at_interrupt",
     "die_now",
+    "drop_unread_output",
     "heed_interrupts",
     "is_dying",
     "say_nothing_of_signals",
@@ -24,19 +26,46 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM came. A program that ends in order at Ctrl-C does the same then."""
 
 
+class ReaderGone(KeyboardInterrupt):
+    """SIGPIPE came: stdout or stderr is a pipe that no process reads any more, as after `| head -1`."""
+
+
+def drop_unread_output() -> bool:
+    """Whether stdout or stderr is a pipe without a reader; such a stream leads nowhere from then on.
+
+    Else Python would fail again, and say so, when it writes the rest of its buffers at the end.
+    """
+    import os
+    import select
+
+    unread = False
+    for stream in (1, 2):
+        poll = select.poll()
+        poll.register(stream, 0)
+        if any(event & select.POLLERR for _, event in poll.poll(0)):
+            unread = True
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream)
+            os.close(nowhere)
+    return unread
+
+
 def say_nothing_of_signals() -> None:
-    """Have no traceback printed for a KeyboardInterrupt that nobody catches; a Terminated ends by SIGTERM."""
+    """Have no traceback printed for a KeyboardInterrupt that nobody catches.
+
+    A Terminated ends the process by SIGTERM, a ReaderGone by SIGPIPE.
+    """
     before = sys.excepthook
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        if kind is not KeyboardInterrupt and kind is not Terminated:
+        if kind not in (KeyboardInterrupt, Terminated, ReaderGone):
             before(kind, error, trace)
             return
         import signal
 
         die_at_interrupt()
-        if kind is Terminated:
-            die_at_exit(signal.SIGTERM)
+        if kind is not KeyboardInterrupt:
+            die_at_exit(signal.SIGTERM if kind is Terminated else signal.SIGPIPE)
 
     sys.excepthook = hook
 

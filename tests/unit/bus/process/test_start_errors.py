@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from bus.errors import BrokerUnavailable, CommandLineError, ConfigurationError, EnvironmentVariableError
+from bus.errors import BrokerUnavailable, CommandLineError, ConfigurationError, StartError
 from bus.process import start_errors
 from bus.process.start_errors import START_ERRORS, shown_in_one_line, text_of
 
@@ -62,8 +62,8 @@ PROGRAMS = {
 }
 ENVIRONMENTS = {
     "BrokerUnavailable: no busd listens on ": {"BUSD_SOCKET": "/nowhere/b.sock", "BUSD_AUTOSTART": "0"},
-    "EnvironmentVariableError: BUSD_DOMAIN must be an integer ": {"BUSD_DOMAIN": "abc"},
-    "EnvironmentVariableError: the path of busd's socket has 200 bytes": {"BUSD_SOCKET": "/" + "x" * 199},
+    "StartError: BUSD_DOMAIN must be an integer ": {"BUSD_DOMAIN": "abc"},
+    "StartError: the path of busd's socket has 200 bytes": {"BUSD_SOCKET": "/" + "x" * 199},
 }
 
 
@@ -101,4 +101,28 @@ def test_the_development_mode_shows_the_traceback() -> None:
 def test_an_argument_of_the_program_keeps_its_traceback() -> None:
     ended = _run("import bus\nbus.connect('n', domain=-1)")
     assert "Traceback" in ended.stderr, "the author must find the line"
-    assert issubclass(EnvironmentVariableError, ConfigurationError)
+    assert issubclass(StartError, ConfigurationError)
+
+
+_LIMIT = "import resource\nresource.setrlimit(resource.RLIMIT_NOFILE, ({0}, {0}))\n"
+_VERB = "import sys\nsys.argv[1:] = {!r}\n{}\nmain()"
+SHORT = {
+    **PROGRAMS,
+    "bus topic echo": _VERB.format(["topic", "echo", "/x"], "from bus_cli.main import main"),
+    "bus run": _VERB.format(["run", "x.py"], "from bus_cli.entry import main"),
+    "busd": _VERB.format([], "from busd.run import main as run\ndef main(): sys.exit(run())"),
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+@pytest.mark.parametrize("limit", [6, 12, 31])
+def test_too_few_open_files_are_one_line(name: str, limit: int) -> None:
+    ended = _run(_LIMIT.format(limit) + SHORT[name], BUSD_SOCKET="/nowhere/b.sock", BUSD_AUTOSTART="0")
+    assert (ended.returncode, ended.stderr.count("\n")) == (1, 1), ended.stderr
+    assert f"this process may open {limit} files" in ended.stderr
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_least_limit_reaches_the_socket(name: str) -> None:
+    ended = _run(_LIMIT.format(32) + PROGRAMS[name], BUSD_SOCKET="/nowhere/b.sock", BUSD_AUTOSTART="0")
+    assert ended.stderr.startswith("BrokerUnavailable: no busd listens on "), ended.stderr
