@@ -107,6 +107,7 @@ class World:
         dead = self.processes.pop(process)
         endpoints = tuple(dead.link._declarations)
         dead.link.release()
+        dead.node._link = None  # a killed process closes no node, and warns of none
         for endpoint in endpoints:
             endpoint._end(ConnectionClosed("the process died"))
         await self.open_process(shares=process in self.model.sharing)

@@ -63,6 +63,7 @@ class _Silent:
 
     def __init__(self) -> None:
         self._id = 0
+        self._made_at = (__file__, 0)
 
     def _declaration(self, request: int, node: int) -> m.Message:
         return m.CreateNode(request=request, name="node")
@@ -140,7 +141,7 @@ class _Client:
 
     async def begin(self) -> None:
         """Declare all, to a broker that answers well or not."""
-        node = _Silent()
+        node = self.node = _Silent()  # the link itself refers to it weakly
         self.hear(m.encode_frame(m.Hello(version=1)))
         for number, what in enumerate((node, *self.publishers, *self.subscriptions), 1):
             if isinstance(what, _Silent):

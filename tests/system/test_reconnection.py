@@ -111,12 +111,14 @@ class TestOpening:
 
     async def test_one_that_was_just_leaving(self, broker: FakeBroker) -> None:
         """A busd that ends when it is idle may have a last connection in its backlog."""
-        opening = asyncio.ensure_future(bus.Node("node", arguments=[], rosout=False).open())
+        node = bus.Node("node", arguments=[], rosout=False)
+        opening = asyncio.ensure_future(node.open())
         leaving = await broker.meet()
         await leaving.close()
         client = await broker.accept()
         await client.create(m.CreateNode, 1)
         await opening
+        await node.close()
 
     async def test_one_that_has_no_place_now(self, broker: FakeBroker) -> None:
         node = bus.Node("node", arguments=[], rosout=False)

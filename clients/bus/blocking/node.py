@@ -7,6 +7,7 @@ A node of the library (`bus.Node`) on a loop that runs only while one of these c
 nothing runs.
 """
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from types import TracebackType
@@ -18,7 +19,7 @@ from bus.blocking.endpoint import BlockingPublisher, BlockingSubscription
 from bus.errors import ConnectionClosed
 from bus.graph import Graph
 from bus.logger import Logger
-from bus.node import Node
+from bus.node import Node, unclosed
 from bus.process.foreground import Foreground, Signal, deadline_after
 from bus.qos import QoS
 from bus.schema import MessageSchema
@@ -48,6 +49,8 @@ class BlockingNode:
         self.full_name: str = node.full_name
         """Namespace and name, as the graph shows them."""
         self._node = node
+        node._how_to_close = "use with bus.connect(...), or its close()"
+        node._when_dropped = foreground.dropped
         self._foreground = foreground
         self._is_closed = False
         self._publishers: dict[tuple[str, QoS], BlockingPublisher[Any]] = {}
@@ -57,6 +60,19 @@ class BlockingNode:
 
     def __repr__(self) -> str:
         return f"<Blocking{repr(self._node)[1:]}"
+
+    def __del__(self, _warn: Callable[[Node], None] = unclosed.warn) -> None:
+        """Nothing can close the node any more: warn. Its endpoints keep it open while they are in use."""
+        if self.__dict__.get("_is_closed", True) or self._foreground.failure is not None:
+            return
+        self._node._must_be_closed = False
+        try:
+            _warn(self._node)
+        finally:
+            link = self._node._link
+            if link is not None and not sys.is_finalizing() and self._foreground.may_attend():
+                with self._foreground.loop.guard:
+                    link.report_now()  # else reports that are due keep the node from the collector
 
     def __enter__(self) -> Self:
         return self

@@ -8,6 +8,7 @@ import asyncio
 import os
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
+from weakref import WeakKeyDictionary, ref
 
 import msgspec
 
@@ -64,6 +65,7 @@ class LinkNode(Declared, Protocol):
     """A node, as the link sees it."""
 
     _origin: m.Origin | None
+    _made_at: tuple[str, int]
 
     @property
     def full_name(self) -> str: ...
@@ -122,11 +124,15 @@ class _Admission(msgspec.Struct):
 
 
 class Declarations:
-    """`by_id` are the endpoints that the broker knows at the moment."""
+    """`by_id` are the endpoints that the broker knows at the moment.
+
+    References to nodes and endpoints are weak: the event loop holds the link, and the collector must find a
+    node that a program has dropped without closing it. A node and its endpoints hold each other.
+    """
 
     def __init__(self) -> None:
-        self.by_id: dict[int, LinkEndpoint] = {}
-        self._nodes: dict[LinkNode, dict[LinkEndpoint, None]] = {}
+        self.by_id: dict[int, ref[LinkEndpoint]] = {}
+        self._nodes: WeakKeyDictionary[LinkNode, WeakKeyDictionary[LinkEndpoint, None]] = WeakKeyDictionary()
         self._admissions: dict[int, _Admission] = {}
         self._waiting: dict[Declared, QuotaExceeded | RefusedForNow] = {}
         self._namesakes: set[str] = set()
@@ -136,6 +142,11 @@ class Declarations:
     def __iter__(self) -> Iterator[LinkEndpoint]:
         """Every endpoint, in the order in which they were made."""
         return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
+
+    @property
+    def nodes(self) -> list[LinkNode]:
+        """Every node, in the order in which they were made."""
+        return list(self._nodes)
 
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
         """Make `node` known to the broker. Raises what the broker refuses it with."""
@@ -148,7 +159,7 @@ class Declarations:
 
         def admit(answer: m.Created) -> None:
             node._declared(answer)
-            self._nodes.setdefault(node, {})
+            self._nodes.setdefault(node, WeakKeyDictionary())
 
         await self._declare(
             connection,
@@ -170,7 +181,7 @@ class Declarations:
                 return
             endpoint._declared(answer)
             self._nodes[node][endpoint] = None
-            self.by_id[answer.id] = endpoint
+            self.by_id[answer.id] = ref(endpoint)
 
         def undo(answer: m.Created) -> None:
             if node in self._nodes:  # else the broker took the endpoint away with its node
@@ -192,11 +203,11 @@ class Declarations:
         What it refuses is ended, and the log says why. What it refuses by a limit, or because a gid is taken,
         is declared again later: there may be room then.
         """
-        nodes = [node for node in self._nodes if not node._id]
+        nodes = [node for node in self.nodes if not node._id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
         pairs = [
             (node, endpoint)
-            for node, endpoints in self._nodes.items()
+            for node, endpoints in tuple(self._nodes.items())
             if node._id
             for endpoint in endpoints
             if not endpoint._id
@@ -218,11 +229,12 @@ class Declarations:
     def concerned(self, news: Any) -> LinkEndpoint | None:
         """The endpoint that a message is about; None where it is about none, or one that is closed."""
         field = _ABOUT.get(type(news))
-        return None if field is None else self.by_id.get(getattr(news, field))
+        known = None if field is None else self.by_id.get(getattr(news, field))
+        return None if known is None else known()
 
     def warn_of_namesake(self, news: m.Namesake) -> None:
         """Another node has the name of one of ours. The log says so once, also where brokers come and go."""
-        node = next((node for node in self._nodes if node._id == news.node), None)
+        node = next((node for node in self.nodes if node._id == news.node), None)
         if node is not None and node.full_name not in self._namesakes:
             self._namesakes.add(node.full_name)
             where = "in this process" if news.pid == os.getpid() else f"in pid {news.pid} ({news.program})"
@@ -232,24 +244,23 @@ class Declarations:
             )
 
     def remove(self, endpoint: LinkEndpoint) -> None:
-        for endpoints in self._nodes.values():
+        for endpoints in tuple(self._nodes.values()):
             endpoints.pop(endpoint, None)
         self.by_id.pop(endpoint._id, None)
         self._waiting.pop(endpoint, None)
         self._revoke(endpoint)
 
-    def remove_node(self, node: LinkNode) -> bool:
-        """Returns whether it was declared."""
+    def remove_node(self, node: LinkNode) -> None:
         self._revoke(node)
         self._waiting.pop(node, None)
-        return self._nodes.pop(node, None) is not None
+        self._nodes.pop(node, None)
 
     def disconnected(self) -> None:
         """The broker is gone, and with it all ids."""
         self._admissions.clear()
         self._waiting.clear()
         self.by_id.clear()
-        for node in self._nodes:
+        for node in self.nodes:
             node._id = 0
         for endpoint in self:
             endpoint._disconnected()

@@ -68,6 +68,7 @@ class Link:
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
+        self._held: set[LinkNode] = set()
         self.shm_context = ShmContext.make(self._deliver)
         self._is_receiving = False
         self._gathered: set[Counted] = set()
@@ -104,7 +105,8 @@ class Link:
         return link
 
     def abandon(self, reason: BusError) -> None:
-        """In the child of a fork. The loop is the parent's: no task, future or timer may be touched."""
+        """In the child of a fork, whose loop is the parent's, or with a closed loop: close the connection
+        without touching a task, a future or a timer."""
         self.failure = reason
         if self._connection is not None:
             self._connection.abandon()
@@ -113,10 +115,29 @@ class Link:
         for endpoint in self._declarations:
             endpoint._abandon(reason)
 
+    def namesake(self, node: LinkNode) -> LinkNode | None:
+        """A node of the same name that this process has open by another link; busd reports one by this link.
+
+        busd itself can't tell such a link from an earlier connection of this process.
+        """
+        for link in tuple(Link._links):
+            if link is not self and link.path == self.path and link.failure is None:
+                for other in link._declarations.nodes:
+                    if other.full_name == node.full_name:
+                        return other
+        return None
+
+    def connection_now(self) -> object:
+        """A key for the present connection, by which the broker's ids are valid."""
+        return self._connection
+
     def release(self) -> None:
         """One user less; the last one closes the connection."""
         self._users -= 1
         if self._users or self.failure is not None:
+            return
+        if self.loop.is_closed():  # then it has no work left, and none may be scheduled
+            self.abandon(ConnectionClosed("the event loop of this connection to busd is closed"))
             return
         self.failure = ConnectionClosed("the connection to busd is closed")
         if self._opening is not None:
@@ -134,6 +155,10 @@ class Link:
     async def declare_node(self, node: LinkNode) -> None:
         """Make `node` known to the broker, now and after each reconnection."""
         await self._when_connected(partial(self._declarations.add_node, node=node))
+
+    def hold(self, node: LinkNode) -> None:
+        """Keep the collector from `node` until `forget_node`, as long as the event loop is not closed."""
+        self._held.add(node)
 
     async def declare(self, node: LinkNode, endpoint: LinkEndpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
@@ -156,8 +181,10 @@ class Link:
 
     def forget_node(self, node: LinkNode) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
-        if self._declarations.remove_node(node):
-            self.send_about(node, m.DestroyNode(node=node._id))
+        self._held.discard(node)
+        self._declarations.remove_node(node)
+        self.send_about(node, m.DestroyNode(node=node._id))
+        node._id = 0
 
     def send_about(
         self, what: Known, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
@@ -261,6 +288,10 @@ class Link:
     def report(self, endpoint: Counted) -> None:
         self._reports.add(endpoint)  # soon the broker gets them
 
+    def report_now(self) -> None:
+        """Report all that is due, for a loop that perhaps never runs again."""
+        self._reports.flush()
+
     @property
     def is_writing(self) -> bool:
         """Whether the socket has yet to take some of what was chosen for it."""
@@ -300,6 +331,8 @@ class Link:
     def start(self, work: Coroutine[Any, Any, None], name: str) -> Callable[[], None]:
         """Run `work` as a task; returns what cancels it, unless the task itself calls that."""
         task = self.loop.create_task(work, name=name)
+        # asyncio reports a pending task that the collector finds; here the node is reported, and only that.
+        task._log_destroy_pending = False  # type: ignore[attr-defined]
 
         def cancel() -> None:
             if task is not asyncio.current_task():
@@ -324,8 +357,9 @@ class Link:
             for item in items:
                 try:
                     if item.__class__ is Run:
-                        subscription = endpoints.get(item.endpoint)
-                        if subscription is not None:  # else it was closed a moment ago
+                        known = endpoints.get(item.endpoint)
+                        # else it was closed a moment ago
+                        if known is not None and (subscription := known()) is not None:
                             item.received_ns = received_ns
                             touched.add(subscription)
                             subscription._receive_run(item)
@@ -351,7 +385,8 @@ class Link:
     def _deliver_lone(self, items: Any, received_ns: int) -> bool:
         """A read has brought one run and nothing else: call back for it, with nothing in between."""
         run = items[0]
-        endpoint = self._declarations.by_id.get(run.endpoint)
+        known = self._declarations.by_id.get(run.endpoint)
+        endpoint = None if known is None else known()
         if endpoint is None:
             return False
         run.received_ns = received_ns

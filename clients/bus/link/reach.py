@@ -22,6 +22,15 @@ _FIRST_PAUSE_S = 0.001
 _LONGEST_PAUSE_S = 0.05
 
 
+class _Socket(socket.socket):
+    """Closed by the collector without a warning of its own: the unclosed node has one already."""
+
+    __slots__ = ()
+
+    def __del__(self) -> None:
+        self.close()
+
+
 class NotNow(BrokerUnavailable):
     """Not now: try again, with pauses that grow up to `longest_s`."""
 
@@ -71,7 +80,7 @@ def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:
     Raises FileNotFoundError or ConnectionRefusedError where nobody listens there, BacklogFull where too
     many wait to be accepted, and BrokerUnavailable where it can't be connected to or is not to be trusted.
     """
-    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    sock = _Socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         sock.setblocking(False)
         sock.connect(os.fspath(path))

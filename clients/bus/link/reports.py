@@ -47,6 +47,18 @@ class Reports:
             self._due.discard(endpoint)
             self._going.discard(endpoint)
 
+    def flush(self) -> None:
+        """Report now what is due: until then endpoints are held here."""
+        if self._timer is not None and not self._has_ended:
+            self._timer.cancel()
+            self._timer = None
+            due = [*(self._due | self._going)]
+            self._due.clear()
+            self._going.clear()
+            self._tell(due)
+            if self._due:
+                self._arm()
+
     def end(self) -> None:
         """Report what is not reported yet, and nothing after it."""
         self._has_ended = True

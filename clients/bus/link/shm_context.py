@@ -236,3 +236,9 @@ class ShmContext:
         else:
             self._is_polling = True
             self._loop.call_soon(self._look)
+
+
+def say_why_slow() -> None:
+    """Warn, once in a process, that messages use the socket route, unless the user has chosen it."""
+    if not shm.turned_off_by() and (advice := shm.advice()):
+        _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)

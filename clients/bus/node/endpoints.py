@@ -81,6 +81,11 @@ class NodeEndpoints:
         """End those that are open: their `close` was cut short."""
         _end_open(self._all, reason)
 
+    def forget_ids(self) -> None:
+        """The ids are those of an earlier broker: nothing must be sent about them."""
+        for endpoint in self._all:
+            endpoint._id = 0
+
     def counts(self) -> tuple[int, int]:
         """Open publishers and open subscriptions; at any time and from any thread."""
         used = self._open()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, Unpack, ov
 
 import msgspec
 
-from bus import names, shm
+from bus import names
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.diagnostics.slow_callback import watched
 from bus.endpoint import NodeContext
@@ -20,7 +20,9 @@ from bus.errors import BrokerUnavailable, CommandLineError, ConfigurationError, 
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
+from bus.link.shm_context import say_why_slow
 from bus.logger import Logger, configure, get_logger
+from bus.node import unclosed
 from bus.node.endpoints import NodeEndpoints, NodeStatistics
 from bus.node.graph_host import GraphHost
 from bus.node.rosout import Rosout
@@ -46,15 +48,7 @@ M = TypeVar("M", bound=msgspec.Struct)
 
 # ROS 2's depth for services is 10, with which a burst of more calls would lose requests without a word.
 SERVICE_QOS: Final = QoSProfile(depth=1000)
-"""What both ends of a service have where nothing else is asked for."""
-
-_log = get_logger("bus")
-
-
-def _say_why_slow() -> None:
-    """Warn, once in a process, that messages go by socket, unless the user has turned shared memory off."""
-    if not shm.turned_off_by() and (advice := shm.advice()):
-        _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)
+"""Default QoS of both ends of a service."""
 
 
 def _parse(arguments: Sequence[str]) -> Arguments:
@@ -84,6 +78,10 @@ class Node(ParameterHost, GraphHost):
             publisher = await node.create_publisher(String, "chatter")
     """
 
+    _must_be_closed = True  # else no warning if the collector finds the node open
+    _how_to_close = "use async with, or await its close()"
+    _when_dropped: Callable[[], None] | None = None  # called when the collector has found the node open
+
     def __init__(
         self,
         name: str,
@@ -96,6 +94,7 @@ class Node(ParameterHost, GraphHost):
         origin: Origin | None = None,
     ) -> None:
         names.validate_node_name(name)
+        self._made_at = unclosed.call_site(self)
         with shown_in_one_line:
             self._arguments = _parse(sys.argv[1:] if arguments is None else arguments)
             self._path = socket_name(socket, domain)
@@ -153,7 +152,7 @@ class Node(ParameterHost, GraphHost):
         self._link = await Link.acquire(self._path)
         self._context = NodeContext(self._link, self.full_name, self._logger, self._fail)
         if self._link.shm_context is None and not names.is_hidden_node(self.name):
-            _say_why_slow()
+            say_why_slow()
         try:
             await self._link.declare_node(self)
             if self._wants_rosout:
@@ -165,6 +164,7 @@ class Node(ParameterHost, GraphHost):
         except BaseException:
             await self.close()
             raise
+        unclosed.tell_namesake(self, self._link)
 
     @done_anyway
     async def close(self) -> None:
@@ -176,12 +176,7 @@ class Node(ParameterHost, GraphHost):
         link, self._link = self._link, None
         if link is None:
             return
-        self._watches.end()
-        for timer in tuple(self._timers):
-            timer.close()
-        self._served.close()
-        if self._rosout is not None:
-            self._rosout.close()
+        self._end_own_work()
         try:
             if not isinstance(link.failure, ForkError):
                 await self._close_endpoints(link)
@@ -190,6 +185,7 @@ class Node(ParameterHost, GraphHost):
 
     async def __aenter__(self) -> Self:
         await self.open()
+        self._context.link.hold(self)  # perhaps only a task has it, which asyncio itself does not hold
         self._body = asyncio.current_task()
         return self
 
@@ -512,6 +508,9 @@ class Node(ParameterHost, GraphHost):
         """The sums over its open endpoints."""
         return self._endpoints.statistics()
 
+    def __del__(self, _found: Callable[[Node], None] = unclosed.found) -> None:
+        _found(self)  # as a default, because a module's names may be gone when the process ends
+
     # --- for the link
 
     def _declaration(self, request: int, node: int) -> m.Message:
@@ -534,6 +533,33 @@ class Node(ParameterHost, GraphHost):
 
             raise other_loop(f"node {self.full_name}", self._link.loop)
         return self._context
+
+    def _end_own_work(self) -> None:
+        self._watches.end()
+        for timer in tuple(self._timers):
+            timer.close()
+        self._served.close()
+        if self._rosout is not None:
+            self._rosout.close()
+
+    def _let_go(self, link: Link, connection: object) -> None:
+        """Close without waiting for busd. `connection`: that by which busd's ids are valid."""
+        self._link = None
+        if link.loop.is_closed():  # its tasks and timers must not be touched, and never run
+            if self._rosout is not None:
+                self._rosout.close()
+            link.release()
+            return
+        if self._must_be_closed:
+            unclosed.tell_dropped(self)
+        link.hand_over()
+        self._end_own_work()
+        if link.connection_now() is not connection:
+            self._id = 0
+            self._endpoints.forget_ids()
+        self._endpoints.end(ConnectionClosed(f"node {self.full_name} is closed"))
+        link.forget_node(self)
+        link.release()
 
     async def _close_endpoints(self, link: Link) -> None:
         try:

@@ -6,6 +6,7 @@ Owns: how a log entry becomes a message, and when that goes to busd. Must not kn
 import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
+from weakref import ref
 
 from bus.errors import BusError
 from bus.logger import LogEntry, Logger
@@ -23,6 +24,7 @@ class Rosout:
     def __init__(self, publisher: Publisher[Any], logger: Logger) -> None:
         self._publisher = publisher
         self._logger = logger
+        self._sink = _weak(self)
         self._declaring: asyncio.Task[None] | None = None
         self._is_open = False
 
@@ -31,7 +33,7 @@ class Rosout:
         answer."""
         link = self._publisher._link
         self._is_open = True
-        self._logger.add_sink(self.publish)  # what is logged until the answer comes waits for it
+        self._logger.add_sink(self._sink)  # what is logged until the answer comes waits for it
         self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
         if link.guarded_loop is None:
             await asyncio.sleep(0)  # now the declaration has left
@@ -41,7 +43,7 @@ class Rosout:
     def close(self) -> None:
         """What is logged from now on stays here."""
         self._is_open = False
-        self._logger.remove_sink(self.publish)
+        self._logger.remove_sink(self._sink)
 
     async def declared(self) -> None:
         """Wait until what was logged can be handed over, if busd answers soon."""
@@ -78,3 +80,14 @@ class Rosout:
         except (BusError, TimeoutError) as error:
             if self._is_open:  # else the node is closed meanwhile
                 self._logger.warning(f"the log of this node stays here: {error}")
+
+
+def _weak(rosout: Rosout) -> Callable[[LogEntry], None]:
+    """A sink that does not keep the node alive: loggers live as long as the process."""
+    known = ref(rosout)
+
+    def sink(entry: LogEntry) -> None:
+        if (rosout := known()) is not None:
+            rosout.publish(entry)
+
+    return sink

@@ -112,6 +112,21 @@ class Foreground:
         self._give_signals_back()
         loop.close()
 
+    def dropped(self) -> None:
+        """The collector has found a user of this, perhaps in another thread or amid a call.
+
+        If nothing can be done now, the loop goes on with the next user's calls.
+        """
+        if self.may_attend():
+            self.attend()
+            self.release()
+        else:
+            self._users -= 1
+
+    def may_attend(self) -> bool:
+        """For the collector, which may run amid anything: whether `attend` is possible now."""
+        return self.failure is None and self.is_free() and not self.loop.is_mine()
+
     def is_free(self) -> bool:
         """Whether the loop may be run now: by its own thread, where no event loop runs."""
         return get_ident() == self.thread and asyncio._get_running_loop() is None

@@ -13,9 +13,13 @@ __all__ = ["make_native", "service_qos"]
 
 
 class _Native(Node):
-    """Parameters are those of the facade's node; the one beneath has none."""
+    """Parameters are those of the facade's node; the one beneath has none.
+
+    In rclpy a node may be left to the garbage collector.
+    """
 
     _takes_parameters = False
+    _must_be_closed = False
 
 
 def make_native(
