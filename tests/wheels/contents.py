@@ -8,10 +8,11 @@ from zipfile import ZipFile
 
 from wheels import Wrong
 
-__all__ = ["check_sdist", "check_wheel"]
+__all__ = ["check_sdist", "check_wheel", "files_of"]
 
 _CORE = re.compile(r"(bus/shm|bus_tf2/core)/_core\.abi3\.so")
 _CORES = 2
+_NEWEST_GLIBC = 28  # minor number: of the systems with Python 3.11, those of the last years have it
 _SOURCES = (".c", ".h")
 _FROM_BUILD = re.compile(r"PKG-INFO|setup\.cfg|busd\.egg-info/.*")
 _PATH = re.compile(rb"(?<![\w.])/(?!dev/|proc/)\w{2,}(?:/[\w.+-]{2,})+")
@@ -19,13 +20,12 @@ _LINK = re.compile(r"\[[^\]\n]+\]\((?!https?:|#)[^)]*\)")
 _FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
 
-def check_sdist(sdist: Path, tree: Path) -> None:
-    """It has every file of the tree."""
+def check_sdist(sdist: Path, files: set[str]) -> None:
+    """Raise Wrong unless it has these files of the tree and no other."""
     with tarfile.open(sdist) as archive:
         there = {name.partition("/")[2] for name in archive.getnames() if not archive.getmember(name).isdir()}
     there = {name for name in there if not _FROM_BUILD.fullmatch(name)}
-    wanted = {name for name in _files(tree) if not _FROM_BUILD.fullmatch(name)}
-    _compare(sdist.name, wanted, there)
+    _compare(sdist.name, {name for name in files if not _FROM_BUILD.fullmatch(name)}, there)
 
 
 def check_wheel(wheel: Path, tree: Path, *, with_core: bool) -> None:
@@ -35,8 +35,8 @@ def check_wheel(wheel: Path, tree: Path, *, with_core: bool) -> None:
         files = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
     there = {name for name in files if not name.startswith(info)}
     cores = {name for name in there if _CORE.fullmatch(name)}
-    wanted = {f"busd/{name}" for name in _files(tree / "busd")}
-    wanted |= set(_files(tree / "clients"))
+    wanted = {f"busd/{name}" for name in files_of(tree / "busd")}
+    wanted |= set(files_of(tree / "clients"))
     _compare(wheel.name, {name for name in wanted if not name.endswith(_SOURCES)}, there - cores)
     if len(cores) != _CORES * with_core:
         raise Wrong(f"{wheel.name} has {len(cores)} native cores, wanted: {_CORES * with_core}")
@@ -52,14 +52,19 @@ def check_wheel(wheel: Path, tree: Path, *, with_core: bool) -> None:
 
 
 def _check_tags(wheel: Path, tags: list[str], *, with_core: bool) -> None:
-    pattern = r"cp311-abi3-manylinux_\d+_\d+_\w+" if with_core else "py3-none-any"
+    pattern = r"cp311-abi3-manylinux_2_\d+_\w+" if with_core else "py3-none-any"
     said = wheel.name.removesuffix(".whl").split("-", 2)[2]
     for tag in [*tags, *said.split(".")[:1]]:
         if not re.fullmatch(pattern, tag):
             raise Wrong(f"{wheel.name} says {tag}, wanted: {pattern}")
+        if (glibc := re.search(r"manylinux_2_(\d+)_", tag)) and int(glibc[1]) > _NEWEST_GLIBC:
+            raise Wrong(
+                f"{wheel.name} needs glibc 2.{glibc[1]}, wanted: 2.{_NEWEST_GLIBC} (`auditwheel show`)"
+            )
 
 
-def _files(folder: Path) -> set[str]:
+def files_of(folder: Path) -> set[str]:
+    """Paths of all files in a copy of the tree, or in a folder of it, except those that begin with a dot."""
     return {
         str(PurePosixPath(path.relative_to(folder)))
         for path in folder.rglob("*")

@@ -1,4 +1,4 @@
-"""The first minutes with a wheel: an empty environment, the README's programs in another folder, extras."""
+"""The first minutes with a wheel: an empty environment, and the README's programs in another folder."""
 
 import os
 import shutil
@@ -12,39 +12,47 @@ from typing import IO
 from pages import blocks
 from pythons import Python, make_venv
 from wheels import Wrong
-from wheels.building import ROOT
+from wheels.sources import ROOT
 
-__all__ = ["EXTRAS", "FOR_DEVELOPERS", "try_extra", "try_wheel"]
+__all__ = ["PATIENCE_S", "Environment", "try_wheel"]
 
-FOR_DEVELOPERS = {"bench", "dev", "fuzz", "release", "soak"}
-EXTRAS = {"cli": ("completion", "bash"), "metrics": ("metrics", "--once")}
-"""Of the other extras, a command of `bus` that can't do without."""
+PATIENCE_S = 60.0
+"""How long a program may take for what it is to do, in seconds."""
 
-_PATIENCE_S = 60.0
 _SLOW = "messages go by socket, not by shared memory: "
 _LESSON = ROOT / "tests" / "lesson" / "publisher_member_function.py"
 
 
-class _Terminal:
-    """Commands as a user of the environment types them, in a folder that has nothing of the tree."""
+class Environment:
+    """An environment with busd. Its programs run in a folder that has nothing of the tree."""
 
-    def __init__(self, python: Path, folder: Path) -> None:
-        self.bin = python.parent
-        self.folder = folder
+    def __init__(self, python: Python, folder: Path) -> None:
+        folder.mkdir(parents=True)
+        self._python = make_venv(python, folder / "venv")
+        self.bin = self._python.parent
+        self.folder = folder / "home"
+        self.folder.mkdir()
         mine = ("BUS", "PYTHON", "VIRTUAL_ENV")
-        self.environment = {key: value for key, value in os.environ.items() if not key.startswith(mine)}
-        self.environment["BUSD_SOCKET"] = str(folder / "s")
+        self.variables = {key: value for key, value in os.environ.items() if not key.startswith(mine)}
+        self.variables["BUSD_SOCKET"] = str(folder / "s")
+
+    def install(self, what: str) -> None:
+        """Install a wheel, or one with an extra, and what that needs. Raises Wrong."""
+        pip = [sys.executable, "-m", "pip", "--python", str(self._python), "--disable-pip-version-check"]
+        done = subprocess.run([*pip, "install", "-qq", what], capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise Wrong(f"pip can't install {what}:\n{done.stderr}")
 
     def run(self, program: str, *words: str) -> str:
         """Run it to its end; returns what it printed."""
         done = subprocess.run(
             [self.bin / program, *words],
             cwd=self.folder,
-            env=self.environment,
+            env=self.variables,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=_PATIENCE_S,
+            timeout=PATIENCE_S,
             check=False,
         )
         if done.returncode:
@@ -55,7 +63,7 @@ class _Terminal:
         return subprocess.Popen(
             [self.bin / program, *words],
             cwd=self.folder,
-            env=self.environment,
+            env=self.variables,
             stdout=output,
             stderr=subprocess.STDOUT,
             text=True,
@@ -64,41 +72,21 @@ class _Terminal:
 
 def try_wheel(wheel: Path, python: Python, folder: Path, *, with_core: bool) -> float:
     """Install it into an empty environment and use it; returns the seconds from there to "I heard"."""
-    folder.mkdir(parents=True)
     begin = time.monotonic()
-    terminal = _install(str(wheel), python, folder)
-    (folder / "home").mkdir()
-    terminal.folder = folder / "home"
-    names = _write_readme_programs(terminal.folder)
-    shutil.copy(_LESSON, terminal.folder)
-    heard_s = _hear(terminal, names, with_core=with_core) - begin
+    environment = Environment(python, folder)
+    environment.install(str(wheel))
+    names = _write_readme_programs(environment.folder)
+    shutil.copy(_LESSON, environment.folder)
+    heard_s = _hear(environment, names, with_core=with_core) - begin
     version = wheel.name.split("-")[1]
     for program in ("bus", "busd"):
-        if (said := terminal.run(program, "--version")) != f"{program} {version}\n":
+        if (said := environment.run(program, "--version")) != f"{program} {version}\n":
             raise Wrong(f"{program} --version says {said!r}")
-    said = terminal.run("python", "-c", "from bus import shm; print(shm.why_not())")
+    said = environment.run("python", "-c", "from bus import shm; print(shm.why_not())")
     if (said == "\n") != with_core:
         raise Wrong(f"shared memory, {with_core = }: {said!r}")
-    terminal.run("bus", "daemon", "stop")
+    environment.run("bus", "daemon", "stop")
     return heard_s
-
-
-def try_extra(wheel: Path, extra: str, python: Python, folder: Path) -> None:
-    """Install the wheel with it into an empty environment, and do what needs it."""
-    folder.mkdir(parents=True)
-    terminal = _install(f"{wheel}[{extra}]", python, folder)
-    terminal.run("bus", "daemon", "start")
-    terminal.run("bus", *EXTRAS[extra])
-    terminal.run("bus", "daemon", "stop")
-
-
-def _install(what: str, python: Python, folder: Path) -> _Terminal:
-    venv = make_venv(python, folder / "venv")
-    pip = [sys.executable, "-m", "pip", "--python", str(venv), "--disable-pip-version-check"]
-    done = subprocess.run([*pip, "install", "-qq", what], capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise Wrong(f"pip can't install {what} for Python {python}:\n{done.stderr}")
-    return _Terminal(venv, folder)
 
 
 def _write_readme_programs(folder: Path) -> list[str]:
@@ -112,20 +100,20 @@ def _write_readme_programs(folder: Path) -> list[str]:
     return names
 
 
-def _hear(terminal: _Terminal, names: list[str], *, with_core: bool) -> float:
+def _hear(environment: Environment, names: list[str], *, with_core: bool) -> float:
     """Run the README's programs together, then the lesson's; returns when the first "I heard" was there."""
-    log = terminal.folder / "log"
+    log = environment.folder / "log"
     with log.open("w") as output:
-        running = [terminal.start(output, "python", name) for name in names]
+        running = [environment.start(output, "python", name) for name in names]
         try:
             _await(log, 'I heard: "Hello World: ')
             heard = time.monotonic()
-            running.append(terminal.start(output, "bus", "run", _LESSON.name))
+            running.append(environment.start(output, "bus", "run", _LESSON.name))
             _await(log, 'Publishing: "Hello World: 0"', times=2)
         finally:
             for program in running:
                 program.send_signal(signal.SIGINT)
-            codes = [program.wait(_PATIENCE_S) for program in running]
+            codes = [program.wait(PATIENCE_S) for program in running]
     said = log.read_text()
     if set(codes) - {0, -signal.SIGINT} or "Traceback" in said:
         raise Wrong(f"the README's programs ended with {codes}:\n{said}")
@@ -135,7 +123,7 @@ def _hear(terminal: _Terminal, names: list[str], *, with_core: bool) -> float:
 
 
 def _await(log: Path, text: str, times: int = 1) -> None:
-    end = time.monotonic() + _PATIENCE_S
+    end = time.monotonic() + PATIENCE_S
     while log.read_text().count(text) < times:
         if time.monotonic() > end:
             raise Wrong(f"{text!r} did not come:\n{log.read_text()}")

@@ -7,6 +7,21 @@
 
 #include <pthread.h>
 
+/* glibc 2.34 gave these functions a new version and kept the old one. Bind to the old one, which every glibc has:
+ * otherwise a core that is compiled on a new system can't be loaded on an older one. */
+#if defined(__x86_64__) && defined(__LP64__)
+#define OLDEST "GLIBC_2.2.5"
+#elif defined(__aarch64__) && defined(__LP64__)
+#define OLDEST "GLIBC_2.17"
+#endif
+#if defined(__GLIBC__) && defined(OLDEST)
+#define BIND(function) __asm__(".symver " #function ", " #function "@" OLDEST)
+BIND(pthread_getspecific);
+BIND(pthread_key_create);
+BIND(pthread_once);
+BIND(pthread_setspecific);
+#endif
+
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 static pthread_key_t kept; /* the state that is held in this thread */
 static int fault;
