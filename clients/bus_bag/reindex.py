@@ -36,9 +36,8 @@ def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
             if file.attachments:
                 text = f"{counted(file.attachments, 'attachment', 'is', 'are')} left out"
                 lost.append(Problem(str(file.path), None, text))
-            say(
-                f"{file.path.name}: written anew with an index, {counted(file.summary.message_count, 'message')}"
-            )
+            messages = counted(file.summary.message_count, "message")
+            say(f"{file.path.name}: written anew with an index, {messages}")
     with BagReader(folder, all_files=True) as reader:
         write_metadata_file(folder, msgspec.structs.replace(reader.metadata, version=VERSION))
         messages = counted(reader.metadata.message_count, "message")

@@ -6,10 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from conftest import TEST_S
 from pages import ROOT, SCRIPT
 
 EXAMPLE = dict(SCRIPT.findall((ROOT / "docs" / "testing.md").read_text()))
+SERVER = dict(SCRIPT.findall((ROOT / "docs" / "patterns.md").read_text()))["web.py"]
 
 WRONG = """\
 import subprocess, sys
@@ -70,11 +73,13 @@ def run_pytest(folder: Path, *options: str) -> str:
 
 def test_the_example_of_the_page(tmp_path: Path) -> None:
     """In two workers of pytest-xdist, each with its own buses."""
+    pytest.importorskip("httpx2", reason="FastAPI's TestClient needs httpx2: make setup installs it")
     for name, text in EXAMPLE.items():
         (tmp_path / name).write_text(text)
-    assert set(EXAMPLE) == {"shouter.py", "test_shouter.py", "conftest.py"}
+    (tmp_path / "web.py").write_text(SERVER)
+    assert set(EXAMPLE) == {"shouter.py", "test_shouter.py", "test_web.py", "conftest.py"}
     said = run_pytest(tmp_path, "-n", "2")
-    assert re.search(r"^=+ 3 passed in ", said, re.MULTILINE), said
+    assert re.search(r"^=+ 5 passed in ", said, re.MULTILINE), said
 
 
 def test_what_is_left_is_named(tmp_path: Path) -> None:
