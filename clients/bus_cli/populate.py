@@ -78,8 +78,19 @@ class Prototype:
         fields = {field["name"]: field["type"] for field in self._schema["types"][name]["fields"]}
         for field in value:
             if field not in fields:
-                raise AttributeError(f"'{cls.__name__}' object has no attribute '{field}'")
-        return cls(**{field: self._make(fields[field], part) for field, part in value.items()})
+                from bus.base.suggest import did_you_mean
+
+                hint = did_you_mean(str(field), fields)
+                raise AttributeError(f"'{cls.__name__}' object has no attribute '{field}'{hint}")
+        return cls(**{field: self._field(field, fields[field], part) for field, part in value.items()})
+
+    def _field(self, name: str, node: Any, value: Any) -> Any:
+        try:
+            return self._make(node, value)
+        except ValueError:
+            if isinstance(value, str) and isinstance(node, str) and "/" not in node:
+                raise ValueError(f"'{name}' takes {node}, not '{value}'") from None
+            raise
 
 
 def _integer(value: Any) -> Any:

@@ -99,7 +99,10 @@ def test_it_gives_up(daemon: object) -> None:
 
 def test_mistakes(daemon: object) -> None:
     for words, text in (
-        ((STRING, "dat: hi"), "Failed to populate field: 'String' object has no attribute 'dat'"),
+        (
+            (STRING, "dat: hi"),
+            "Failed to populate field: 'String' object has no attribute 'dat'; did you mean 'data'?",
+        ),
         ((STRING, "hi"), "The passed value needs to be a dictionary in YAML format"),
         (
             ("std_msgs/msg/Strin", "data: hi"),
@@ -172,7 +175,10 @@ def test_documents_at_a_rate_and_up_to_a_number(daemon: object) -> None:
 def test_a_wrong_document_ends_it(daemon: object) -> None:
     words = ("topic", "pub", "/topic", STRING, "--stdin")
     for document, text in (
-        ("dat: 1\n", "Failed to populate field: 'String' object has no attribute 'dat'\n"),
+        (
+            "dat: 1\n",
+            "Failed to populate field: 'String' object has no attribute 'dat'; did you mean 'data'?\n",
+        ),
         ("hi\n", "The passed value needs to be a dictionary in YAML format\n"),
     ):
         assert bus(*words, stdin=document) == Result("publisher: beginning loop\n", text, 1)

@@ -120,7 +120,7 @@ REFUSED = {
     f"service call add_two_ints {TYPE} {{c:1}}": (
         f"{NO_FIELD}'AddTwoInts_Request' object has no attribute 'c'\n"
     ),
-    f"service call add_two_ints {TYPE} {{a:x}}": (f"{NO_FIELD}invalid literal for int() with base 10: 'x'\n"),
+    f"service call add_two_ints {TYPE} {{a:x}}": (f"{NO_FIELD}'a' takes int64, not 'x'\n"),
 }
 
 

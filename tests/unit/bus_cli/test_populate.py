@@ -109,14 +109,14 @@ def test_what_is_no_yaml(text: str) -> None:
 @for_each(
     ("cls", "text", "error"),
     [
-        (String, "dat: hi", "'String' object has no attribute 'dat'"),
+        (String, "dat: hi", "'String' object has no attribute 'dat'; did you mean 'data'?"),
         (String, "{data:hi}", "'String' object has no attribute 'data:hi'"),
         (PoseStamped, "{pose: {pos: 1}}", "'Pose' object has no attribute 'pos'"),
         (PoseStamped, "{pose: 1}", "Value '1' is expected to be a dictionary but is a int"),
-        (Int32, "data: x", "invalid literal for int() with base 10: 'x'"),
+        (Int32, "data: x", "'data' takes int32, not 'x'"),
         (Int32, "data: 1.5", "1.5 is not a whole number"),
         (Int32, "data: .nan", "cannot convert float NaN to integer"),
-        (Float64, "data: x", "could not convert string to float: 'x'"),
+        (Float64, "data: x", "'data' takes float64, not 'x'"),
         (Int8, "data: 200", "std_msgs/msg/Int8: Expected `int` <= 127 - at `$.data`"),
         (String, "data: ", "std_msgs/msg/String: Expected `str`, got `None` - at `$.data`"),
         (String, "data: [1]", "std_msgs/msg/String: Expected `str`, got `array` - at `$.data`"),
