@@ -25,6 +25,7 @@ BENCHMARKS = (
     "startup",
     "launching",
     "idle",
+    "timers",
     "growth",
     "discovery",
     "look",

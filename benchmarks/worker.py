@@ -6,7 +6,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 import msgspec
@@ -55,11 +55,16 @@ def tell(event: str, **values: Any) -> None:
     sys.stdout.flush()
 
 
-def run(main: Callable[[Parent], Awaitable[None]], *, life_s: int = LIFE_S) -> None:
-    """Run `main` on the loop that the bus uses, until the parent has no more words."""
+def run(
+    main: Callable[[Parent], Awaitable[None]],
+    *,
+    life_s: int = LIFE_S,
+    by: Callable[[Coroutine[Any, Any, None]], object] = uvloop.run,
+) -> None:
+    """Run `main` on the loop that the bus uses, or `by` another, until the parent has no more words."""
     signal.alarm(life_s)
     gc.freeze()  # for all systems, because `bus.run` does it
-    uvloop.run(_serve(main))
+    by(_serve(main))
 
 
 def options(kind: type[Any]) -> Any:

@@ -134,12 +134,20 @@ class Timer:
 
     def _fire(self) -> None:
         now_ns = self._clock.steady_ns()
+        self._alarm = None
         self._next_ns += self._period_ns
         if self._next_ns <= now_ns and self._period_ns:
             skipped = (now_ns - self._next_ns) // self._period_ns + 1
             self.missed += skipped
             self._next_ns += skipped * self._period_ns
-        self._arm()
+        try:
+            self._call()
+        finally:
+            # After the call, which so comes sooner. The call itself may have canceled or reset the timer.
+            if self._alarm is None and not self.is_canceled:
+                self._arm()
+
+    def _call(self) -> None:
         if self._task is not None and not self._task.done():
             self.missed += 1
             return

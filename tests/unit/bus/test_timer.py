@@ -82,6 +82,35 @@ def test_from_within_the_callback() -> None:
     play(story)
 
 
+@for_each(("method", "expected"), [("cancel", [10, 20]), ("reset", [10, 20, 35, 45, 55])])
+def test_the_callback_cancels_or_resets_its_timer(method: str, expected: list[float]) -> None:
+    async def story() -> None:
+        world = World(10)
+        loop: Any = asyncio.get_running_loop()
+
+        def stop() -> None:
+            if len(world.calls) == 2:
+                loop.jumped_s += 5  # a reset counts from here
+                getattr(world.timer, method)()
+
+        world.then = stop  # type: ignore[method-assign]
+        await asyncio.sleep(58)
+        assert (world.calls, world.timer.missed) == (expected, 0)
+
+    play(story)
+
+
+def test_an_exception_does_not_end_it() -> None:
+    async def story() -> None:
+        world = World(10)
+        world.then = lambda: world.calls.append(1 // 0)  # type: ignore[method-assign]
+        await asyncio.sleep(35)
+        assert world.calls == [10, 20, 30]
+        assert [type(error) for error in world.errors] == [ZeroDivisionError] * 3
+
+    play(story)
+
+
 def test_the_same_period_again_puts_nothing_off() -> None:
     async def story() -> None:
         world = World(10)
