@@ -7,6 +7,7 @@ import select
 import sys
 import termios
 import time
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -22,7 +23,10 @@ class OwnTerminal:
         self._text = ""
         self._pid, self._end = pty.fork()
         if not self._pid:
-            os.execv(sys.executable, [sys.executable, *words])
+            try:
+                os.execv(sys.executable, [sys.executable, *words])
+            finally:
+                os._exit(127)  # a second pytest must not go on here
 
     def read_until(self, pattern: str) -> str:
         """Read until it has shown this, behind what was read before; returns all up to there.
@@ -52,7 +56,16 @@ class OwnTerminal:
         os.kill(self._pid, number)
 
     def wait(self) -> int:
-        """Wait for the program's end; returns its exit code."""
+        """Wait for the program's end; returns its exit code.
+
+        Raises TimeoutError, with the state of the process. Without it, pytest-timeout ends the worker.
+        """
+        descriptor = os.pidfd_open(self._pid)
+        try:
+            if not select.select([descriptor], [], [], WAIT_S)[0]:
+                raise TimeoutError(f"it goes on: {Path(f'/proc/{self._pid}/status').read_text()}")
+        finally:
+            os.close(descriptor)
         _, status = os.waitpid(self._pid, 0)
         self._pid = 0
         return os.waitstatus_to_exitcode(status)

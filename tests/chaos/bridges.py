@@ -30,7 +30,7 @@ import bus
 import netns
 from bridged_world import Bridge, Stream, World
 from bus.runner import loop_factory
-from conftest import WAIT_S
+from conftest import SOON_S
 
 QUALITIES = {
     "reliable": bus.QoSProfile(1000),
@@ -42,7 +42,7 @@ _HZ = 50.0
 _PER_ROUND = 4
 _NO_BUSD = "no busd listens on"
 _AWAY_S, _BETWEEN_S = (0.0, 1.5), (0.0, 1.0)
-_BACK_S = 5.0 * WAIT_S / 20
+_BACK_S = SOON_S
 """So long after the end of a fault at the latest messages flow again."""
 
 

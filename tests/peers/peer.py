@@ -18,7 +18,7 @@ from typing import Any, Literal, Self
 
 import pytest
 
-from conftest import WAIT_S
+from conftest import SOON_S, WAIT_S
 from netns import Machine
 
 ROOT = Path(__file__).parents[2]
@@ -104,7 +104,7 @@ class Peer:
         self.process.stdin.close()
         try:
             self.process.send_signal(signal.SIGCONT)
-            self.process.wait(WAIT_S / 4)
+            self.process.wait(SOON_S)
         except subprocess.TimeoutExpired:
             self.kill()
         self._thread.join(WAIT_S)

@@ -351,17 +351,21 @@ class TestWhereItIsUsed:
         subscription = node.create_subscription(String, "talk")
         reads, writes = os.pipe()
         if not (pid := os.fork()):
-            said = []
-            for use in (lambda: node.publish("talk", String()), lambda: subscription.receive(0)):
-                try:
-                    use()
-                except bus.ForkError as error:
-                    said.append(str(error))
-            node.close()
-            with bus.connect("child") as own:
-                own.publish("talk", String(data="from the child"))
-            os.write(writes, "\n".join(said).encode())
-            os._exit(0)
+            status = 1
+            try:
+                said = []
+                for use in (lambda: node.publish("talk", String()), lambda: subscription.receive(0)):
+                    try:
+                        use()
+                    except bus.ForkError as error:
+                        said.append(str(error))
+                node.close()
+                with bus.connect("child") as own:
+                    own.publish("talk", String(data="from the child"))
+                os.write(writes, "\n".join(said).encode())
+                status = 0
+            finally:
+                os._exit(status)
         os.close(writes)
         assert os.waitpid(pid, 0)[1] == 0
         with os.fdopen(reads) as pipe:

@@ -52,7 +52,11 @@ async def test_the_child_is_told(node: bus.Node) -> None:
     publisher.publish(Int32(data=2))
     child = os.fork()
     if not child:
-        os._exit(await failures(node, publisher, subscription))
+        status = 99
+        try:
+            status = await failures(node, publisher, subscription)
+        finally:
+            os._exit(status)
     assert exit_status(child) == 0
     publisher.publish(Int32(data=3))
     assert [(await subscription.receive())[0].data for _ in range(3)] == [1, 2, 3]
@@ -186,7 +190,10 @@ async def test_a_child_that_lives_on_keeps_nobody_asleep(node: bus.Node) -> None
     publisher = await node.create_publisher(Int32, "t", 10)
     child = os.fork()
     if not child:
-        signal.pause()
+        try:
+            signal.pause()
+        finally:
+            os._exit(99)
     try:
         for number in range(20):
             publisher.publish(Int32(data=number))

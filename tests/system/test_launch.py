@@ -230,6 +230,11 @@ async def test_a_killed_launch_leaves_nothing(here: Path) -> None:
             - executable: {cmd: "sleep 1001 & sleep 1002", shell: true}""",
     )
     async with launched(here, "two.launch.yaml") as launch:
+        for number in (
+            1,
+            2,
+        ):  # a launch killed before it says this may leave the process that it just started
+            await launch.line(rf"^\[INFO\] \[\w+-{number}\]: process started")
         await until(lambda: len(launch.family("sleep 100")) >= 3)
         os.kill(launch.process.pid, signal.SIGKILL)
         await until(lambda: launch.family() == [])

@@ -53,7 +53,7 @@ def test_in_pytest(tmp_path: Path, start: Start) -> None:
 
 
 def ask(url: str, method: str = "GET") -> str:
-    """Asks until somebody answers."""
+    """The first answer of a server that is about to start."""
     until = time.monotonic() + WAIT_S
     while True:
         try:
