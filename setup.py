@@ -4,7 +4,6 @@ A wheel is named for what is in it: without the core `py3-none-any`.
 """
 
 import os
-import re
 import sys
 import sysconfig
 from pathlib import Path
@@ -19,26 +18,6 @@ CORES = {
     "bus_tf2.core._core": Path("clients", "bus_tf2", "core"),
 }
 """The native cores, and where their sources are: all of a folder."""
-
-NOTE = """\
-Pages named here, such as `docs/qos.md`, and the commands with `make` are of the source distribution.
-"""
-_IMAGE = re.compile(r"^!\[[^\]]*\]\((?![a-z]+:)[^)\s]+\)\n\n?", re.MULTILINE)
-_FENCED_OR_LINK = re.compile(r"^```.*?^```$|\[([^\]]+)\]\((?![a-z]+:|#)([^)\s]+)\)", re.MULTILINE | re.DOTALL)
-
-
-def read_on_an_index(text: str) -> str:
-    """README.md for a page that has no files beside it: links to files become their paths, images go."""
-
-    def name_path(found: re.Match[str]) -> str:
-        label, path = found.groups()
-        if label is None:
-            return found[0]
-        return f"`{path}`" if label == path else f"{label} (`{path}`)"
-
-    title, rest = text.split("\n", 1)
-    rest = _FENCED_OR_LINK.sub(name_path, _IMAGE.sub("", rest))
-    return f"{title}\n\n{NOTE}{rest}"
 
 
 class BuildExt(build_ext):
@@ -114,6 +93,4 @@ if __name__ == "__main__":
         ext_modules=modules,
         cmdclass={"build_ext": BuildExt, "bdist_wheel": BdistWheel},
         options={"bdist_wheel": {"py_limited_api": "cp311"}} if modules else {},
-        long_description=read_on_an_index((HERE / "README.md").read_text(encoding="utf-8")),
-        long_description_content_type="text/markdown",
     )

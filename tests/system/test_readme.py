@@ -95,6 +95,15 @@ def test_scripts_of_the_readme(daemon: Daemon, lesson: Path, start: Start) -> No
         assert "Traceback" not in program.text
 
 
+def test_the_program_of_the_package_page(daemon: Daemon, tmp_path: Path, start: Start) -> None:
+    page = (ROOT / "PACKAGE.md").read_text()
+    ((name, text),) = SCRIPT.findall(page)
+    (shown,) = console(page)
+    assert shown.command == f"python {name}"
+    (tmp_path / name).write_text(text)
+    check(start(shown.command, tmp_path), shown)
+
+
 def test_the_script_of_the_page_about_large_messages(
     daemon: Daemon, tmp_path: Path, start: Start, route: str
 ) -> None:

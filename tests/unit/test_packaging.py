@@ -16,7 +16,6 @@ import pytest
 import bus
 from bus.base.version import RELEASE
 from bus.wire.layout import PROTOCOL_VERSION
-from rows import for_each
 from wheels.contents import check_sdist
 from wheels.sources import copy_tree, tracked, why_not_tracked
 
@@ -38,6 +37,7 @@ def load_setup() -> dict[str, Any]:
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUP = load_setup()
 LINK = re.compile(r"\]\((?!https?:)")
+FOR_DEVELOPERS = {"bench", "dev", "fuzz", "release", "soak"}
 
 
 def test_the_version_has_one_source() -> None:
@@ -64,29 +64,15 @@ def test_the_licence_is_what_bus_pkg_create_writes() -> None:
     assert (ROOT / "LICENSE").read_text() == given.read_text()
 
 
-@for_each(
-    ("text", "shown"),
-    [
-        ("See [docs/qos.md](docs/qos.md).", "See `docs/qos.md`."),
-        ("[all\npages](docs/README.md)", "all\npages (`docs/README.md`)"),
-        (
-            "[a site](https://example.org/x) and [below](#more)",
-            "[a site](https://example.org/x) and [below](#more)",
-        ),
-        ("```python\nrows[0](a)\n```\n[x](y)", "```python\nrows[0](a)\n```\nx (`y`)"),
-        ("before\n\n![the page](docs/page.png)\n\nbehind", "before\n\nbehind"),
-    ],
-)
-def test_links_to_files_become_their_paths(text: str, shown: str) -> None:
-    assert SETUP["read_on_an_index"](f"# busd\n{text}") == f"# busd\n\n{SETUP['NOTE']}{shown}"
-
-
 def test_the_page_on_an_index_leads_nowhere_that_is_not_there() -> None:
-    text = (ROOT / "README.md").read_text()
-    assert LINK.search(text)
-    page = SETUP["read_on_an_index"](text)
-    assert not LINK.search(re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL))
-    assert page.startswith("# busd\n\nPages named here")
+    """It has no files beside it: links and pictures need a full address."""
+    page = (ROOT / PROJECT["project"]["readme"]).read_text()
+    assert page.startswith("# busd\n\n```sh\npip install busd\n```\n")
+    assert not LINK.search(page)
+    named = {
+        name for row in re.findall(r"^\| `.*", page, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)
+    }
+    assert named == set(PROJECT["project"]["optional-dependencies"]) - FOR_DEVELOPERS
 
 
 def test_the_core_is_built_where_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:

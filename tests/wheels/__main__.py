@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import pythons
-from wheels import Wrong, aarch64, building, contents, extras, first_use
+from wheels import Wrong, aarch64, building, contents, extras, first_use, version
 from wheels.sources import ROOT
 
 _Job = Callable[[], str]
@@ -79,6 +79,7 @@ def _make(folder: Path) -> tuple[list[Path], list[str]]:
         contents.check_wheel(wheel, tree, with_core=True)
         _say(f"{wheel.name}: the core, no debug symbols")
     packages = [sdist, *wheels]
+    version.check_versions(packages)
     _twine(packages)
     _run([*jobs, *_trials([*wheels, pure][0], found[0], folder / "extras")])
     return packages, lacking

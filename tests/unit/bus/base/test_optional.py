@@ -16,7 +16,8 @@ FOR_USERS = {name: wanted for name, wanted in EXTRAS.items() if name not in FOR_
 SILENT = {"rich"}
 """Packages whose absence no program mentions."""
 REQUIREMENT = re.compile(r"([\w-]+)([^;]*)")
-PAGES = [path for folder in ("", "docs", "benchmarks") for path in (ROOT / folder).glob("*.md")]
+PAGES = {path for folder in ("", "docs", "benchmarks") for path in (ROOT / folder).glob("*.md")}
+PAGES -= {ROOT / "PACKAGE.md"}  # it is for those who have found busd on an index
 
 
 def test_bounds_are_those_of_the_extras() -> None:
