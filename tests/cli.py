@@ -26,9 +26,11 @@ BUS = (sys.executable, "-m", "bus_cli")
 
 IMPORTED = (
     *(f"bus_cli.{command}.{verb}" for command, (_, verbs) in COMMANDS.items() for verb in verbs),
-    *("bus_cli.doctor", "bus_cli.fields", "bus_cli.metrics", "bus_cli.suggestions"),
+    *("bus_cli.doctor", "bus_cli.entry", "bus_cli.fields", "bus_cli.metrics", "bus_cli.run"),
+    "bus_cli.suggestions",
     *("bus", "bus.link.autostart", "bus.node", "bus.service.server", "bus.service.client", "uvloop", "yaml"),
     *("bus.msg.geometry_msgs", "bus.msg.sensor_msgs", "bus.msg.std_msgs", "bus.srv.example_interfaces"),
+    *("bus.msg.rcl_interfaces", "bus.msg._described"),
     *("bus_ros.rclpy", "bus_ros.rclpy.parameter_service", "bus_ros.rosidl"),
     *("bus_bag.record.program", "mcap.records", "mcap.writer"),
 )

@@ -19,7 +19,7 @@ import pytest
 
 import inherited_signals
 from bus import shm
-from effort import DAILY, NIGHTLY
+from effort import DAILY, NIGHTLY, is_nightly
 from forks import Fork, Forks
 
 # What is slow here is the machine. By night there are more examples, and others each time.
@@ -71,7 +71,7 @@ class Daemon:
             if self.forks is None or not self.forks.can_run():
                 process = subprocess.Popen([sys.executable, *words], stderr=log)
             else:
-                process = self.forks.run(words, stderr=log.fileno())
+                process = self.forks.run(words, stderr=log.fileno(), is_finalized=is_nightly())
         self._wait_until_ready(process)
         return process
 

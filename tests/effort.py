@@ -8,6 +8,15 @@ DAILY, NIGHTLY = 33, 100
 
 def examples(number: int) -> int:
     """So many of `number`, at least one. To be asked once the tests are collected, or later."""
+    return -(-number * _percent() // NIGHTLY)
+
+
+def is_nightly() -> bool:
+    """Whether these are the tests of `make nightly`. To be asked as `examples` is."""
+    return _percent() == NIGHTLY
+
+
+def _percent() -> int:
     profile = hypothesis.settings.default
     assert profile is not None
-    return -(-number * profile.max_examples // NIGHTLY)
+    return profile.max_examples

@@ -153,10 +153,11 @@ def test_shutdown_in_a_callback_of_many_threads_ends_the_spin(world: World) -> N
     executor = world.executor(node := world.node(), kind=MultiThreadedExecutor)
 
     def shut_down() -> None:
+        timer.cancel()  # or a second call waits once nobody spins, until it has no more patience
         wait_until(lambda: is_waiting(executor))
         rclpy.shutdown()
 
-    node.create_timer(0, shut_down)
+    timer = node.create_timer(0, shut_down)
     executor.spin()
     assert not rclpy.ok()
 

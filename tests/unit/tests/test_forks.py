@@ -19,11 +19,12 @@ Run = Callable[..., Fork]
 def run(forks: Forks, tmp_path: Path) -> Run:
     """Begins a program of that source; what it prints goes to files named after the streams."""
 
-    def run(source: str, *arguments: str) -> Fork:
-        program = tmp_path / "program.py"
-        program.write_text(source)
+    def run(source: str, *arguments: str, is_finalized: bool = True) -> Fork:
+        words = [str(tmp_path / "program.py"), *arguments]
+        Path(words[0]).write_text(source)
         with (tmp_path / "stdout").open("wb") as out, (tmp_path / "stderr").open("wb") as errors:
-            return forks.run([str(program), *arguments], stdout=out.fileno(), stderr=errors.fileno())
+            out_number, error_number = out.fileno(), errors.fileno()
+            return forks.run(words, stdout=out_number, stderr=error_number, is_finalized=is_finalized)
 
     return run
 
@@ -64,17 +65,36 @@ def test_others_see_its_command_line_and_environment(
     ("source", "status", "said"),
     [
         ("import sys; sys.exit(3)", 3, ""),
+        ("import sys; sys.exit('no such bus')", 1, "no such bus\n"),
         ("import atexit, os; atexit.register(os.write, 2, b'bye')", 0, "bye"),
         ("1 / 0", 1, "ZeroDivisionError: division by zero\n"),
         ("import os, signal; os.kill(os.getpid(), signal.SIGINT)", -signal.SIGINT, "KeyboardInterrupt\n"),
         ("import os, signal; os.kill(os.getpid(), signal.SIGTERM)", -signal.SIGTERM, ""),
     ],
-    ids=["status", "atexit", "exception", "interrupt", "signal"],
+    ids=["status", "words", "atexit", "exception", "interrupt", "signal"],
 )
-def test_it_ends_as_programs_do(run: Run, tmp_path: Path, source: str, status: int, said: str) -> None:
-    assert run(source).wait(60) == status
+@pytest.mark.parametrize("is_finalized", [True, False])
+def test_it_ends_as_programs_do(
+    run: Run, tmp_path: Path, source: str, status: int, said: str, is_finalized: bool
+) -> None:
+    assert run(source, is_finalized=is_finalized).wait(60) == status
     text = (tmp_path / "stderr").read_text()
     assert text.endswith(said) if said else not text
+
+
+@pytest.mark.parametrize("is_finalized", [True, False])
+def test_at_its_end_threads_come_first_then_what_was_registered(
+    run: Run, tmp_path: Path, is_finalized: bool
+) -> None:
+    source = (
+        "import atexit, threading, time\natexit.register(print, 'registered')\n"
+        "class Kept:\n    def __del__(self): print('taken apart')\n"
+        "kept = Kept()\ndef late():\n    time.sleep(0.05)\n    print('thread')\n"
+        "threading.Thread(target=late).start()\nprint('main')"
+    )
+    assert run(source, is_finalized=is_finalized).wait(60) == 0
+    lines = (tmp_path / "stdout").read_text().splitlines()
+    assert lines == ["main", "thread", "registered", *(["taken apart"] if is_finalized else [])]
 
 
 def test_one_that_runs_is_waited_for_no_longer_than_asked(run: Run) -> None:
