@@ -2,8 +2,9 @@
 
 import asyncio
 import gc
+import inspect
+import sys
 from collections.abc import Callable, Coroutine
-from inspect import currentframe
 from typing import Any
 
 import pytest
@@ -45,6 +46,24 @@ async def test_what_was_not_made_is_told(node: bus.Node, name: str) -> None:
     assert node._endpoints._all in ([], [node._rosout._publisher])
 
 
+async def test_frameworks_see_coroutine_functions(node: bus.Node) -> None:
+    publisher = await node.create_publisher(String, "t")
+    for function in (
+        node.open,
+        node.close,
+        node.create_publisher,
+        node.create_subscription,
+        node.create_service,
+        node.create_client,
+        bus.Node.create_publisher,
+        publisher.close,
+    ):
+        assert asyncio.iscoroutinefunction(function)
+        if sys.version_info >= (3, 12):  # before, inspect looks at nothing but the code
+            assert inspect.iscoroutinefunction(function)
+    assert not asyncio.iscoroutinefunction(node.create_timer)
+
+
 async def test_the_line_is_that_of_the_call(node: bus.Node) -> None:
     """Not the one where it was thrown away."""
     with pytest.warns(RuntimeWarning) as told:
@@ -52,7 +71,7 @@ async def test_the_line_is_that_of_the_call(node: bus.Node) -> None:
             String,
             "t",
         )
-        frame = currentframe()
+        frame = inspect.currentframe()
         assert frame is not None
         here = frame.f_lineno
         del publisher
@@ -99,7 +118,7 @@ async def test_what_is_sent_is_sent_all_the_same(node: bus.Node) -> None:
         assert (await subscription.receive())[0].data == "forgotten"
     with pytest.warns(RuntimeWarning) as told:
         publisher.send(String(data="next"))  # type: ignore[unused-coroutine]
-        frame = currentframe()
+        frame = inspect.currentframe()
         assert frame is not None
         assert told[0].lineno == frame.f_lineno - 3
     async with asyncio.timeout(10):

@@ -6,6 +6,7 @@ ever.
 """
 
 import asyncio
+import inspect  # maybe not loaded yet: see bus.base.lean_asyncio
 import sys
 import warnings
 from collections.abc import Callable, Coroutine, Generator
@@ -46,7 +47,19 @@ def _decorated(
         return _Call(function(*args, **kwargs), sys._getframe(1), loop)
 
     setattr(call, _MARK, True)
+    _mark_as_coroutine_function(call)
     return call
+
+
+def _mark_as_coroutine_function(function: Any) -> None:
+    """For frameworks, which ask `asyncio.iscoroutinefunction`, or from Python 3.12 on the one of `inspect`.
+
+    Python 3.11's `inspect` looks at the code alone, and has no such mark.
+    """
+    function._is_coroutine = getattr(asyncio.coroutines, "_is_coroutine", None)
+    mark = vars(inspect).get("markcoroutinefunction")  # also missing if `inspect` is not loaded yet
+    if mark is not None:
+        mark(function)
 
 
 class _Call(Coroutine[Any, Any, T]):
