@@ -16,6 +16,7 @@ Names are imported when they are first used, so that tools which need only a few
 import gc
 import os
 from importlib import import_module
+from sys import _getframe
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -198,15 +199,19 @@ if os.sysconf("SC_OPEN_MAX") < 100:
 
 
 def __getattr__(name: str) -> Any:
-    if name == "qos":
-        return import_module("bus.qos")
+    if name in ("msg", "qos", "srv"):
+        return import_module(f"bus.{name}")
     if name == "__version__":
         return import_module("bus.base.version").RELEASE
     if name in _HOME_OF:
         value = globals()[name] = getattr(_import(_HOME_OF[name]), name)
         return value
-    said = f"module 'bus' has no attribute {name!r}"
-    raise AttributeError(said, name=name, obj=import_module("bus"))  # Python suggests a name that is near
+    # Names that tools look for, and modules that `from ... import` is about to import, are no mistakes.
+    if name.startswith("_") or _getframe(1).f_code.co_name == "_handle_fromlist":
+        raise AttributeError(f"module 'bus' has no attribute {name!r}")
+    from bus.base.missing_names import missing_name
+
+    raise missing_name("bus", name, __all__, is_bus=True)
 
 
 def __dir__() -> list[str]:

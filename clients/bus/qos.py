@@ -219,6 +219,9 @@ def profile(value: QoS) -> QoSProfile:
     if isinstance(value, str):
         preset = PRESETS.get(value.lower())
         if preset is None:
+            if value.strip().isdecimal():
+                depth = value.strip()
+                raise ConfigurationError(f"QoS {value!r} is a text: for a depth, write the int {depth}")
             raise ConfigurationError(_unknown("QoS preset", value, PRESETS))
         return preset
     if callable(value) and not isinstance(value, type):

@@ -95,6 +95,11 @@ def run(main: Coroutine[Any, Any, T]) -> T:
             raise
         say_nothing_of_signals()
         raise ReaderGone from None
+    except TypeError as error:
+        from bus.base.missing_names import explain_unknown_field
+
+        explain_unknown_field(error)
+        raise
     except START_ERRORS as error:
         sys.exit(text_of(error))
     finally:

@@ -10,7 +10,8 @@ module of a package is imported only when it is asked for. Must not know: topics
         speed: float64 = 0.0
 """
 
-from typing import Final
+from sys import _getframe
+from typing import Any, Final
 
 from bus.msg._types import (
     Message,
@@ -59,3 +60,16 @@ PACKAGES: Final = (
     "sensor_msgs",
     "std_msgs",
 )
+
+
+def __getattr__(name: str) -> Any:
+    if name in PACKAGES:
+        from importlib import import_module
+
+        return import_module(f"bus.msg.{name}")
+    # Names that tools look for, and modules that `from ... import` is about to import, are no mistakes.
+    if name.startswith("_") or _getframe(1).f_code.co_name == "_handle_fromlist":
+        raise AttributeError(f"module 'bus.msg' has no attribute {name!r}")
+    from bus.base.missing_names import missing_name
+
+    raise missing_name("bus.msg", name, (*PACKAGES, *__all__))

@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from os import PathLike
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, Unpack, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, Never, Self, TypeVar, Unpack, overload
 
 import msgspec
 
@@ -182,6 +182,13 @@ class Node(ParameterHost, GraphHost):
                 await self._close_endpoints(link)
         finally:
             link.release()
+
+    def __enter__(self) -> Never:
+        from bus.process.mistakes import plain_with
+
+        raise plain_with(self.name)
+
+    __exit__ = __enter__  # without one, Python does not get as far as __enter__
 
     async def __aenter__(self) -> Self:
         await self.open()

@@ -17,6 +17,7 @@ __all__ = [
     "no_loop",
     "no_message_class",
     "other_loop",
+    "plain_with",
 ]
 
 
@@ -66,6 +67,14 @@ def nested_run() -> RuntimeError:
     """`bus.run` was called where an event loop runs."""
     return RuntimeError(
         "bus.run starts an event loop, but one is running here already: write await main(), in Jupyter too"
+    )
+
+
+def plain_with(name: str) -> TypeError:
+    """A node is used with `with` in place of `async with`."""
+    return TypeError(
+        f"write async with bus.Node({name!r}) as node, in async def main(); or, in a script without asyncio, "
+        f"with bus.connect({name!r}) as node"
     )
 
 

@@ -13,11 +13,25 @@ Owns: the base class of a service's definition, and the list of packages. Must n
             value: float64 = 0.0
 """
 
+from sys import _getframe
 from typing import Any, ClassVar, Final
 
 __all__ = ["PACKAGES", "Service", "make_service"]
 
 PACKAGES: Final = ("example_interfaces", "std_srvs")
+
+
+def __getattr__(name: str) -> Any:
+    if name in PACKAGES:
+        from importlib import import_module
+
+        return import_module(f"bus.srv.{name}")
+    # Names that tools look for, and modules that `from ... import` is about to import, are no mistakes.
+    if name.startswith("_") or _getframe(1).f_code.co_name == "_handle_fromlist":
+        raise AttributeError(f"module 'bus.srv' has no attribute {name!r}")
+    from bus.base.missing_names import missing_name
+
+    raise missing_name("bus.srv", name, (*PACKAGES, *__all__))
 
 
 class Service:
