@@ -18,6 +18,7 @@ from bus_bag.metadata import (
 )
 from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.chunk import ChunkBuilder, Stamp
+from bus_bag.storage.mcap_format import package
 from bus_bag.storage.mcap_writer import PRESETS, McapWriter
 
 __all__ = ["BagWriter", "write_metadata_file"]
@@ -55,6 +56,7 @@ class BagWriter:
         if preset not in PRESETS:
             valid = ", ".join(f"'{name}'" for name in PRESETS)
             raise BagError(f"unknown MCAP storage preset profile (valid options are {valid}): {preset}")
+        package()  # before the folder: if it is missing, nothing is left behind
         self.folder = folder
         self._preset = PRESETS[preset]
         self._custom_data = dict(custom_data or {})

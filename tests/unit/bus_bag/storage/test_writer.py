@@ -1,5 +1,6 @@
 """Bags that busd writes, read by itself and by those who must be able to: mcap, rosbags and mcap-ros2."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -109,6 +110,13 @@ def test_a_bag_without_messages(tmp_path: Path) -> None:
         assert list(reader.topics) == [CHATTER.name, LATCHED.name]
     with AnyReader([folder]) as others:
         assert others.message_count == 0
+
+
+def test_without_mcap_no_folder_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.records", None)
+    with pytest.raises(BagError, match="bags need the package mcap: pip install 'mcap"):
+        begin_bag(tmp_path / "walk")
+    assert not (tmp_path / "walk").exists()
 
 
 def test_refused(tmp_path: Path) -> None:
