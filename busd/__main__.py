@@ -2,7 +2,7 @@
 
 import sys
 
-from busd.run import main
+from busd.entry import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -13,12 +13,25 @@
 Names are imported when they are first used, so that tools which need only a few of them start fast.
 """
 
-import gc
-import os
-from importlib import import_module
-from sys import _getframe
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+import _signal  # type: ignore[import-not-found] # the core of `signal`, there without loading anything
+
+_mask = _signal.pthread_sigmask(_signal.SIG_BLOCK, [_signal.SIGINT])  # until it can be deferred
+
+from bus.base.loading import deferred_interrupts, hide_tracebacks_of_imports  # noqa: E402
+
+hide_tracebacks_of_imports()
+with deferred_interrupts():
+    _signal.pthread_sigmask(_signal.SIG_SETMASK, _mask)
+
+    # datetime comes before msgspec, whose C core would load it and go on if a KeyboardInterrupt cut that
+    # short. Its first Decoder would then crash.
+    import datetime  # noqa: F401
+    import gc
+    import os
+    from importlib import import_module
+    from sys import _getframe
+    from types import ModuleType
+    from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bus import qos as qos
@@ -219,15 +232,19 @@ def __dir__() -> list[str]:
 
 
 def _import(module: str) -> ModuleType:
-    """What is imported stays: the collector would look at all of it several times, and find nothing."""
-    import_module("bus.process.start_errors").check_descriptors()
-    if not gc.isenabled():
-        return import_module(module)
-    gc.disable()
-    try:
-        return import_module(module)
-    finally:
-        if not gc.get_freeze_count():  # else the program has frozen something, which is to stay so
-            gc.freeze()
-            gc.unfreeze()  # now it is among what is old, and the collector did not have to look at it
-        gc.enable()
+    """Import without the garbage collector, which would look at all modules several times, and find nothing.
+
+    A Ctrl-C raises KeyboardInterrupt afterwards.
+    """
+    with deferred_interrupts():
+        import_module("bus.process.start_errors").check_descriptors()
+        if not gc.isenabled():
+            return import_module(module)
+        gc.disable()
+        try:
+            return import_module(module)
+        finally:
+            if not gc.get_freeze_count():  # else the program has frozen something, which is to stay so
+                gc.freeze()
+                gc.unfreeze()  # now it is among what is old, and the collector did not have to look at it
+            gc.enable()

@@ -103,6 +103,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     except START_ERRORS as error:
         sys.exit(text_of(error))
     finally:
+        main.close()  # it has not begun if a Ctrl-C came first; Python would warn of that
         if not is_frozen:
             gc.unfreeze()  # else Python would not find files that were left open, to write what they hold
 

@@ -19,8 +19,9 @@
 Names are imported when they are first used.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from bus import _import
 
 if TYPE_CHECKING:
     from bus_actions.action_type import Action, find_action
@@ -62,7 +63,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME_OF[name]), name)
+    value = getattr(_import(_HOME_OF[name]), name)
     globals()[name] = value
     return value
 

@@ -13,24 +13,27 @@ module of a package is imported only when it is asked for. Must not know: topics
 from sys import _getframe
 from typing import Any, Final
 
-from bus.msg._types import (
-    Message,
-    byte,
-    byte_array,
-    char,
-    float32,
-    float64,
-    int8,
-    int16,
-    int32,
-    int64,
-    string,
-    uint8,
-    uint8_array,
-    uint16,
-    uint32,
-    uint64,
-)
+from bus.base.loading import deferred_interrupts
+
+with deferred_interrupts():
+    from bus.msg._types import (
+        Message,
+        byte,
+        byte_array,
+        char,
+        float32,
+        float64,
+        int8,
+        int16,
+        int32,
+        int64,
+        string,
+        uint8,
+        uint8_array,
+        uint16,
+        uint32,
+        uint64,
+    )
 
 __all__ = [
     "PACKAGES",

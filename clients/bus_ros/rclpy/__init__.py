@@ -20,6 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from bus.base import lean_asyncio  # noqa: F401 - ahead of all that imports asyncio
+from bus.base.loading import except_hook
 from bus.process.termination import die_at_exit
 from bus_ros import aliases
 from bus_ros import engine as engines
@@ -91,7 +92,7 @@ def init(
     if signal_handler_options is None:
         signal_handler_options = SignalHandlerOptions.ALL if is_default else SignalHandlerOptions.NO
     signals.install_signal_handlers(signal_handler_options)
-    if sys.excepthook is sys.__excepthook__:
+    if sys.excepthook in (sys.__excepthook__, except_hook):
         sys.excepthook = _say_what_ended_it
     if threading.excepthook is threading.__excepthook__:
         threading.excepthook = _say_what_ended_a_thread

@@ -1,5 +1,6 @@
-"""bus.runner: what a run leaves of the garbage collector as it was."""
+"""bus.runner: the garbage collector is as before a run, and a Ctrl-C before it begins is silent."""
 
+import signal
 import subprocess
 import sys
 
@@ -24,3 +25,27 @@ print(before > 0, within > 0, after > 0)
 def test_what_a_program_has_frozen_stays_frozen(word: str, said: str) -> None:
     command = [sys.executable, "-c", _PROGRAM, word]
     assert subprocess.run(command, capture_output=True, text=True, timeout=60).stdout.strip() == said
+
+
+def test_a_ctrl_c_before_main_begins_is_silent() -> None:
+    """Python would warn that `main` was never awaited."""
+    program = """
+import asyncio, signal
+import bus
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+async def main():
+    print("main begins")
+
+def factory():
+    loop = asyncio.SelectorEventLoop()
+    loop.call_soon(signal.raise_signal, signal.SIGINT)  # before the first step of the task
+    return loop
+
+import bus.runner
+bus.runner.loop_factory = lambda: factory
+bus.run(main())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")

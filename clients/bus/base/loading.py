@@ -1,0 +1,87 @@
+"""Ctrl-C while modules of the bus are loaded.
+
+An import is a bad moment for a KeyboardInterrupt. CPython drops it in the callback that removes an import
+lock ("Exception ignored in ... cb"), and the program runs on. Elsewhere it becomes a SyntaxError or a
+RuntimeError of the module that is being loaded. So `import bus` and the imports that it makes later defer
+SIGINT until the modules are loaded. Not deferred: the body of a message package, and the end of the program's
+own `import`.
+
+No traceback is printed for a KeyboardInterrupt that came meanwhile: it would show only modules being loaded.
+
+Must not load any module: a Ctrl-C would not be deferred then.
+"""
+
+from __future__ import annotations
+
+import _signal  # type: ignore[import-not-found] # the core of `signal`, there without loading anything
+import sys
+
+TYPE_CHECKING = False  # that of `typing` takes a while to load
+if TYPE_CHECKING:
+    from types import FrameType, TracebackType
+
+__all__ = ["deferred_interrupts", "except_hook", "hide_tracebacks_of_imports"]
+
+
+class deferred_interrupts:
+    """In this block a Ctrl-C waits: its KeyboardInterrupt is raised at the end of the block.
+
+    No effect in other threads than the main one, in an inner block, and if the program has a handler of its
+    own for SIGINT or ignores it.
+    """
+
+    def __init__(self) -> None:
+        self._is_first = self._came = False
+
+    def __enter__(self) -> None:
+        if _signal.getsignal(_signal.SIGINT) is not _signal.default_int_handler:
+            return
+        try:
+            _signal.signal(_signal.SIGINT, self._note)
+        except ValueError:  # not the main thread
+            return
+        self._is_first = True
+
+    def __exit__(self, *_: object) -> None:
+        if not self._is_first:
+            return
+        if _signal.getsignal(_signal.SIGINT) == self._note:  # a module may have set its own
+            _signal.signal(_signal.SIGINT, _signal.default_int_handler)
+        if self._came:
+            raise KeyboardInterrupt
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._came = True
+
+
+def hide_tracebacks_of_imports() -> None:
+    """Make `except_hook` that of the program, unless it has one of its own."""
+    if sys.excepthook is sys.__excepthook__:
+        sys.excepthook = except_hook
+
+
+def except_hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """As Python's, but without the traceback of a KeyboardInterrupt from an import of the bus's modules.
+
+    Python ends the program by SIGINT then, as for any uncaught KeyboardInterrupt.
+    """
+    if kind is not KeyboardInterrupt or hasattr(sys, "ps1") or not _is_loading(trace):
+        sys.__excepthook__(kind, error, trace)
+
+
+def _is_loading(trace: TracebackType | None) -> bool:
+    """Whether a KeyboardInterrupt came from an import of ours."""
+    while trace is not None:
+        frame = trace.tb_frame
+        module, code = frame.f_globals.get("__name__", ""), frame.f_code
+        if code is deferred_interrupts.__exit__.__code__ or (code.co_name == "<module>" and _is_ours(module)):
+            return True
+        if module == "importlib._bootstrap" and _is_ours(frame.f_locals.get("name")):
+            return True
+        trace = trace.tb_next
+    return False
+
+
+def _is_ours(module: object) -> bool:
+    root = module.partition(".")[0] if isinstance(module, str) else ""
+    return root == "bus" or root.startswith("bus_")

@@ -1,0 +1,152 @@
+"""Programs that get a signal at a random moment of their start, and how each one ends.
+
+A program must end by the signal, silently. Two things are Python's own and have a name of their own here: its
+traceback of what comes before the first line of ours, and a Ctrl-C that it loses at the end of an `import`.
+"""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Final
+
+import bus
+import busd
+from conftest import WAIT_S
+from programs import EXAMPLES
+
+CONNECT: Final = """\
+import bus
+from bus.msg.std_msgs import String
+with bus.connect("early") as node:
+    for message in node.listen(String, "topic"):
+        pass
+"""
+RCLPY: Final = """\
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+
+class Publisher(Node):
+    def __init__(self):
+        super().__init__("early")
+        self.publisher = self.create_publisher(String, "topic", 10)
+        self.timer = self.create_timer(0.1, lambda: self.publisher.publish(String(data="hi")))
+
+rclpy.init()
+rclpy.spin(Publisher())
+"""
+
+MOMENTS_S: Final = 1.5
+"""The signal comes within this time; later too if the machine is slow."""
+
+LOST_BY_PYTHON: Final = "lost by Python at the end of an import statement"
+
+_TOGETHER: Final = 3
+_OURS: Final = tuple(
+    f"{Path(package.__file__ or '').parents[level]}/" for package, level in ((bus, 1), (busd, 0))
+)
+_IMPORT_LOCK: Final = "Exception ignored in: <function _get_module_lock.<locals>.cb"
+
+
+@dataclass
+class Findings:
+    """How often each end of a program was seen, and the bad ones with their moments."""
+
+    ends: Counter[str] = field(default_factory=Counter)
+    bad: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{count} {end}" for end, count in sorted(self.ends.items()))
+
+
+def programs(folder: Path) -> dict[str, Callable[[int], Sequence[str]]]:
+    """By name: the command of a start with that number. All need a busd, except busd itself."""
+    connect, ros = folder / "connect.py", folder / "ros.py"
+    connect.write_text(CONNECT)
+    ros.write_text(RCLPY)
+    python, bus_cli = (sys.executable,), (sys.executable, "-m", "bus_cli")
+    return {
+        "talker.py": lambda _: (*python, str(EXAMPLES / "talker.py")),
+        "listener.py": lambda _: (*python, str(EXAMPLES / "listener.py")),
+        "bus.connect": lambda _: (*python, str(connect)),
+        "bus run": lambda _: (*bus_cli, "run", str(ros)),
+        "bus topic echo": lambda _: (*bus_cli, "topic", "echo", "/topic", "std_msgs/msg/String"),
+        "busd": lambda number: (*python, "-m", "busd", "--socket", str(folder / f"{number}.sock")),
+    }
+
+
+def try_out(
+    command: Callable[[int], Sequence[str]], starts: int, number: signal.Signals, random: Random
+) -> Findings:
+    """Start a program `starts` times, each time with the signal at a random moment."""
+    found = Findings()
+    span_s = max(MOMENTS_S, 3 * _start_s())
+    tasks = iter([(start, random.uniform(0, span_s)) for start in range(starts)])
+    lock = threading.Lock()
+
+    def work() -> None:
+        while True:
+            with lock:
+                task = next(tasks, None)
+            if task is None:
+                return
+            start, moment_s = task
+            end, said = _one(command(start), number, moment_s)
+            with lock:
+                found.ends[end] += 1
+                if end.startswith("BAD"):
+                    found.bad.append(f"at {moment_s:.3f} s: {end}\n{said}")
+
+    threads = [threading.Thread(target=work) for _ in range(_TOGETHER)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return found
+
+
+def _start_s() -> float:
+    """How long a short program of the bus takes now, from start to end."""
+    begin = time.monotonic()
+    subprocess.run((sys.executable, "-m", "bus_cli", "topic", "list"), stdout=subprocess.DEVNULL, check=True)
+    return time.monotonic() - begin
+
+
+def _one(command: Sequence[str], number: signal.Signals, moment_s: float) -> tuple[str, str]:
+    """How a start ended, and its output on stderr."""
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # also in background
+    )
+    time.sleep(moment_s)  # the moment itself, not a wait for something
+    process.send_signal(number)
+    try:
+        _, said = process.communicate(timeout=WAIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        _, said = process.communicate()
+        return (LOST_BY_PYTHON if _IMPORT_LOCK in said else "BAD: runs on"), said
+    return judge(process.returncode, said, number, is_busd="busd" in command), said
+
+
+def judge(code: int, said: str, number: signal.Signals, *, is_busd: bool) -> str:
+    """How it ended, in a word; beginning with BAD if a user should not see that."""
+    for sign in ("never awaited", "Exception ignored", "Traceback", "Fatal"):
+        if sign in said:
+            is_pythons = (
+                "Traceback" in said and code in (1, -number) and not any(path in said for path in _OURS)
+            )
+            return "before our first line" if is_pythons else f"BAD: {code}, {sign}"
+    if is_busd and code == 0 and f"stopped: {number.name}" in said:
+        return "stopped in order"
+    return f"by {number.name}" if code == -number else f"BAD: {code}"
