@@ -37,7 +37,7 @@ help: ## list the targets
 setup: $(TOOLS) ## make .venv and install busd into it, with the development tools (BUS_NATIVE=yes|no)
 
 $(BIN)/python:
-	@echo "making $(VENV): some 5 seconds"
+	@echo "making $(VENV): 5 to 30 seconds"
 	@$(PYTHON) -m venv $(VENV)
 
 # Where somebody has installed this tree into .venv by hand, and it is no older than its sources, that will do.
@@ -46,7 +46,7 @@ BY_HAND = $(wildcard $(VENV)/lib/python*/site-packages/__editable__.busd-*.pth)
 $(STAMP): pyproject.toml $(CORE) | $(BIN)/python
 	@if [ $(BUS_NATIVE) != auto ] || [ -e $(VENV)/.busd-no ] || [ -z "$(BY_HAND)" ] \
 			|| [ -n "$$(find $^ -newer "$(BY_HAND)")" ]; then \
-		echo "installing busd and what it needs into $(VENV): some 10 seconds"; \
+		echo "installing busd and what it needs into $(VENV): 10 seconds to a minute"; \
 		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so clients/bus_tf2/core/*.so); \
 		$(PIP) --editable .; \
 	fi
@@ -58,7 +58,7 @@ EXTRA = $(BIN)/python -c "import tomllib; project = tomllib.load(open('pyproject
 	print(*project['optional-dependencies']['$(1)'], sep='\n')" | $(PIP) --no-compile --requirement /dev/stdin
 
 $(VENV)/.tools: pyproject.toml | $(STAMP)
-	@echo "installing the development tools into $(VENV): half a minute, 200 MB"
+	@echo "installing the development tools into $(VENV): half a minute to three minutes, 200 MB"
 	@$(call EXTRA,dev)
 	@touch $@
 
@@ -98,7 +98,7 @@ test-nohup: $(TOOLS)
 		sh -c 'trap "" INT HUP QUIT; exec "$$@"' sh env $(PYTEST) $(PYTEST_ARGS) </dev/null
 
 $(VISION_STAMP): pyproject.toml | $(TOOLS)
-	@echo "installing OpenCV into $(VENV): some 10 seconds, 180 MB"
+	@echo "installing OpenCV into $(VENV): 10 seconds to a minute, 180 MB"
 	@$(call EXTRA,vision) || echo "OpenCV can't be installed: its tests say so"
 	@touch $@
 
@@ -111,7 +111,7 @@ lint: $(TOOLS) ## style, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-native: ## the ring's C tests in half a minute, a part of `test`; nothing where gcc is not there
+native: ## the ring's C tests, half a minute or more, a part of `test`; nothing where gcc is not there
 	@if echo '#include <stdlib.h>' | gcc -E - >/dev/null 2>&1; then \
 		mkdir -p $(dir $(NATIVE_LOG)) && $(MAKE) -C tests/native short >$(NATIVE_LOG) 2>&1 \
 			|| { cat $(NATIVE_LOG); exit 1; }; \
@@ -193,11 +193,11 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
 	$(BIN)/python -m benchmarks.write $(RESULT)
 
-peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv-kilted: half a minute and 270 MB each, x86_64
+peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv-kilted: half a minute or more and 270 MB each, x86_64
 
 # Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, what needs it says so.
 .venv-%/.peers: benchmarks/%.txt | $(TOOLS)
-	@echo "installing ROS 2's rclpy ($*) into .venv-$*: half a minute, 270 MB"
+	@echo "installing ROS 2's rclpy ($*) into .venv-$*: half a minute to three minutes, 270 MB"
 	@mkdir -p $(@D)
 	@{ $(BIN)/python -m venv $(@D) \
 			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --no-compile --requirement $<; } \
@@ -220,7 +220,7 @@ test-pythons: $(RELEASE_STAMP) ## the unit and shared memory tests with every Py
 	@PYTHONPATH=tests $(BIN)/python -m pythons $(VERSIONS)
 
 $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
-	@echo "installing what makes and checks packages into $(VENV): some 10 seconds"
+	@echo "installing what makes and checks packages into $(VENV): 10 seconds to a minute"
 	@$(call EXTRA,release)
 	@touch $@
 
