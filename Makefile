@@ -216,8 +216,16 @@ $(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/floors/*.c benchmarks/floors/Make
 wheels: $(RELEASE_STAMP) ## sdist, pure and native wheel into dist/, each checked and used with every Python found
 	@PYTHONPATH=tests $(BIN)/python -m wheels
 
-test-pythons: $(RELEASE_STAMP) ## the unit and shared memory tests with every Python that is found (VERSIONS="3.12 3.13")
+test-pythons: $(RELEASE_STAMP) ## the unit and shared memory tests with every Python found (VERSIONS="3.12 3.13" or others)
 	@PYTHONPATH=tests $(BIN)/python -m pythons $(VERSIONS)
+
+# Each part runs even if another fails; the last lines say which have.
+# `test` compares the version with the changelog and the pages with what they describe, `wheels` the packages with the
+# version, and has twine check their page.
+RELEASE = lint test wheels test-pythons sanitize arm
+release-check: $(TOOLS) ## all that must pass before a release: lint, tests, packages, other Pythons, sanitizers
+	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(RELEASE)
+	@echo "ready for release: $(RELEASE) passed"
 
 $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@echo "installing what makes and checks packages into $(VENV): 10 seconds to a minute"
@@ -228,4 +236,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons release-check clean

@@ -13,6 +13,9 @@ from bus.process.termination import ReaderGone, Terminated, drop_unread_output, 
 
 T = TypeVar("T")
 
+_PYTHONS_OWN = 1000
+"""Python 3.12 begins with some hundreds of frozen objects; a program's `gc.freeze()` freezes over 4,000."""
+
 
 def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
     """uvloop's, where it is installed; None means asyncio's own."""
@@ -76,7 +79,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     is_main = threading.current_thread() is threading.main_thread()
     handles_term = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     handles_pipe = is_main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
-    is_frozen = gc.get_freeze_count() > 0  # by the program, and that is to stay so
+    is_frozen = gc.get_freeze_count() > _PYTHONS_OWN  # by the program, and that is to stay so
     try:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
             if not is_frozen:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,13 +10,16 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["LEAST", "WANTED", "Python", "find", "make_venv", "missing"]
+__all__ = ["LEAST", "WANTED", "Python", "find", "lacking_package", "make_venv", "missing"]
 
 LEAST = (3, 11)
 WANTED = ("3.11", "3.12", "3.13", "3.14", "3.13t", "3.14t")
 """Those that are tried where they are found; `t`: free-threaded."""
 
 _NEWEST_MINOR = 20
+_NO_PACKAGE = re.compile(
+    r"(?:No matching distribution found for|Failed building wheel for|Failed to build) '?([\w.-]+)"
+)
 _ASK = """
 import json, sys, sysconfig
 kind = "t" if sysconfig.get_config_var("Py_GIL_DISABLED") else ""
@@ -64,6 +68,17 @@ def make_venv(python: Python, folder: Path) -> Path:
     """An empty environment, without even pip; returns its interpreter."""
     subprocess.run([python.path, "-m", "venv", "--without-pip", folder], check=True)
     return folder / "bin" / "python"
+
+
+def lacking_package(said: str, version: tuple[int, ...]) -> str:
+    """The package that pip could not get for a Python of this version, by its output; "" for other faults.
+
+    For the version of this process it is always another fault: its packages are installed.
+    """
+    names = _NO_PACKAGE.findall(said)
+    if version == sys.version_info[:3] or "busd" in names:
+        return ""
+    return next(iter(names), "")
 
 
 def _candidates() -> Iterator[Path]:

@@ -11,18 +11,26 @@ import tempfile
 import time
 from pathlib import Path
 
-from pythons import Python, find, make_venv, missing
+from pythons import Python, find, lacking_package, make_venv, missing
 from wheels import Wrong, building
 
 TESTS = ("tests/unit", "tests/system/test_rings.py", "tests/system/test_routes.py")
 _LOG = Path("pytest.log")
+_OTHERS = "others"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="pythons", description=__doc__)
-    parser.add_argument("versions", nargs="*", help="such as 3.12 or 3.13t (default: all that are found)")
+    parser.add_argument(
+        "versions", nargs="*", help="such as 3.12 or 3.13t, or others: all but this one (default: all found)"
+    )
     versions = parser.parse_args().versions
     found = find()
+    if versions == [_OTHERS]:
+        versions = [python.name for python in found if python.version != sys.version_info[:3]]
+        if not versions:
+            print("no other Python is found on PATH, of pyenv or of uv")
+            return 0
     for name in versions or missing(found):
         if name not in {python.name for python in found}:
             print(f"Python {name}: not found on PATH, of pyenv or of uv", flush=True)
@@ -50,8 +58,10 @@ def _try(python: Python, sdist: Path, folder: Path) -> bool:
             return False
         print(f"Python {python}: without the native core: {reason}", flush=True)
     if fault := _install(venv, sources, ".[dev]", "auto" if reason else "yes"):
-        print(f"Python {python}: busd can't be installed:\n{fault}", flush=True)
-        return False
+        package = lacking_package(fault, python.version)
+        reason = f"{package} can't be had for it" if package else f"busd can't be installed:\n{fault}"
+        print(f"Python {python}: left out: {reason}", flush=True)
+        return bool(package)
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("BUS", "PYTHON"))}
     with (sources / _LOG).open("w") as log:
         words = [

@@ -3,3 +3,7 @@
 
 class Wrong(Exception):
     """A package that must not be published; the text says why."""
+
+
+class Missing(Exception):
+    """Something that this machine or its package index does not have; the text says what."""

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import pythons
-from wheels import Wrong, aarch64, building, contents, extras, first_use, version
+from wheels import Missing, Wrong, aarch64, building, contents, extras, first_use, version
 from wheels.sources import ROOT
 
 _Job = Callable[[], str]
@@ -68,7 +68,7 @@ def _make(folder: Path) -> tuple[list[Path], list[str]]:
         try:
             machine = aarch64.find_machine()
             wheel = aarch64.build(sdist, machine, folder / "aarch64")
-        except aarch64.Missing as error:
+        except Missing as error:
             lacking.append(f"no aarch64 wheel was made: {error}")
         else:
             wheels.append(wheel)
@@ -125,12 +125,15 @@ def _try_extra(wheel: Path, extra: str, requirements: list[str], python: pythons
 
 
 def _run(jobs: list[_Job]) -> None:
-    """Run the jobs, as many at once as there are processors, and print their results. Raises Wrong."""
+    """Run the jobs, as many at once as there are processors, and print what came of them. Raises Wrong."""
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         begun = [threads.submit(job) for job in jobs]
         try:
             for one in begun:
-                _say(one.result())
+                try:
+                    _say(one.result())
+                except Missing as error:
+                    _say(f"left out: {error}")
         finally:
             for one in begun:
                 one.cancel()

@@ -14,9 +14,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from pythons import Python
-from wheels import Wrong, building, first_use
+from wheels import Missing, Wrong, building, first_use
 
-__all__ = ["Machine", "Missing", "build", "find_machine", "try_wheel"]
+__all__ = ["Machine", "build", "find_machine", "try_wheel"]
 
 _COMPILER = "aarch64-linux-gnu-gcc"
 _EMULATOR = "qemu-aarch64"
@@ -24,10 +24,6 @@ _PACKAGES = ("python3-minimal", "libpython3-stdlib", "libpython3-dev")
 _PROGRAM = Path(__file__).with_name("on_aarch64.py")
 _OLDEST_GLIBC = 17
 """Minor number of the oldest glibc for aarch64, 2.17."""
-
-
-class Missing(Exception):
-    """This machine can't make or try the wheel; the text says why."""
 
 
 class Machine:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import IO
 
 from pages import blocks
-from pythons import Python, make_venv
-from wheels import Wrong
+from pythons import Python, lacking_package, make_venv
+from wheels import Missing, Wrong
 from wheels.sources import ROOT
 
 __all__ = ["PATIENCE_S", "Environment", "try_wheel"]
@@ -28,6 +28,7 @@ class Environment:
 
     def __init__(self, python: Python, folder: Path) -> None:
         folder.mkdir(parents=True)
+        self._version = python.version
         self._python = make_venv(python, folder / "venv")
         self.bin = self._python.parent
         self.folder = folder / "home"
@@ -37,9 +38,14 @@ class Environment:
         self.variables["BUSD_SOCKET"] = str(folder / "s")
 
     def install(self, what: str) -> None:
-        """Install a wheel, or one with an extra, and what that needs. Raises Wrong."""
+        """Install a wheel, or one with an extra, and what that needs.
+
+        Raises Missing if the index has no package that a Python other than this one needs, else Wrong.
+        """
         pip = [sys.executable, "-m", "pip", "--python", str(self._python), "--disable-pip-version-check"]
         done = subprocess.run([*pip, "install", "-qq", what], capture_output=True, text=True, check=False)
+        if done.returncode and (package := lacking_package(done.stderr, self._version)):
+            raise Missing(f"{what}: {package} can't be had for Python {'.'.join(map(str, self._version))}")
         if done.returncode:
             raise Wrong(f"pip can't install {what}:\n{done.stderr}")
 

@@ -8,7 +8,8 @@ from zipfile import ZipFile
 import pytest
 
 import pythons
-from wheels import Wrong
+from rows import for_each
+from wheels import Wrong, extras
 from wheels.contents import check_wheel
 
 INFO = "busd-1.2.3.dist-info"
@@ -117,3 +118,28 @@ def test_programs_that_are_no_python_are_passed_over(tmp_path: Path, monkeypatch
         (tmp_path / name).chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
     assert not {"3.15", "3.16"} & {python.name for python in pythons.find()}
+
+
+@for_each(
+    ("said", "package"),
+    [
+        ("ERROR: No matching distribution found for msgspec>=0.19", "msgspec"),
+        (
+            "  ERROR: Failed building wheel for numpy\nERROR: Failed to build installable wheels (numpy)",
+            "numpy",
+        ),
+        ("ERROR: Failed to build 'aiohttp' when getting requirements to build wheel", "aiohttp"),
+        ("  ERROR: Failed building wheel for busd\nERROR: Failed to build installable wheels (busd)", ""),
+        ("ERROR: Could not install packages due to an OSError", ""),
+    ],
+)
+def test_a_package_that_another_python_can_not_have(said: str, package: str) -> None:
+    assert pythons.lacking_package(said, (3, 99, 0)) == package
+    assert pythons.lacking_package(said, sys.version_info[:3]) == ""
+
+
+def test_an_extra_applies_if_one_of_its_packages_does() -> None:
+    old = "cyclonedds>=11; python_version < '3.14'"
+    assert extras.applies([old], (3, 13, 1))
+    assert not extras.applies([old], (3, 14, 0))
+    assert extras.applies([old, "numpy"], (3, 14, 0))
