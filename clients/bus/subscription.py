@@ -97,7 +97,7 @@ class Subscription(Endpoint[M]):
 
     _kind = "subscription"
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         node: NodeContext,
         topic: str,
@@ -108,6 +108,7 @@ class Subscription(Endpoint[M]):
         *,
         decode: Callable[[Any], Any] | None = None,
         busy_poll: float = 0.0,
+        on_slow: Callable[[int], object] | None = None,
         **bridging: Unpack[Bridging],
     ) -> None:
         super().__init__(node, topic, support, qos, events, bridging.get("gid"))
@@ -153,6 +154,7 @@ class Subscription(Endpoint[M]):
                 on_error=node.on_error,
                 name=topic,
                 is_timed=qos.deadline is not None,
+                on_slow=on_slow,
             )
             if self._dispatcher.is_plain:
                 self._receive_lone = self._dispatcher.deliver

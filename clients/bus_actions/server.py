@@ -16,6 +16,7 @@ import msgspec
 
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.base.callbacks import is_async
+from bus.diagnostics.slow_callback import watched
 from bus.errors import (
     BusError,
     ConfigurationError,
@@ -182,9 +183,10 @@ class ActionServer:
         """The class with `Goal`, `Result` and `Feedback`."""
         self._node = node
         self._support: ActionSupport = action_support(action_type)
-        self._execute = execute
-        self._goal_callback = goal_callback
-        self._cancel_callback = cancel_callback
+        what, logger = f"action '{name}'", node.get_logger()
+        self._execute = watched(execute, what, logger)
+        self._goal_callback = goal_callback and watched(goal_callback, what, logger)
+        self._cancel_callback = cancel_callback and watched(cancel_callback, what, logger)
         self._at_once = at_once
         self._qos = qos or ActionQoS()
         self._table = GoalTable(round(result_timeout * _NS))

@@ -1,18 +1,19 @@
-"""Callbacks that hold the event loop up, in asyncio's debug mode."""
+"""Callbacks that hold the event loop up."""
 
 import asyncio
 import re
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any
 
 import pytest
 
 import bus
-from bus.diagnostics.slow_callback import SLOW_S, watched
+from bus.diagnostics.slow_callback import SLOW_NS, watched
 from bus.msg.std_msgs import String
 from bus.srv.std_srvs import Empty
+from bus_actions import ActionClient, ActionServer, ServerGoal, find_action
 from conftest import WAIT_S
 from semantics import node, until
 
@@ -20,16 +21,7 @@ __all__ = ["node"]
 
 pytestmark = pytest.mark.usefixtures("daemon")
 
-LONG_S = 1.5 * SLOW_S
-
-
-@pytest.fixture
-async def debugging(node: bus.Node) -> AsyncIterator[None]:
-    loop = asyncio.get_running_loop()
-    before = loop.get_debug()
-    loop.set_debug(True)
-    yield
-    loop.set_debug(before)
+LONG_S = 1.5 * SLOW_NS / 1e9
 
 
 @pytest.fixture
@@ -56,8 +48,9 @@ async def only_wait(*_: object) -> None:
 
 def line(name: str, what: str) -> re.Pattern[str]:
     return re.compile(
-        rf"callback {name} of {what} took \d\d\d+ ms, while nothing else could run in this event loop "
-        r"\(said once\)"
+        rf"callback {name} \(\S*test_slowcallback:\d+\) of {what} held up the event loop for \d\d\d+ ms, "
+        r"in which nothing else ran: make it async def, with await asyncio\.to_thread\(\.\.\.\) "
+        r"for the slow part \(said once\)"
     )
 
 
@@ -65,9 +58,7 @@ CALLBACKS = pytest.mark.parametrize("callback", [block, block_in_between, partia
 
 
 @CALLBACKS
-async def test_of_a_subscription(
-    node: bus.Node, debugging: None, warned: list[str], callback: Callable[..., Any]
-) -> None:
+async def test_of_a_subscription(node: bus.Node, warned: list[str], callback: Callable[..., Any]) -> None:
     subscription = await node.create_subscription(String, "t", 10, callback)
     publisher = await node.create_publisher(String, "t")
     for _ in range(2):
@@ -77,7 +68,7 @@ async def test_of_a_subscription(
     assert line("block(_in_between)?", "subscription '/t'").fullmatch(text)
 
 
-async def test_of_a_timer(node: bus.Node, debugging: None, warned: list[str]) -> None:
+async def test_of_a_timer(node: bus.Node, warned: list[str]) -> None:
     timer = node.create_timer(0.001, block)
     await until(lambda: timer.calls > 1)
     timer.cancel()
@@ -86,7 +77,7 @@ async def test_of_a_timer(node: bus.Node, debugging: None, warned: list[str]) ->
     assert repr(timer).startswith("<Timer canceled block ")
 
 
-async def test_of_a_service(node: bus.Node, debugging: None, warned: list[str]) -> None:
+async def test_of_a_service(node: bus.Node, warned: list[str]) -> None:
     async def serve(request: Any, response: Any) -> Any:
         await block_in_between()
         return response
@@ -99,7 +90,25 @@ async def test_of_a_service(node: bus.Node, debugging: None, warned: list[str]) 
     assert line(r"test_of_a_service\.<locals>\.serve", "service '/s'").fullmatch(text)
 
 
-async def test_to_await_is_no_fault(node: bus.Node, debugging: None, warned: list[str]) -> None:
+async def test_of_an_action(node: bus.Node, warned: list[str]) -> None:
+    Fibonacci = find_action("example_interfaces/action/Fibonacci")
+
+    async def execute(goal: ServerGoal) -> Any:
+        await block_in_between()
+        return Fibonacci.Result()
+
+    async with (
+        ActionServer(node, Fibonacci, "count", execute, goal_callback=lambda goal: not block()),
+        ActionClient(node, Fibonacci, "count") as client,
+    ):
+        goal = await client.send_goal(Fibonacci.Goal(order=1))
+        await goal.result()
+    first, second = warned
+    assert line(r"test_of_an_action\.<locals>\.<lambda>", "action 'count'").fullmatch(first)
+    assert line(r"test_of_an_action\.<locals>\.execute", "action 'count'").fullmatch(second)
+
+
+async def test_to_await_is_no_fault(node: bus.Node, warned: list[str]) -> None:
     subscription = await node.create_subscription(String, "t", 10, only_wait)
     publisher = await node.create_publisher(String, "t")
     for _ in range(2):
@@ -108,7 +117,7 @@ async def test_to_await_is_no_fault(node: bus.Node, debugging: None, warned: lis
     assert warned == []
 
 
-async def test_what_it_awaits_and_raises_goes_through(node: bus.Node, debugging: None) -> None:
+async def test_what_it_awaits_and_raises_goes_through(node: bus.Node) -> None:
     """As without anybody who watches."""
     gone: list[str] = []
 
@@ -135,11 +144,28 @@ async def test_what_it_awaits_and_raises_goes_through(node: bus.Node, debugging:
     assert gone == ["ValueError", "CancelledError"]
 
 
-async def test_without_the_debug_mode_nothing_is_in_between(node: bus.Node) -> None:
-    loop = asyncio.get_running_loop()
-    before = loop.get_debug()
-    loop.set_debug(False)
-    try:
-        assert watched(block, "a test", node.get_logger()) is block
-    finally:
-        loop.set_debug(before)
+async def test_of_two_arguments_and_one_that_raises(node: bus.Node, warned: list[str]) -> None:
+    def fail(message: String) -> None:
+        time.sleep(LONG_S)
+        raise ValueError("too late")
+
+    node._fail = lambda error: warned.append(repr(error))  # type: ignore[method-assign]
+    node._context = type(node._context)(node._context.link, node.full_name, node.get_logger(), node._fail)
+    publisher = await node.create_publisher(String, "t")
+    subscription = await node.create_subscription(String, "t", 10, lambda message, info: time.sleep(LONG_S))
+    publisher.publish(String())
+    await until(lambda: len(warned) == 1)
+    await subscription.close()
+    await node.create_subscription(String, "t", 10, fail)
+    publisher.publish(String())
+    await until(lambda: len(warned) == 3)
+    assert sorted(warned)[0] == "ValueError('too late')"
+
+
+async def test_a_quick_one_is_none(node: bus.Node, warned: list[str]) -> None:
+    subscription = await node.create_subscription(String, "t", 500, lambda message: None)
+    publisher = await node.create_publisher(String, "t", 500)
+    for _ in range(400):
+        publisher.publish(String())
+    await until(lambda: subscription.statistics().delivered == 400)
+    assert warned == []

@@ -14,7 +14,7 @@ from functools import wraps
 from types import FrameType
 from typing import Any, ParamSpec, TypeVar
 
-__all__ = ["done_anyway", "is_to_be_awaited", "to_be_awaited"]
+__all__ = ["done_anyway", "is_to_be_awaited", "mark_to_be_awaited", "to_be_awaited"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -46,16 +46,17 @@ def _decorated(
         loop = asyncio._get_running_loop() if is_done_anyway else None
         return _Call(function(*args, **kwargs), sys._getframe(1), loop)
 
-    setattr(call, _MARK, True)
-    _mark_as_coroutine_function(call)
+    mark_to_be_awaited(call)
     return call
 
 
-def _mark_as_coroutine_function(function: Any) -> None:
-    """For frameworks, which ask `asyncio.iscoroutinefunction`, or from Python 3.12 on the one of `inspect`.
+def mark_to_be_awaited(function: Any) -> None:
+    """`function` is no `async def`, but returns something to await: `is_to_be_awaited` is true of it.
 
-    Python 3.11's `inspect` looks at the code alone, and has no such mark.
+    Frameworks ask `asyncio.iscoroutinefunction`, or from Python 3.12 on the one of `inspect`. Python 3.11's
+    `inspect` looks at the code alone, and has no such mark.
     """
+    setattr(function, _MARK, True)
     function._is_coroutine = getattr(asyncio.coroutines, "_is_coroutine", None)
     mark = vars(inspect).get("markcoroutinefunction")  # also missing if `inspect` is not loaded yet
     if mark is not None:

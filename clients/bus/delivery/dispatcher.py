@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 from bus.base.callbacks import is_async, takes_info
 from bus.delivery.port import Port
 from bus.delivery.receiver import Receiver, Taken
+from bus.diagnostics.slow_callback import SLOW_NS
 from bus.errors import ConnectionClosed
 from bus.wire.runs import Run
 
@@ -32,10 +33,11 @@ class _Calls:
 class Dispatcher(Generic[M]):
     """`make_info` gives a callback of two arguments its second; `receive` waits for the next message.
 
-    `on_error` gets what the callback raises. `is_timed`: a deadline must see each message.
+    `on_error` gets what the callback raises, `on_slow` the nanoseconds of a plain callback that was slow.
+    `is_timed`: a deadline must see each message.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         port: Port,
         callback: Callable[..., Any],
@@ -46,12 +48,14 @@ class Dispatcher(Generic[M]):
         on_error: Callable[[BaseException], None],
         name: str,
         is_timed: bool,
+        on_slow: Callable[[int], object] | None = None,
     ) -> None:
         self._callback = callback
         self._receiver = receiver
         self._make_info = make_info
         self._receive = receive
         self._on_error = on_error
+        self._on_slow = on_slow
         self._wants_info = takes_info(callback)
         self._port = port
         self._has_ended = False
@@ -63,7 +67,7 @@ class Dispatcher(Generic[M]):
         self.is_plain = self._cancel is None and not self._wants_info and not is_timed
         """Whether it is a plain function of the message alone, and no deadline watches."""
         if self.is_plain and receiver.reader is not None:
-            receiver.call_back(callback, on_error)
+            receiver.call_back(callback, on_error, on_slow=on_slow)
 
     @property
     def is_async(self) -> bool:
@@ -87,12 +91,15 @@ class Dispatcher(Generic[M]):
         if state.is_busy or self._has_ended or not (messages := self._receiver.take_lone(run)):
             return False
         state.is_busy = True
+        began_ns = monotonic_ns()
         try:
             self._callback(messages[0])
         except Exception as error:
             self._on_error(error)
         finally:
             state.is_busy = False
+            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS and self._on_slow is not None:
+                self._on_slow(took_ns)
         if self._receiver.has_more:
             self.dispatch()
         return True
@@ -106,6 +113,7 @@ class Dispatcher(Generic[M]):
         is_scheduled = False
         callback, receiver, wants_info = self._callback, self._receiver, self._wants_info
         calls, number, end_ns = 0, 1, 0
+        began_ns = monotonic_ns()
         try:
             while not self._has_ended:
                 if not wants_info and (messages := receiver.take_messages(number)):
@@ -146,6 +154,8 @@ class Dispatcher(Generic[M]):
             raise
         finally:
             state.is_busy = is_scheduled
+            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS and self._on_slow is not None:
+                self._on_slow(took_ns)
 
     def _call_with(self, messages: list[M]) -> None:
         """Call back for each message; those that an exception leaves over wait to be taken again."""

@@ -329,12 +329,18 @@ class Receiver(Generic[M]):
             self.on_report_due()
 
     def call_back(
-        self, callback: Callable[[M], object], on_error: Callable[[Exception], object], *others: Sized
+        self,
+        callback: Callable[[M], object],
+        on_error: Callable[[Exception], object],
+        *others: Sized,
+        on_slow: Callable[[int], object] | None = None,
     ) -> None:
         """Let the reader call back by itself for what comes in rings, while nothing else waits here, nor in
-        `others`."""
+        `others`. `on_slow` gets the nanoseconds of a slow call."""
         assert self.reader is not None
-        self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_report_due)
+        self.reader.prepare(
+            callback, self._decode, on_error, (*self.waiting, *others), self.on_report_due, on_slow
+        )
 
     def put_back(self, messages: list[M]) -> None:
         """Messages that `take_messages` gave and that were not delivered: they are taken next."""

@@ -1,80 +1,129 @@
-"""In asyncio's debug mode: says which callback has held the event loop up, and for how long.
+"""Says which callback has held the event loop up, and for how long: once for each callback.
 
-asyncio has such a line too, with a loop's handle in it; this one has the name that the user knows. Without
-the debug mode nothing is measured.
+Nothing else of the loop runs meanwhile: messages wait or are replaced, timers miss calls. asyncio's debug
+mode has such a line too, with a handle of the loop in it; this one has the name that the user knows.
+
+Plain callbacks of subscriptions are timed where they are called (`bus.delivery.dispatcher`, and the native
+core), because a wrapper would cost a tenth of a quick message. All others are wrapped.
 """
 
-import asyncio
+import inspect  # maybe not loaded yet: see bus.base.lean_asyncio
 from collections.abc import Callable, Coroutine, Generator
 from functools import partial, wraps
-from time import perf_counter
+from time import monotonic_ns
 from types import coroutine
 from typing import Any
 
+from bus.base.awaited import mark_to_be_awaited
 from bus.base.callbacks import callback_name, is_async
 from bus.logger import Logger
 
-__all__ = ["SLOW_S", "watched"]
+__all__ = ["SLOW_NS", "timed_by_caller", "watched"]
 
-SLOW_S = 0.1
+SLOW_NS = 200_000_000
+"""A callback that holds the event loop up for longer is reported; the native core has the same number."""
+
+
+class SlowWatch:
+    """Warns of `callback`, that of `what`."""
+
+    __slots__ = ("_callback", "_is_warned", "_logger", "_what")
+
+    def __init__(self, callback: Callable[..., Any], what: str, logger: Logger) -> None:
+        self._callback = callback
+        self._what = what
+        self._logger = logger
+        self._is_warned = False
+
+    def note(self, took_ns: int) -> None:
+        """A call, or several without a pause, took so long: SLOW_NS or more."""
+        if not self._is_warned:
+            self._is_warned = True
+            name = f"{callback_name(self._callback)}{_place(self._callback)}"
+            self._logger.warning(
+                f"callback {name} of {self._what} held up the event loop for {took_ns / 1e6:.0f} ms, "
+                "in which nothing else ran: make it async def, with await asyncio.to_thread(...) for the "
+                "slow part (said once)"
+            )
 
 
 def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable[..., Any]:
-    """The callback of `what`; in debug mode one that warns, once, where a call takes longer than SLOW_S.
+    """The callback of `what`, timed.
 
-    Of an async one each part between two awaits counts by itself, as nothing else runs meanwhile.
+    Of an async one each part between two awaits counts by itself: while it awaits, others run.
     """
-    if not asyncio.get_running_loop().get_debug():
-        return callback
-    is_warned = False
-
-    def look(began: float) -> None:
-        nonlocal is_warned
-        took = perf_counter() - began
-        if took > SLOW_S and not is_warned:
-            is_warned = True
-            logger.warning(
-                f"callback {callback_name(callback)} of {what} took {took * 1e3:.0f} ms, while nothing else "
-                "could run in this event loop (said once)"
-            )
-
+    note = SlowWatch(callback, what, logger).note
     if is_async(callback):
 
         @wraps(callback)
-        async def call_async(*arguments: Any) -> Any:
-            began = perf_counter()
+        @coroutine
+        def call_async(*arguments: Any) -> Generator[Any, Any, Any]:
+            # By hand, as `await` does it: a coroutine around it would cost twice as much.
+            began_ns = monotonic_ns()
             try:
                 work = callback(*arguments)
+                awaited = work.send(None)
+            except StopIteration as end:
+                return end.value
             finally:
-                look(began)
-            return await _in_parts(work, look)
+                if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
+                    note(took_ns)
+            return (yield from _go_on(work, awaited, note))
 
+        mark_to_be_awaited(call_async)
         return call_async
 
     @wraps(callback)
     def call(*arguments: Any) -> Any:
-        began = perf_counter()
+        began_ns = monotonic_ns()
         try:
             return callback(*arguments)
         finally:
-            look(began)
+            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
+                note(took_ns)
 
     return call
 
 
-@coroutine
-def _in_parts(work: Coroutine[Any, Any, Any], look: Callable[[float], None]) -> Generator[Any, Any, Any]:
-    """Run a coroutine, with a look after each part of it."""
-    go_on: Callable[[], Any] = partial(work.send, None)
+def timed_by_caller(
+    callback: Callable[..., Any] | None, what: str, logger: Logger
+) -> tuple[Callable[..., Any] | None, Callable[[int], object] | None]:
+    """For a caller that times plain callbacks: what to call, and what gets the nanoseconds of slow calls.
+
+    An async callback comes back as `watched` makes it, and needs no timing.
+    """
+    if callback is None:
+        return None, None
+    if is_async(callback):
+        return watched(callback, what, logger), None
+    return callback, SlowWatch(callback, what, logger).note
+
+
+def _go_on(
+    work: Coroutine[Any, Any, Any], awaited: Any, note: Callable[[int], object]
+) -> Generator[Any, Any, Any]:
+    """Run a coroutine, which has `awaited` something, to its end; each part of it is timed."""
     while True:
-        began = perf_counter()
+        try:
+            sent = yield awaited
+        except BaseException as error:
+            go_on = partial(work.throw, error)
+        else:
+            go_on = partial(work.send, sent)
+        began_ns = monotonic_ns()
         try:
             awaited = go_on()
         except StopIteration as end:
             return end.value
         finally:
-            look(began)
-        try:
-            go_on = partial(work.send, (yield awaited))
-        except BaseException as error:
-            go_on = partial(work.throw, error)
+            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
+                note(took_ns)
+
+
+def _place(callback: Callable[..., Any]) -> str:
+    """Module and line; nothing for callables without code of Python's."""
+    function: Any = inspect.unwrap(callback)
+    while isinstance(function, partial):
+        function = inspect.unwrap(function.func)
+    code = getattr(function, "__code__", None)
+    return "" if code is None else f" ({function.__module__}:{code.co_firstlineno})"

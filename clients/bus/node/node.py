@@ -14,7 +14,7 @@ import msgspec
 
 from bus import names
 from bus.base.awaited import done_anyway, to_be_awaited
-from bus.diagnostics.slow_callback import watched
+from bus.diagnostics.slow_callback import timed_by_caller, watched
 from bus.endpoint import NodeContext
 from bus.errors import BrokerUnavailable, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
@@ -379,8 +379,7 @@ class Node(ParameterHost, GraphHost):
             support: TypeSupport[Any] = support_of(message_type, raw=raw)
         else:
             support = type_support(message_type)
-        if callback is not None:
-            callback = watched(callback, f"subscription '{name}'", self._logger)
+        callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
         subscription: Subscription[Any] = Subscription(
             node,
             name,
@@ -390,6 +389,7 @@ class Node(ParameterHost, GraphHost):
             callback,
             decode=bytes if raw else decoder_of_views(support) if views else None,
             busy_poll=busy_poll,
+            on_slow=on_slow,
             **bridging,
         )
         await self._endpoints.declare(subscription)

@@ -311,10 +311,12 @@ class Reader(Generic[S]):
         on_error: Callable[[Exception], object],
         queues: tuple[Sized, ...],
         on_report_due: Callable[[], object],
+        on_slow: Callable[[int], object] | None = None,
     ) -> None:
         """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first.
 
-        Before a message for which `is_report_due` is False it calls `on_report_due`, and sets it.
+        Before a message for which `is_report_due` is False it calls `on_report_due`, and sets it. After a
+        call that has taken 0.2 s or longer it calls `on_slow` with its nanoseconds.
         """
     def forget_callback(self) -> None:
         """Take that back, also while it is called."""

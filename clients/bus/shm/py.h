@@ -198,6 +198,7 @@ struct prepared {
     PyObject *callback, *decode, *on_error;
     PyObject *queues;        /* a tuple: what waits in these comes before what is in the rings */
     PyObject *on_report_due; /* called where `is_report_due` is not set, and then it is */
+    PyObject *on_slow;       /* called with the nanoseconds of a slow call of `callback`; None: not */
 };
 
 struct Reader {

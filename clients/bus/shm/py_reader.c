@@ -53,6 +53,7 @@ static void forget_callback(Reader *self)
     Py_XDECREF(prepared.on_error);
     Py_XDECREF(prepared.queues);
     Py_XDECREF(prepared.on_report_due);
+    Py_XDECREF(prepared.on_slow);
 }
 
 static int reader_clear(PyObject *object)
@@ -82,6 +83,7 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->prepared.on_error);
     Py_VISIT(self->prepared.queues);
     Py_VISIT(self->prepared.on_report_due);
+    Py_VISIT(self->prepared.on_slow);
     for (size_t i = 0; i < self->count; i++)
         Py_VISIT(self->feeds[i]->source);
     return 0;
@@ -403,17 +405,19 @@ static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
 
 static PyObject *reader_prepare(PyObject *object, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"callback", "decode", "on_error", "queues", "on_report_due", NULL};
+    static char *names[] = {"callback", "decode", "on_error", "queues", "on_report_due", "on_slow", NULL};
     Reader *self = (Reader *)object;
-    struct prepared prepared;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!O", names, &prepared.callback, &prepared.decode,
-                                     &prepared.on_error, &PyTuple_Type, &prepared.queues, &prepared.on_report_due))
+    struct prepared prepared = {.on_slow = Py_None};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!O|O", names, &prepared.callback, &prepared.decode,
+                                     &prepared.on_error, &PyTuple_Type, &prepared.queues, &prepared.on_report_due,
+                                     &prepared.on_slow))
         return NULL;
     Py_INCREF(prepared.callback);
     Py_INCREF(prepared.decode);
     Py_INCREF(prepared.on_error);
     Py_INCREF(prepared.queues);
     Py_INCREF(prepared.on_report_due);
+    Py_INCREF(prepared.on_slow);
     forget_callback(self);
     self->prepared = prepared;
     Py_RETURN_NONE;
