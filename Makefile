@@ -43,12 +43,17 @@ $(BIN)/python:
 # Where somebody has installed this tree into .venv by hand, and it is no older than its sources, that will do.
 BY_HAND = $(wildcard $(VENV)/lib/python*/site-packages/__editable__.busd-*.pth)
 
+# An editable installation names an import hook there, and each start of Python imports pathlib and re for that: as long
+# as Python itself takes. The two folders do.
+TWO_FOLDERS = for list in $(VENV)/lib/python*/site-packages/__editable__.busd-*.pth; do \
+		[ ! -e "$$list" ] || { rm "$$list" && printf '%s\n' "$(CURDIR)/clients" "$(CURDIR)" >"$$list"; }; done
+
 $(STAMP): pyproject.toml $(CORE) | $(BIN)/python
 	@if [ $(BUS_NATIVE) != auto ] || [ -e $(VENV)/.busd-no ] || [ -z "$(BY_HAND)" ] \
 			|| [ -n "$$(find $^ -newer "$(BY_HAND)")" ]; then \
 		echo "installing busd and what it needs into $(VENV): 10 seconds to a minute"; \
 		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so clients/bus_tf2/core/*.so); \
-		$(PIP) --editable .; \
+		$(PIP) --editable . && $(TWO_FOLDERS); \
 	fi
 	@touch $@
 
@@ -72,9 +77,14 @@ test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native cor
 	$(if $(PYTEST_ARGS),,@$(MAKE) --no-print-directory --jobs 2 $(if $(filter no,$(BUS_NATIVE)),,native) compiled)
 	$(PYTEST) $(PYTEST_ARGS)
 
-# In a fresh clone pytest compiles the tests: ten seconds, for each worker unless it was done before.
+# In a fresh clone pytest compiles the tests: ten seconds, for each worker unless it was done before. If no source has
+# changed since, nothing is to be compiled.
+COMPILED := $(VENV)/.compiled
 compiled: $(TOOLS)
-	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --collect-only -p no:cacheprovider >/dev/null || true
+	@if [ ! -e $(COMPILED) ] || [ -n "$$(find tests clients busd -name '*.py' -newer $(COMPILED) -print -quit)" ]; then \
+		touch $(COMPILED); \
+		PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --collect-only -p no:cacheprovider >/dev/null || true; \
+	fi
 
 # Each part runs also where another has failed; the last lines say which have.
 NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm wheels mutants chaos chaos-bridges fuzz soak
