@@ -252,6 +252,7 @@ def test_schemas_of_a_user(daemon: Daemon) -> None:
         assert resident_bytes(daemon.pid) - before < 16 * MiB
 
 
+@pytest.mark.either_loop
 @with_limits(schema_bytes=KiB)
 async def test_a_schema_that_is_too_long(daemon: Daemon, tmp_path: Path) -> None:
     """Refused to who makes an endpoint of it, who keeps all else, and gets it where the limit is raised."""
