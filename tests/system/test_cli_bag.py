@@ -39,7 +39,7 @@ def test_a_bag_that_was_cut(tmp_path: Path) -> None:
     result = bus("bag", "reindex", str(folder))
     assert (result.code, result.err) == (0, f"{second}\n")
     assert result.out == (
-        "walk_0.mcap: written anew with an index, 10 messages\nmetadata.yaml: 10 messages in 1 files\n"
+        "walk_0.mcap: written anew with an index, 10 messages\nmetadata.yaml: 10 messages in 1 file\n"
     )
     assert bus("bag", "info", str(folder)).err == ""
 

@@ -111,15 +111,8 @@ def test_the_source_distribution_has_all_files_under_version_control(tmp_path: P
     if reason := why_not_tracked():
         pytest.skip(reason)
     copy_tree(tmp_path / "tree")
-    command = [
-        sys.executable,
-        "setup.py",
-        "-q",
-        "sdist",
-        "--formats=tar",
-        "--dist-dir",
-        tmp_path,
-    ]  # uncompressed
+    uncompressed = ["--formats=tar", "--dist-dir", str(tmp_path)]
+    command = [sys.executable, "setup.py", "-q", "sdist", *uncompressed]
     done = subprocess.run(command, cwd=tmp_path / "tree", capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     (sdist,) = tmp_path.glob("*.tar")

@@ -55,7 +55,7 @@ class Dispatcher(Generic[M]):
         self._make_info = make_info
         self._receive = receive
         self._on_error = on_error
-        self._on_slow = on_slow
+        self._on_slow = on_slow or _ignore
         self._wants_info = takes_info(callback)
         self._port = port
         self._has_ended = False
@@ -98,7 +98,7 @@ class Dispatcher(Generic[M]):
             self._on_error(error)
         finally:
             state.is_busy = False
-            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS and self._on_slow is not None:
+            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
                 self._on_slow(took_ns)
         if self._receiver.has_more:
             self.dispatch()
@@ -154,7 +154,7 @@ class Dispatcher(Generic[M]):
             raise
         finally:
             state.is_busy = is_scheduled
-            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS and self._on_slow is not None:
+            if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
                 self._on_slow(took_ns)
 
     def _call_with(self, messages: list[M]) -> None:
@@ -183,3 +183,7 @@ class Dispatcher(Generic[M]):
                 await (callback(message, info) if self._wants_info else callback(message))
             except Exception as error:
                 self._on_error(error)
+
+
+def _ignore(took_ns: int) -> None:
+    """For callbacks that are not reported if they are slow."""

@@ -123,6 +123,10 @@ class _Admission(msgspec.Struct):
     undo: Callable[[m.Created], None]
 
 
+def gone() -> None:
+    """The default of a look-up in `Declarations.by_id`: like a weak reference to an endpoint that is gone."""
+
+
 class Declarations:
     """`by_id` are the endpoints that the broker knows at the moment.
 
@@ -229,8 +233,7 @@ class Declarations:
     def concerned(self, news: Any) -> LinkEndpoint | None:
         """The endpoint that a message is about; None where it is about none, or one that is closed."""
         field = _ABOUT.get(type(news))
-        known = None if field is None else self.by_id.get(getattr(news, field))
-        return None if known is None else known()
+        return None if field is None else self.by_id.get(getattr(news, field), gone)()
 
     def warn_of_namesake(self, news: m.Namesake) -> None:
         """Another node has the name of one of ours. The log says so once, also where brokers come and go."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from bus.base.descriptor import Descriptor
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
 from bus.link.connection import Connection
-from bus.link.declarations import Counted, Declarations, Known, LinkEndpoint, LinkNode, lease_s
+from bus.link.declarations import Counted, Declarations, Known, LinkEndpoint, LinkNode, gone, lease_s
 from bus.link.reach import NotNow, Patience
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
@@ -357,9 +357,8 @@ class Link:
             for item in items:
                 try:
                     if item.__class__ is Run:
-                        known = endpoints.get(item.endpoint)
-                        # else it was closed a moment ago
-                        if known is not None and (subscription := known()) is not None:
+                        subscription = endpoints.get(item.endpoint, gone)()
+                        if subscription is not None:  # else it was closed a moment ago
                             item.received_ns = received_ns
                             touched.add(subscription)
                             subscription._receive_run(item)
@@ -385,8 +384,7 @@ class Link:
     def _deliver_lone(self, items: Any, received_ns: int) -> bool:
         """A read has brought one run and nothing else: call back for it, with nothing in between."""
         run = items[0]
-        known = self._declarations.by_id.get(run.endpoint)
-        endpoint = None if known is None else known()
+        endpoint = self._declarations.by_id.get(run.endpoint, gone)()
         if endpoint is None:
             return False
         run.received_ns = received_ns
