@@ -1,9 +1,13 @@
 """Programs that get a signal at a random moment of their start, and how each one ends.
 
-A program must end by the signal, silently. Two things are Python's own and have a name of their own here: its
-traceback of what comes before the first line of ours, and a Ctrl-C that it loses at the end of an `import`.
+A program must end by the signal, silently. The moments begin when the interpreter has started: before that,
+Python prints a traceback or loses a Ctrl-C by itself. Two more ends are Python's own and counted apart: its
+traceback of something before our first line, and a Ctrl-C lost when it looks for the program's file or
+in the last step of the program's own `import` statement.
 """
 
+import os
+import re
 import signal
 import subprocess
 import sys
@@ -46,13 +50,27 @@ rclpy.spin(Publisher())
 MOMENTS_S: Final = 1.5
 """The signal comes within this time; later too if the machine is slow."""
 
-LOST_BY_PYTHON: Final = "lost by Python at the end of an import statement"
+LOST_BY_PYTHON: Final = "lost by Python"
 
 _TOGETHER: Final = 3
-_OURS: Final = tuple(
-    f"{Path(package.__file__ or '').parents[level]}/" for package, level in ((bus, 1), (busd, 0))
+_FOLDERS: Final = [
+    re.escape(str(Path(package.__file__ or "").parents[level])) for package, level in ((bus, 1), (busd, 0))
+]
+_OURS: Final = re.compile(rf'File "(?:{"|".join(_FOLDERS)})/[^"]*(?<!/__main__\.py)"').search
+"""A line of a traceback in a file of ours; `__main__.py` only stands for the program's own."""
+
+_FAULTS: Final = ("Traceback", "Fatal Python error", "never awaited", "Exception ignored")
+_LOST: Final = (
+    "Exception ignored in: <function _get_module_lock.<locals>.cb",
+    "Failed checking if argv[0] is an import path entry",
 )
-_IMPORT_LOCK: Final = "Exception ignored in: <function _get_module_lock.<locals>.cb"
+_READY: Final = "BUSD_EARLY_READY"
+_SITE: Final = f"""\
+import os
+number = int(os.environ["{_READY}"])
+os.write(number, b".")
+os.close(number)
+"""
 
 
 @dataclass
@@ -83,9 +101,15 @@ def programs(folder: Path) -> dict[str, Callable[[int], Sequence[str]]]:
 
 
 def try_out(
-    command: Callable[[int], Sequence[str]], starts: int, number: signal.Signals, random: Random
+    command: Callable[[int], Sequence[str]], starts: int, number: signal.Signals, random: Random, folder: Path
 ) -> Findings:
-    """Start a program `starts` times, each time with the signal at a random moment."""
+    """Start a program `starts` times, each time with the signal at a random moment.
+
+    `folder`: for a file of its own, which Python runs at the end of the interpreter's start.
+    """
+    site = folder / "site"
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(_SITE)
     found = Findings()
     span_s = max(MOMENTS_S, 3 * _start_s())
     tasks = iter([(start, random.uniform(0, span_s)) for start in range(starts)])
@@ -98,7 +122,7 @@ def try_out(
             if task is None:
                 return
             start, moment_s = task
-            end, said = _one(command(start), number, moment_s)
+            end, said = _one(command(start), number, moment_s, site)
             with lock:
                 found.ends[end] += 1
                 if end.startswith("BAD"):
@@ -119,15 +143,22 @@ def _start_s() -> float:
     return time.monotonic() - begin
 
 
-def _one(command: Sequence[str], number: signal.Signals, moment_s: float) -> tuple[str, str]:
-    """How a start ended, and its output on stderr."""
+def _one(command: Sequence[str], number: signal.Signals, moment_s: float, site: Path) -> tuple[str, str]:
+    """How a start ended, and its output on stderr. The moment counts from when the interpreter is ready."""
+    ready, signals_ready = os.pipe()
+    variables = {"PYTHONPATH": str(site), "PYTHONFAULTHANDLER": "1", _READY: str(signals_ready)}
     process = subprocess.Popen(
         command,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
+        env={**os.environ, **variables},
+        pass_fds=[signals_ready],
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # also in background
     )
+    os.close(signals_ready)
+    assert os.read(ready, 1) == b"."
+    os.close(ready)
     time.sleep(moment_s)  # the moment itself, not a wait for something
     process.send_signal(number)
     try:
@@ -135,18 +166,23 @@ def _one(command: Sequence[str], number: signal.Signals, moment_s: float) -> tup
     except subprocess.TimeoutExpired:
         process.kill()
         _, said = process.communicate()
-        return (LOST_BY_PYTHON if _IMPORT_LOCK in said else "BAD: runs on"), said
-    return judge(process.returncode, said, number, is_busd="busd" in command), said
+        return (LOST_BY_PYTHON if any(sign in said for sign in _LOST) else "BAD: runs on"), said
+    return judge(process.returncode, said, number, in_order=_in_order(command, number)), said
 
 
-def judge(code: int, said: str, number: signal.Signals, *, is_busd: bool) -> str:
+def _in_order(command: Sequence[str], number: signal.Signals) -> str | None:
+    """The text with which a program may end with status 0; None: it may not."""
+    if "busd" in command:
+        return f"stopped: {number.name}"
+    # SIGTERM shuts rclpy down; a `spin` that begins after that returns, as in ROS 2.
+    return "" if "run" in command and number == signal.SIGTERM else None
+
+
+def judge(code: int, said: str, number: signal.Signals, *, in_order: str | None = None) -> str:
     """How it ended, in a word; beginning with BAD if a user should not see that."""
-    for sign in ("never awaited", "Exception ignored", "Traceback", "Fatal"):
-        if sign in said:
-            is_pythons = (
-                "Traceback" in said and code in (1, -number) and not any(path in said for path in _OURS)
-            )
-            return "before our first line" if is_pythons else f"BAD: {code}, {sign}"
-    if is_busd and code == 0 and f"stopped: {number.name}" in said:
-        return "stopped in order"
+    if any(sign in said for sign in _FAULTS) or code == 1:
+        is_pythons = "KeyboardInterrupt" in said and code in (1, -number) and not _OURS(said)
+        return "before our first line" if is_pythons else f"BAD: {code}"
+    if code == 0 and in_order is not None and in_order in said:
+        return "in order"
     return f"by {number.name}" if code == -number else f"BAD: {code}"

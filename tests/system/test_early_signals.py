@@ -25,7 +25,7 @@ SEED = int(os.environ.get("BUSD_EARLY_SEED", SystemRandom().randrange(1 << 32)))
 @pytest.mark.parametrize("name", NAMES)
 def test_a_signal_at_a_random_moment(tmp_path: Path, name: str, number: signal.Signals, share: int) -> None:
     starts = -(-STARTS // len(NAMES) // share)
-    found = try_out(programs(tmp_path)[name], starts, number, Random(SEED))
+    found = try_out(programs(tmp_path)[name], starts, number, Random(SEED), tmp_path)
     print(f"{name}, {number.name}, seed {SEED}: {found}")
     assert not found.bad, "\n".join(found.bad)
     assert found.ends[LOST_BY_PYTHON] <= starts // 100

@@ -70,11 +70,11 @@ def except_hook(kind: type[BaseException], error: BaseException, trace: Tracebac
 
 
 def _is_loading(trace: TracebackType | None) -> bool:
-    """Whether a KeyboardInterrupt came from an import of ours."""
+    """Whether a KeyboardInterrupt came from an import of ours; `bus` itself and this module only import."""
     while trace is not None:
         frame = trace.tb_frame
-        module, code = frame.f_globals.get("__name__", ""), frame.f_code
-        if code is deferred_interrupts.__exit__.__code__ or (code.co_name == "<module>" and _is_ours(module)):
+        module = frame.f_globals.get("__name__", "")
+        if module in ("bus", __name__) or (frame.f_code.co_name == "<module>" and _is_ours(module)):
             return True
         if module == "importlib._bootstrap" and _is_ours(frame.f_locals.get("name")):
             return True

@@ -133,6 +133,14 @@ class TestImports:
         )
         assert ended(program, tmp_path) == (-signal.SIGINT, "", "")
 
+    def test_the_call_that_imports_shows_no_traceback(self, tmp_path: Path) -> None:
+        program = (
+            "import bus\n"
+            + SIGNAL_AT.format(function="_import", file="/bus/__init__.py", at_last="")
+            + "bus.Node\nprint('runs on')\n"
+        )
+        assert ended(program, tmp_path) == (-signal.SIGINT, "", "")
+
     def test_the_program_may_catch_it(self, tmp_path: Path) -> None:
         program = (
             SIGNAL_AT.format(function="<module>", file="/bus/runner.py", at_last="")
