@@ -8,6 +8,7 @@ No mood of the machine is in them, so tests hold them as bounds. A generator tha
 the event loop and threads call of their own does not count, nor what the test calls.
 """
 
+import gc
 import sys
 from itertools import pairwise
 from types import FrameType
@@ -27,11 +28,15 @@ class CallCounter:
         self.native = 0
 
     def __enter__(self) -> Self:
+        self._collects = gc.isenabled()
+        gc.disable()  # a collection calls finalizers of other tests' objects
         sys.setprofile(self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
         sys.setprofile(None)
+        if self._collects:
+            gc.enable()
 
     @property
     def python(self) -> int:
