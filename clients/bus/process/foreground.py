@@ -93,8 +93,13 @@ class Foreground:
             if one.thread == thread and one.failure is None:
                 break
         else:
-            one = cls()
-            one._hear_signals()
+            try:
+                one = cls()
+                one._hear_signals()
+            except KeyboardInterrupt:  # before the handler of ours that keeps silent
+                if not hasattr(sys, "ps1"):
+                    say_nothing_of_signals()
+                raise
             cls._all.append(one)
         one._users += 1
         return one
