@@ -237,14 +237,18 @@ def _import(module: str) -> ModuleType:
     A Ctrl-C raises KeyboardInterrupt afterwards.
     """
     with deferred_interrupts():
-        import_module("bus.process.start_errors").check_descriptors()
         if not gc.isenabled():
-            return import_module(module)
+            return _load(module)
         gc.disable()
         try:
-            return import_module(module)
+            return _load(module)
         finally:
             if not gc.get_freeze_count():  # else the program has frozen something, which is to stay so
                 gc.freeze()
                 gc.unfreeze()  # now it is among what is old, and the collector did not have to look at it
             gc.enable()
+
+
+def _load(module: str) -> ModuleType:
+    import_module("bus.process.start_errors").check_descriptors()
+    return import_module(module)

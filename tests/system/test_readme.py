@@ -280,7 +280,7 @@ def test_what_is_typed_exists(tmp_path: Path) -> None:
         if line.startswith("make "):
             done = make(line.split()[1], tmp_path, "--dry-run")
             assert done.returncode == 0, done.stderr
-            script = re.search(r"\S+\.py", done.stdout)
+            script = re.search(r"(?<!\S)[\w./]+\.py", done.stdout)
             assert script is None or (ROOT / script[0]).exists()
         elif line.startswith("bus "):
             _, command, verb, *_ = line.split()
