@@ -149,8 +149,8 @@ class Declarations:
 
     @property
     def nodes(self) -> list[LinkNode]:
-        """Every node, in the order in which they were made."""
-        return list(self._nodes)
+        """Every node, in the order in which they were made; for other threads too."""
+        return [node for known in self._nodes.keyrefs() if (node := known()) is not None]
 
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
         """Make `node` known to the broker. Raises what the broker refuses it with."""

@@ -45,7 +45,8 @@ _log = get_logger("bus")
 class Link:
     """Got by `Link.acquire`, given back with `release`."""
 
-    _links: ClassVar["weakref.WeakSet[Link]"] = weakref.WeakSet()
+    _links: ClassVar["weakref.WeakValueDictionary[int, Link]"] = weakref.WeakValueDictionary()
+    """By their ids."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -78,9 +79,14 @@ class Link:
         self.graph_mirror: GraphMirror
         """While the graph is observed here."""
         self._mirroring: asyncio.Task[None] | None = None
-        Link._links.add(self)
+        Link._links[id(self)] = self
 
     # --- making and ending
+
+    @classmethod
+    def all(cls) -> list["Link"]:
+        """Every link of this process, while other threads may make theirs."""
+        return [link for known in cls._links.valuerefs() if (link := known()) is not None]
 
     @classmethod
     async def acquire(cls, path: str) -> "Link":
@@ -89,7 +95,7 @@ class Link:
         Raises BrokerUnavailable where no broker answers and none could be started.
         """
         loop = asyncio.get_running_loop()
-        for link in cls._links:
+        for link in cls.all():
             if link.path == path and link.loop is loop and link.failure is None:
                 break
         else:
@@ -120,7 +126,7 @@ class Link:
 
         busd itself can't tell such a link from an earlier connection of this process.
         """
-        for link in tuple(Link._links):
+        for link in Link.all():
             if link is not self and link.path == self.path and link.failure is None:
                 for other in link._declarations.nodes:
                     if other.full_name == node.full_name:
@@ -550,7 +556,7 @@ def _is_thread(number: int) -> Callable[[], bool]:
 
 def _forked() -> None:
     reason = ForkError("this node was made before a fork; make a node of its own in the child process")
-    for link in tuple(Link._links):
+    for link in Link.all():
         link.abandon(reason)
 
 
