@@ -42,13 +42,20 @@ def found(node: Unclosed) -> None:
         if node._must_be_closed:
             warn(node)
     finally:  # warnings may be errors
-        if link.loop.is_closed():
-            node._let_go(link, None)
-        elif not sys.is_finalizing():  # else the kernel closes its descriptors in a moment
-            # The collector runs in any thread, also amid the link's own work.
-            link.loop.call_soon_threadsafe(node._let_go, link, link.connection_now())
-            if node._when_dropped is not None:
-                node._when_dropped()
+        # When the program ends, the kernel closes the descriptors in a moment.
+        if not sys.is_finalizing() or link.loop.is_closed():
+            _have_closed(node, link)
+
+
+def _have_closed(node: Unclosed, link: Link) -> None:
+    try:
+        # The collector runs in any thread, also amid the link's own work.
+        link.loop.call_soon_threadsafe(node._let_go, link, link.connection_now())
+    except RuntimeError:  # the event loop is closed; its thread may have done so just now
+        node._let_go(link, None)
+        return
+    if node._when_dropped is not None:
+        node._when_dropped()
 
 
 def warn(node: Unclosed) -> None:
