@@ -1,15 +1,19 @@
 """Callbacks that hold the event loop up."""
 
 import asyncio
+import gc
 import re
 import time
+import weakref
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import pytest
 
 import bus
+from bus.base.awaited import mark_to_be_awaited
 from bus.diagnostics.slow_callback import SLOW_NS, watched
 from bus.msg.std_msgs import String
 from bus.srv.std_srvs import Empty
@@ -142,6 +146,41 @@ async def test_what_it_awaits_and_raises_goes_through(node: bus.Node) -> None:
     with pytest.raises(asyncio.CancelledError):
         await tasks[2]
     assert gone == ["ValueError", "CancelledError"]
+
+
+async def test_an_error_thrown_into_it_leaves_nothing_to_the_collector(node: bus.Node) -> None:
+    class Message:
+        pass
+
+    async def waits(message: Message) -> None:
+        await asyncio.get_running_loop().create_future()
+
+    call = watched(waits, "a test", node.get_logger())
+
+    async def cancel_one() -> weakref.ref[Message]:
+        message = Message()
+        task = asyncio.create_task(call(message))
+        await asyncio.sleep(0)
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+        return weakref.ref(message)
+
+    gc.disable()
+    try:
+        dropped = await asyncio.create_task(cancel_one())
+        await asyncio.sleep(0)
+        assert dropped() is None
+    finally:
+        gc.enable()
+
+
+async def test_it_may_return_any_awaitable(node: bus.Node) -> None:
+    def begin(message: str) -> Awaitable[str]:
+        return asyncio.ensure_future(asyncio.sleep(0, message))
+
+    mark_to_be_awaited(begin)
+    assert await watched(begin, "a test", node.get_logger())("x") == "x"
 
 
 async def test_of_two_arguments_and_one_that_raises(node: bus.Node, warned: list[str]) -> None:

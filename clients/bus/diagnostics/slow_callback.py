@@ -8,10 +8,10 @@ core), because a wrapper would cost a tenth of a quick message. All others are w
 """
 
 import inspect  # maybe not loaded yet: see bus.base.lean_asyncio
-from collections.abc import Callable, Coroutine, Generator
+from collections.abc import Awaitable, Callable, Coroutine, Generator
 from functools import partial, wraps
 from time import monotonic_ns
-from types import coroutine
+from types import CoroutineType, coroutine
 from typing import Any
 
 from bus.base.awaited import mark_to_be_awaited
@@ -62,6 +62,8 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
             began_ns = monotonic_ns()
             try:
                 work = callback(*arguments)
+                if work.__class__ is not CoroutineType:
+                    work = _wait_for(work)
                 awaited = work.send(None)
             except StopIteration as end:
                 return end.value
@@ -99,6 +101,11 @@ def timed_by_caller(
     return callback, SlowWatch(callback, what, logger).note
 
 
+async def _wait_for(work: Awaitable[Any]) -> Any:
+    """A coroutine of Python's for any awaitable."""
+    return await work
+
+
 def _go_on(
     work: Coroutine[Any, Any, Any], awaited: Any, note: Callable[[int], object]
 ) -> Generator[Any, Any, Any]:
@@ -116,6 +123,7 @@ def _go_on(
         except StopIteration as end:
             return end.value
         finally:
+            del go_on  # with the error in it, it would be part of a cycle
             if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
                 note(took_ns)
 
