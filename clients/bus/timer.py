@@ -136,7 +136,9 @@ class Timer:
         now_ns = self._clock.steady_ns()
         self._alarm = None
         self._next_ns += self._period_ns
-        if self._next_ns <= now_ns and self._period_ns:
+        if not self._period_ns:
+            self._next_ns = now_ns
+        elif self._next_ns <= now_ns:
             skipped = (now_ns - self._next_ns) // self._period_ns + 1
             self.missed += skipped
             self._next_ns += skipped * self._period_ns

@@ -176,6 +176,18 @@ def test_a_period_of_zero_leaves_the_loop_its_turns() -> None:
     play(story)
 
 
+async def test_a_period_after_that_of_zero() -> None:
+    clock = Clock("/robot")
+    clock.set(S)
+    clock.simulate(True)
+    world = World(0, clock)
+    clock.set(100 * S)
+    world.timer.period = 10
+    for now_s in (105, 110):
+        clock.set(now_s * S)
+    assert world.calls == [99, 109]
+
+
 def test_calls_that_came_too_late_are_skipped() -> None:
     async def story() -> None:
         world = World(10)
