@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import inherited_signals
 import pythons
 from wheels import Missing, Wrong, aarch64, building, contents, extras, first_use, version
 from wheels.sources import ROOT
@@ -23,6 +24,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="wheels", description=__doc__)
     parser.add_argument("--into", type=Path, default=ROOT / "dist", help="where they are put (default: dist)")
     into = parser.parse_args().into
+    inherited_signals.restore()  # the programs that are tried must hear SIGINT, under a CI runner too
     with tempfile.TemporaryDirectory(prefix="wheels-") as name:
         try:
             packages, lacking = _make(Path(name))
