@@ -63,7 +63,8 @@ def test_separate_terminals(talking: dict[str, Program], start: Start) -> None:
 
 def test_a_bag(daemon: Daemon, start: Start, tmp_path: Path) -> None:
     pytest.importorskip("mcap")
-    start("python examples/talker.py")
+    talker = "python examples/talker.py"
+    check(start(talker), COMMANDS[talker])  # the page's recorder starts after its talker
     recorded, played = BAG
     program = start(recorded.command, tmp_path)
     check(program, recorded)
