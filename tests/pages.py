@@ -109,6 +109,7 @@ def _begin(command: list[str], folder: Path, output: int) -> Fork | subprocess.P
     name, *arguments = command
     words = [*PROGRAMS.get(name, ()), *arguments]
     environment = {**os.environ, "PYTHONASYNCIODEBUG": "", "PYTHONUNBUFFERED": "1"}  # as in a terminal
+    environment.pop("PYTEST_ADDOPTS", None)  # meant for this run, not for one that a page shows
     if name in ("busd", "bus") and folder == Path.cwd() and cli.forks and cli.forks.can_run(environment):
         return cli.forks.run(words, stdout=output, stderr=output, environment=environment)
     return subprocess.Popen(

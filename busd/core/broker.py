@@ -16,6 +16,7 @@ broke the protocol); it is never an exception. An exception out of the broker is
 """
 
 import logging
+from collections import deque
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -48,7 +49,8 @@ from busd.core.routing_times import RoutingTimes
 from busd.core.shm_routes import Routes
 from busd.core.silence import Silences
 from busd.core.timers import NEVER_NS, Timers
-from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
+from busd.core.turns import BUDGET
+from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, UNLIMITED, Meter, Work
 
 _LONGEST_NAME = 64
 """Characters kept of what a process calls itself, for the log and for GetPeers."""
@@ -76,6 +78,7 @@ class Broker:
         self.meter = Meter()
         self.unfinished: dict[PeerId, _Task] = {}
         """Work to go on with, by peer, present or gone. Opaque to the shell."""
+        self._feeds: dict[PeerId, deque[_Task]] = {}
         self._withheld: dict[PeerId, list[Effect]] = {}
         self.is_overfull = False
         self._uid = uid
@@ -92,6 +95,7 @@ class Broker:
             self._drops,
             overload,
             self.meter,
+            self._begin,
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
@@ -247,13 +251,15 @@ class Broker:
 
     def go_on(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """Go on with what was begun for a peer, present or gone."""
-        task = self.unfinished.pop(peer_id)
-        if peer_id in self._peers:
-            self._leases.hear_peer(now_ns, task.peer)  # it is we who are late, not the peer
-        try:
-            self._do(now_ns, task)
-        except BusError as error:
-            self._turn_down(now_ns, task.peer, task.message, error)
+        if (task := self.unfinished.pop(peer_id, None)) is not None:
+            if peer_id in self._peers:
+                self._leases.hear_peer(now_ns, task.peer)  # it is we who are late, not the peer
+            try:
+                self._do(now_ns, task)
+            except BusError as error:
+                self._turn_down(now_ns, task.peer, task.message, error)
+        if peer_id in self._feeds:
+            self._feed(now_ns, peer_id)
         self.is_overfull = self._router.is_overfull
         return self._take_effects()
 
@@ -274,16 +280,12 @@ class Broker:
                 )
             if publisher.lease_ns:
                 self._leases.assert_publisher(now_ns, publisher)
-            work = self._router.route(now_ns, publisher, run, out)
+            self._router.route(now_ns, publisher, run, out)
             self.is_overfull = self._router.is_overfull
         except RemoteProtocolError as error:
-            work = None
             self._cut(now_ns, peer, str(error))
-        if self._out or self._withheld or work is not None:
+        if self._out or self._withheld:
             self._out[:0] = out
-            if work is not None:
-                self._do(now_ns, _Task(peer, work))
-                self.is_overfull = self._router.is_overfull
             return self._take_effects()
         return out
 
@@ -309,13 +311,18 @@ class Broker:
         return self._take_effects()
 
     def expire(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """Drop samples that outlived their lifespan while they waited for this peer."""
+        """Drop samples that outlived their lifespan while they waited for this peer.
+
+        Stops with the meter. The rest is sent: the peer's process drops and counts it.
+        """
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
-        self.meter.left -= len(peer.perishable) // QUEUES_PER_UNIT
+        meter = self.meter
+        meter.left -= len(peer.perishable) // QUEUES_PER_UNIT
         for subscription in peer.perishable:
-            self._drops.expire(now_ns, subscription)
+            while meter.left > 0 and (price := self._drops.expire(now_ns, subscription)):
+                meter.left -= price
         return self._take_effects()
 
     def hear(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
@@ -327,6 +334,11 @@ class Broker:
     def farewell(self, now_ns: int) -> list[Effect]:
         """The daemon ends: report to each subscription the drops that are not reported yet."""
         self._absentees.farewell(now_ns)
+        for peer_id in tuple(self._feeds):
+            while peer_id in self._feeds:
+                self.meter.left = UNLIMITED
+                self._feed(now_ns, peer_id)
+        self._router.trim(now_ns)
         for peer in self._peers.values():
             for subscription in peer.subscriptions():
                 if subscription.is_drop_report_due:
@@ -381,6 +393,32 @@ class Broker:
             self._out += self._withheld.pop(peer.id)
         peer.withheld = 0
 
+    def has_work(self, peer_id: PeerId) -> bool:
+        """Whether there is something to `go_on` with for a peer."""
+        return peer_id in self.unfinished or peer_id in self._feeds
+
+    def _begin(self, peer_id: PeerId, work: Work) -> None:
+        """`work` is to be done in turns of a peer, beside its requests; of one that has gone it is not."""
+        if (peer := self._peers.get(peer_id)) is not None:
+            self._feeds.setdefault(peer_id, deque()).append(_Task(peer, work))
+            self._emit(Later(peer_id))
+
+    def _feed(self, now_ns: int, peer_id: PeerId) -> None:
+        """Do some of what was begun for a peer beside its requests, which get half of its turn."""
+        feeds, meter = self._feeds[peer_id], self.meter
+        least = min(meter.left, BUDGET) // 2
+        while feeds and meter.left > least:
+            task = feeds[0]
+            try:
+                meter.left -= task.work.send(now_ns) if task.has_begun else next(task.work)
+                task.has_begun = True
+            except StopIteration:
+                feeds.popleft()
+        if feeds:
+            self._emit(Later(peer_id))
+        else:
+            del self._feeds[peer_id]
+
     def _withhold(self) -> None:
         """Keep back what a peer must not get yet: news of an endpoint before all others know of it."""
         self._out[:] = [effect for effect in self._out if not self._is_withheld(effect)]
@@ -427,17 +465,15 @@ class Broker:
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
         peer.has_gone = True
-        task = self.unfinished.pop(peer.id, None)
+        self.unfinished.pop(peer.id, None)
+        self._feeds.pop(peer.id, None)
         self._withheld.pop(peer.id, None)
         peer.withheld = 0
         self._queries.forget(peer)
-        self._do(now_ns, _Task(peer, self._depart(peer, task)))
+        self._do(now_ns, _Task(peer, self._depart(peer)))
 
-    def _depart(self, peer: Peer, task: "_Task | None") -> Work:
-        """Take all that `peer` had out of the graph. A run of its is routed to the end first; requests are
-        dropped."""
-        if task is not None and task.message is None:
-            yield from task.work
+    def _depart(self, peer: Peer) -> Work:
+        """Take all that `peer` had out of the graph. Its requests are dropped."""
         for node in tuple(peer.nodes.values()):
             yield from self._registry.remove_node(node, self._out, is_lost=True)
         yield from self.graph.forget_types(peer)
@@ -503,7 +539,7 @@ class Broker:
 
 
 class _Task(msgspec.Struct):
-    """Work for a peer: to carry out `message`, or what comes of a run or of the peer's end."""
+    """Work for a peer: to carry out `message`, or what comes of its end, or of runs for it."""
 
     peer: Peer
     work: Work

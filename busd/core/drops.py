@@ -13,6 +13,7 @@ from busd.core.effects import Effect, Send
 from busd.core.entities import Subscription
 from busd.core.matching import release
 from busd.core.timers import Timers
+from busd.core.work import SAMPLES_PER_UNIT
 
 DROP_REPORT_NS = 100_000_000
 """Drops are reported to a subscription this long after the first one, all at once."""
@@ -50,9 +51,15 @@ class Drops:
                 if match is not None and last_seq >= match.publisher.next_seq - 1:
                     release(match, last_seq, self._emit)
 
-    def expire(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop what has outlived its lifespan at the head of the subscription's queue."""
-        self.shed(now_ns, subscription, "expired", lambda gone: subscription.queue.drop_expired(now_ns, gone))
+    def expire(self, now_ns: int, subscription: Subscription) -> int:
+        """Drop what has outlived its lifespan of the oldest run that waits for the subscription.
+
+        Returns what that costs; 0 if nothing has.
+        """
+        queue, before = subscription.queue, subscription.queue.count
+        self.shed(now_ns, subscription, "expired", lambda gone: queue.drop_expired_of_head(now_ns, gone))
+        expired = before - queue.count
+        return 1 + expired // SAMPLES_PER_UNIT if expired else 0
 
     def report(self, subscription: Subscription) -> None:
         """Report to the subscription's process all that was dropped for it."""

@@ -16,7 +16,9 @@ from bus.wire.layout import BRIDGE, MAX_COUNT
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Origin, Report
 from bus.wire.runs import Account, RunQueue
 from busd.core.access import Subject
+from busd.core.crowd import Crowd
 from busd.core.effects import Flush
+from busd.core.history import PublisherHistory
 from busd.core.match import SHARED, TRANSITIONS, MatchError, MatchEvent, MatchState
 from busd.core.rate_limit import TokenBucket
 
@@ -217,7 +219,7 @@ class Endpoint:
 
 @dataclass(slots=True, eq=False)
 class Publisher(Endpoint):
-    """`routed`, `ahead` and `awaited` follow from the states of `matches`; only Match changes them.
+    """`routed`, `crowds`, `ahead` and `awaited` follow from the states of `matches`; only Match changes them.
 
     `routed` are the subscriptions of matches that are ROUTED, as the hot path needs them; `ahead` the matches
     that are AHEAD; a lossless publisher waits for the acknowledgements of those in `awaited`.
@@ -228,7 +230,7 @@ class Publisher(Endpoint):
     lease_ns: int
     is_manual: bool
     last_sign_ns: int
-    history: RunQueue | None
+    history: PublisherHistory | None
     samples: int = 0
     bytes: int = 0
     is_alive: bool = True
@@ -236,6 +238,8 @@ class Publisher(Endpoint):
     """Whether it was closed in order, and will not come back."""
     matches: "dict[EndpointId, Match]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+    crowds: dict[PeerId, Crowd] = field(default_factory=dict)
+    """The same by process, where they are many or were; else empty."""
     ahead: "dict[EndpointId, Match]" = field(default_factory=dict)
     awaited: "dict[EndpointId, Match]" = field(default_factory=dict)
     ring: object | None = None
@@ -264,8 +268,24 @@ class Publisher(Endpoint):
             or self.lease_ns
             or self.ahead
             or self.is_credit_ahead
+            or self.crowds
             or (self.is_lossless and not self.awaited)
         )
+
+    def join_crowd(self, subscription: "Subscription", next_seq: int) -> None:
+        """A routed subscription gets the samples from `next_seq` on by the crowd of its process."""
+        peer = subscription.node.peer
+        crowd = self.crowds.get(peer.id)
+        if crowd is None:
+            crowd = self.crowds[peer.id] = Crowd(peer.queued)
+        crowd.join(subscription.id, subscription.queue.depth, next_seq)
+
+    def leave_crowd(self, subscription: "Subscription") -> None:
+        """The subscription is routed no more. What waited for it in the crowd has been handed to it."""
+        peer = subscription.node.peer.id
+        self.crowds[peer].leave(subscription.id)
+        if not self.crowds[peer].members:
+            del self.crowds[peer]
 
     def conclude(self) -> int:
         """It is closed in order. Returns how many samples went only into its ring since its last run."""
@@ -430,11 +450,15 @@ class Match:
         if state is None:
             raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")
         self.state = state
-        publisher, number = self.publisher, self.subscription.id
-        publisher.routed.pop(number, None)
+        publisher, subscription = self.publisher, self.subscription
+        number = subscription.id
+        if publisher.routed.pop(number, None) is not None and publisher.crowds:
+            publisher.leave_crowd(subscription)
         publisher.ahead.pop(number, None)
         if state is MatchState.ROUTED:
-            publisher.routed[number] = self.subscription
+            publisher.routed[number] = subscription
+            if publisher.crowds:
+                publisher.join_crowd(subscription, publisher.next_seq)
         elif state is MatchState.AHEAD:
             publisher.ahead[number] = self
         elif state is MatchState.ENDED and self.acked_seq is not None:

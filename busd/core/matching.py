@@ -26,6 +26,7 @@ from busd.core.bridging import are_for_each_other
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import ROUTE_OF, Match, Publisher, Subscription
 from busd.core.graph import Graph
+from busd.core.work import MATCH, QUEUES_PER_UNIT
 
 _ACKED_SEQ = attrgetter("acked_seq")
 
@@ -48,16 +49,16 @@ def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[s
 
 def make_match(
     now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
-) -> None:
-    """Make the match, or tell both why there is none."""
+) -> int:
+    """Make the match, or tell both why there is none; returns what that costs."""
     is_plain = publisher.node.origin is None and not subscription.is_tap
     if not (is_plain or are_for_each_other(publisher, subscription)):
-        return
+        return MATCH
     reason = incompatibility(publisher, subscription)
     if reason is not None:
         if not subscription.is_tap:
             _refuse(publisher, subscription, *reason, out)
-        return
+        return MATCH
     is_shared = can_share(publisher, subscription)
     match = Match(publisher, subscription, now_ns)
     graph.add_match(match, is_shared=is_shared)
@@ -92,6 +93,7 @@ def make_match(
     if not is_shared and not subscription.is_mirror:
         last_seq = _replayed_from(match) if publisher.history is not None else None
         _begin_routing(now_ns, match, last_seq, out)
+    return MATCH + len(subscription.queue.runs) // QUEUES_PER_UNIT
 
 
 def _as_offered(qos: QoSProfile, offered: QoSProfile) -> QoSProfile:

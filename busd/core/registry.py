@@ -35,6 +35,7 @@ from busd.core.entities import (
     keeps_history,
 )
 from busd.core.graph import Graph
+from busd.core.history import PublisherHistory
 from busd.core.leases import Leases
 from busd.core.limits import TopicRule, rules_for
 from busd.core.match import MatchState
@@ -42,7 +43,7 @@ from busd.core.matching import end_match, make_match
 from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.router import Router
-from busd.core.work import ENDPOINT, FRAME, MATCH, RUNS_PER_UNIT, UNMATCH, Work
+from busd.core.work import ENDPOINT, FRAME, RUNS_PER_UNIT, UNMATCH, Work
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
@@ -156,7 +157,7 @@ class Registry:
             lease_ns=qos.lease_ns,
             is_manual=is_manual(qos),
             last_sign_ns=now_ns,
-            history=RunQueue(depth, peer.history) if keeps_history(qos) else None,
+            history=PublisherHistory(depth, peer.history) if keeps_history(qos) else None,
             credited=message.next_seq - 1,
             ring=ring,
             stands_for=self._access_guard.gid(peer, message.stands_for) if message.stands_for else b"",
@@ -174,8 +175,7 @@ class Registry:
         now_ns = yield ENDPOINT
         for subscription in there:
             if subscription.id in subscriptions:
-                make_match(now_ns, self._graph, publisher, subscription, out)
-                now_ns = yield MATCH
+                now_ns = yield make_match(now_ns, self._graph, publisher, subscription, out)
 
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
@@ -208,8 +208,7 @@ class Registry:
         now_ns = yield from self._absentees.find(now_ns, subscription, out)
         for publisher in there:
             if publisher.id in publishers:
-                make_match(now_ns, self._graph, publisher, subscription, out)
-                now_ns = yield MATCH
+                now_ns = yield make_match(now_ns, self._graph, publisher, subscription, out)
         now_ns = yield from self._absentees.settle(now_ns, subscription, out)
         subscription.forget_oldest()
         if subscription.queue.runs:
@@ -249,13 +248,14 @@ class Registry:
         self, endpoint: Publisher | Subscription, out: list[Effect], *, is_lost: bool = False
     ) -> Work:
         self._graph.withdraw(endpoint)
+        now_ns = endpoint.node.peer.last_heard_ns
         if isinstance(endpoint, Publisher):
-            now_ns = endpoint.node.peer.last_heard_ns
             endpoint.has_left = not is_lost
             gap = 0 if is_lost else endpoint.conclude()
             self._absentees.go(endpoint)
             for match in tuple(endpoint.matches.values()):
                 if not match.has_ended:
+                    self._router.settle(now_ns, match)
                     if gap and match.state is MatchState.ROUTED:
                         self._router.miss(now_ns, endpoint, gap, (match.subscription,), is_loss=False)
                     end_match(self._graph, match, out)
@@ -266,12 +266,13 @@ class Registry:
             endpoint.node.peer.lapsed.discard(endpoint)
         else:
             if is_lost:
-                yield from self._absentees.lose(endpoint.node.peer.last_heard_ns, endpoint)
+                now_ns = yield from self._absentees.lose(now_ns, endpoint)
             self._absentees.forget(endpoint)
             for match in tuple(endpoint.matches.values()):
                 if not match.has_ended:
+                    self._router.settle(now_ns, match)
                     end_match(self._graph, match, out, is_lost=is_lost)
-                    yield UNMATCH
+                    now_ns = yield UNMATCH
             yield from _empty(endpoint.queue)
             endpoint.node.peer.perishable.discard(endpoint)
         if endpoint.id in endpoint.node.endpoints:

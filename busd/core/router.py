@@ -1,29 +1,36 @@
 """The hot path: a run of samples from a publisher to the queues of its matched subscriptions.
 
 Costs one step per run and subscription, whatever the number of samples in the run; no payload is decoded.
+If the subscriptions are many, the publisher's turn pays for a step per run and *process*, and each of those
+hands the run to its subscriptions in turns of its own (`busd.core.crowd`).
 A queue that a run overfills is not trimmed at once: the shell first sends what the subscriber's socket takes,
 then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from itertools import islice
 
-from bus.base.ids import EndpointId
+from bus.base.ids import EndpointId, PeerId
 from bus.errors import RemoteProtocolError
 from bus.wire.layout import MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
 from bus.wire.runs import Run
+from busd.core.crowd import NOT_SENT, Crowd, Loss, News
 from busd.core.drops import Drops
 from busd.core.effects import Effect
-from busd.core.entities import Publisher, Subscription
+from busd.core.entities import Match, Publisher, Subscription
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import give_credit, release
 from busd.core.overload import Overload
-from busd.core.work import FRAME, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, TELL, Meter, Work
+from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, Meter, Work
 
 _MANY_QUEUES = 64
 
 
 class Router:
-    """Routes runs; owns the queues that are over their bound at the moment."""
+    """Routes runs; owns the queues that are over their bound at the moment.
+
+    `begin` has work done in the turns of a process.
+    """
 
     def __init__(
         self,
@@ -31,6 +38,7 @@ class Router:
         drops: Drops,
         overload: Overload,
         meter: Meter,
+        begin: Callable[[PeerId, Work], None],
         *,
         window_bytes: int,
         window_samples: int,
@@ -39,6 +47,7 @@ class Router:
         self._drops = drops
         self._overload = overload
         self._meter = meter
+        self._begin = begin
         self._credit_bytes = window_bytes // 8
         self._credit_samples = window_samples // 8
         self._overfull: list[Subscription] = []
@@ -54,8 +63,8 @@ class Router:
         self._credit_bytes = min(self._credit_bytes, window_bytes // 8)
         self._credit_samples = min(self._credit_samples, window_samples // 8)
 
-    def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> Work | None:
-        """Queue `run` for every matched subscription; where they are many, returns Work that does it.
+    def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
+        """Queue `run` for every matched subscription.
 
         Raises RemoteProtocolError where the publisher's numbers go back, or a run claims too many samples.
         """
@@ -69,7 +78,7 @@ class Router:
             )
         if run.only_for:
             self._catch_up(now_ns, publisher, run, out)
-            return None
+            return
         gap = run.first_seq - publisher.next_seq
         if gap < 0:
             raise RemoteProtocolError(
@@ -81,20 +90,20 @@ class Router:
         routed = publisher.routed
         self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
         is_resumed, run.is_resumed = run.is_resumed, False  # of no concern to subscriptions
+        if publisher.crowds or len(routed) > _MANY_QUEUES:
+            self._gather(publisher)
         limit = publisher.max_message_bytes
         if payload_bytes > limit and self._is_too_large(run, limit):
-            return self._refuse_all(now_ns, publisher, run.count, gap, is_loss=not is_resumed)
+            self._refuse_all(now_ns, publisher, run.count, gap, is_loss=not is_resumed)
+            return
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
         history = publisher.history
         if history is not None and history.append(run):
             history.trim()
             self._overload.bound_history(now_ns, publisher)
-        work = None
-        if len(routed) > _MANY_QUEUES:
-            work = self._distribute(
-                now_ns, publisher, run, gap, tuple(routed.values()), is_loss=not is_resumed
-            )
+        if publisher.crowds:
+            self._fan_out(now_ns, publisher, run, gap, out, is_loss=not is_resumed)
         else:
             if gap:
                 self.miss(now_ns, publisher, gap, routed.values(), is_loss=not is_resumed)
@@ -115,7 +124,6 @@ class Router:
                 or publisher.next_seq - publisher.credited > self._credit_samples
             ):
                 give_credit(publisher, out.append)
-        return work
 
     def passed_on(self, publisher: Publisher, first_seq: int, count: int, size: int) -> bool:
         """Count a run of `size` bytes, which the shell passes on to its only taker.
@@ -135,43 +143,114 @@ class Router:
         self._meter.left -= FRAME + count // SAMPLES_PER_UNIT
         return True
 
-    def _distribute(
-        self,
-        now_ns: int,
-        publisher: Publisher,
-        run: Run,
-        gap: int,
-        subscriptions: tuple[Subscription, ...],
-        *,
-        is_loss: bool,
-    ) -> Work:
-        """Queue `run` for many `subscriptions`, a few at a time; as `route` does for few."""
-        for few in _pieces(publisher, subscriptions):
-            if gap:
-                self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
-            for subscription in few:
+    def _gather(self, publisher: Publisher) -> None:
+        """See to it that `publisher.crowds` are there where its subscriptions are many, and else are not."""
+        crowds, routed = publisher.crowds, publisher.routed
+        if len(routed) <= _MANY_QUEUES:
+            if not any(one.has_news or one.is_due for one in crowds.values()):
+                crowds.clear()
+        elif not crowds:
+            self._meter.left -= len(routed) // LOOKS_PER_UNIT
+            for subscription in routed.values():
+                publisher.join_crowd(subscription, 0)
+
+    def _fan_out(
+        self, now_ns: int, publisher: Publisher, run: Run, gap: int, out: list[Effect], *, is_loss: bool
+    ) -> None:
+        """Queue `run` once for each process; a process with one subscription gets it at once."""
+        crowds = publisher.crowds
+        for peer, crowd in crowds.items():
+            if len(crowd.members) == 1 and not crowd.has_news:
+                subscription = publisher.routed[next(iter(crowd.members))]
+                if gap:
+                    self.miss(now_ns, publisher, gap, (subscription,), is_loss=is_loss)
                 if subscription.queue.append(run):
                     self._overfull.append(subscription)
-                self._emit(subscription.flush)
-            yield len(few) // QUEUES_PER_UNIT
+                out.append(subscription.flush)
+            else:
+                if gap:
+                    crowd.lose(_reason(is_loss=is_loss), run.first_seq - gap, run.first_seq)
+                crowd.append(run)
+                self._make_due(publisher, peer, crowd)
+        self._meter.left -= len(crowds) // QUEUES_PER_UNIT
 
-    def _refuse_all(self, now_ns: int, publisher: Publisher, count: int, gap: int, *, is_loss: bool) -> Work:
+    def _make_due(self, publisher: Publisher, peer: PeerId, crowd: Crowd) -> None:
+        if not crowd.is_due:
+            crowd.is_due = True
+            self._begin(peer, self._hand_over(publisher, crowd))
+
+    def _hand_over(self, publisher: Publisher, crowd: Crowd) -> Work:
+        """Hand what waits for a crowd to its members, in turns of their process, a few at a time."""
+        now_ns = yield 0
+        while (news := next(crowd.news(), None)) is not None:
+            end_seq = _end_seq(news)
+            members = iter(tuple(crowd.members))
+            while few := list(islice(members, _MANY_QUEUES)):
+                for number in few:
+                    if (cursor := crowd.members.get(number, end_seq)) < end_seq:
+                        match = publisher.matches[number]
+                        self._hand(now_ns, match, max(cursor, news.first_seq), news, end_seq)
+                        crowd.members[number] = end_seq
+                now_ns = yield len(few) // QUEUES_PER_UNIT + 1
+            crowd.done(news, end_seq)
+        crowd.is_due = False
+
+    def _hand(self, now_ns: int, match: Match, first_seq: int, news: News, end_seq: int) -> None:
+        """Hand the part of `news` between these numbers to one subscription."""
+        subscription = match.subscription
+        if isinstance(news, Run):
+            part = news if first_seq == news.first_seq else news.after(first_seq - 1)
+            if subscription.queue.append(part):
+                self._overfull.append(subscription)
+            self._emit(subscription.flush)
+        elif news.reason == NOT_SENT:
+            self.miss(now_ns, match.publisher, end_seq - first_seq, (subscription,), is_loss=False)
+        else:
+            self._lose(now_ns, match, news.reason, end_seq - first_seq, end_seq - 1)
+
+    def settle(self, now_ns: int, match: Match) -> None:
+        """Hand a subscription what waits for it in a crowd: its match is about to end."""
+        publisher, number = match.publisher, match.subscription.id
+        crowd = publisher.crowds.get(match.subscription.node.peer.id)
+        if crowd is None or number not in crowd.members:
+            return
+        for news in crowd.news():
+            end_seq, cursor = _end_seq(news), crowd.members[number]
+            if cursor < end_seq:
+                self._hand(now_ns, match, max(cursor, news.first_seq), news, end_seq)
+                crowd.members[number] = end_seq
+
+    def _refuse_all(self, now_ns: int, publisher: Publisher, count: int, gap: int, *, is_loss: bool) -> None:
         """One of the `count` samples of a run is too large: no subscription gets any."""
-        for few in _pieces(publisher, tuple(publisher.routed.values())):
-            if gap:
-                self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
-            for subscription in few:
-                self._drops.drop(now_ns, subscription, "too_large", count)
-                if publisher.id not in _sources(subscription):
-                    release(publisher.matches[subscription.id], publisher.next_seq - 1, self._emit)
-            yield TELL * len(few)
+        if publisher.crowds:
+            first_seq = publisher.next_seq - count
+            for peer, crowd in publisher.crowds.items():
+                if gap:
+                    crowd.lose(_reason(is_loss=is_loss), first_seq - gap, first_seq)
+                crowd.lose("too_large", first_seq, publisher.next_seq)
+                self._make_due(publisher, peer, crowd)
+            return
+        if gap:
+            self.miss(now_ns, publisher, gap, publisher.routed.values(), is_loss=is_loss)
+        for number in publisher.routed:
+            self._lose(now_ns, publisher.matches[number], "too_large", count, publisher.next_seq - 1)
+
+    def _lose(self, now_ns: int, match: Match, reason: str, count: int, last_seq: int) -> None:
+        """`count` samples up to `last_seq` don't come to the subscription, nor will their acknowledgement."""
+        self._drops.drop(now_ns, match.subscription, reason, count)
+        if match.publisher.id not in _sources(match.subscription):
+            release(match, last_seq, self._emit)
 
     def trim(self, now_ns: int) -> None:
-        """Bring the overfull queues within their bounds: oldest samples first, each counted."""
+        """Bring the overfull queues within their bounds: oldest samples first, each counted.
+
+        What has expired goes first, but no more of it than must: a queue that is full costs no more for that.
+        """
         for subscription in self._overfull:
             queue = subscription.queue
             if subscription in subscription.node.peer.perishable:
-                self._drops.expire(now_ns, subscription)
+                while queue.is_overfull and (price := self._drops.expire(now_ns, subscription)):
+                    self._meter.left -= price
             replaced = queue.trim()
             if replaced:
                 self._drops.drop(now_ns, subscription, "replaced", replaced)
@@ -195,9 +274,7 @@ class Router:
         if match.state is MatchState.CATCHING_UP:
             subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
-            self._drops.drop(now_ns, subscription, "too_large", run.count)
-            if publisher.id not in _sources(subscription):
-                release(match, run.first_seq + run.count - 1, self._emit)
+            self._lose(now_ns, match, "too_large", run.count, run.first_seq + run.count - 1)
             return
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
@@ -246,11 +323,14 @@ class Router:
         return any(len(payload) > limit for payload, _ in run.records())
 
 
-def _pieces(publisher: Publisher, subscriptions: tuple[Subscription, ...]) -> Iterator[list[Subscription]]:
-    """A few `subscriptions` at a time, of those that are still matched."""
-    for start in range(0, len(subscriptions), _MANY_QUEUES):
-        some = subscriptions[start : start + _MANY_QUEUES]
-        yield [one for one in some if one.id in publisher.routed]
+def _end_seq(news: News) -> int:
+    """The number after its last sample."""
+    return news.end_seq if isinstance(news, Loss) else news.first_seq + news.count
+
+
+def _reason(*, is_loss: bool) -> str:
+    """Why numbers are missing before a run."""
+    return "publisher_queue" if is_loss else NOT_SENT
 
 
 def _sources(subscription: Subscription) -> set[int]:

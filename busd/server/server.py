@@ -277,7 +277,7 @@ class Server:
             party.left -= 1 + len(self._connections) // LOOKS_PER_UNIT
             self._early.add(connection)
             return
-        if party.left > 0 and not connection.is_held and not self._turns.is_waiting(connection):
+        if party.left > 0 and not connection.is_held and connection.id not in self._broker.unfinished:
             items, connection.items = connection.items, None
             if items is None:
                 may_be_more = connection.stream.read_on()
@@ -296,7 +296,7 @@ class Server:
 
     def _go_on(self, peer: PeerId) -> None:
         """Go on with what the broker has begun for a peer, or for one that has gone."""
-        if peer in self._broker.unfinished:
+        if self._broker.has_work(peer):
             now_ns = monotonic_ns()
             self._carry_out(self._broker.go_on(now_ns, peer))
             self._trim(now_ns)

@@ -170,7 +170,7 @@ class World:
                 process.read()
         for peer in late:
             self.between()
-            if peer in self.broker.unfinished:
+            if self.broker.has_work(peer):
                 self.refill()
                 self.carry_out(self.broker.go_on(self.now_ns, peer))
                 if self.broker.is_overfull:

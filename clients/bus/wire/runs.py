@@ -59,6 +59,8 @@ class Run(msgspec.Struct, eq=False, gc=False):
     """The numbers missing before it went by another route and are not lost."""
     only_for: int = 0
     """On the way to the broker: the one subscription that it is for; 0: all that are routed."""
+    newest_ns: int | None = None
+    """The latest stamp in it; None: not read yet. All queues that it waits in share it."""
 
     def after(self, seq: int) -> "Run":
         """What is left behind number `seq`, which is one of its own and not the last."""
@@ -75,6 +77,16 @@ class Run(msgspec.Struct, eq=False, gc=False):
             self.received_ns,
             self.origin,
         )
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the records fill the body, no more and no less. Costs a step for each sample."""
+        offset, size = 0, len(self.body)
+        for _ in range(self.count):
+            if offset + RECORD_HEAD_BYTES > size:
+                return False
+            offset += RECORD_HEAD_BYTES + _unpack_record(self.body, offset)[0]
+        return offset == size
 
     def records(self) -> Iterator[tuple[memoryview, int]]:
         """Each payload with its stamp; stops early where the body is shorter than it claims."""
@@ -105,6 +117,33 @@ def _walk(body: Buffer, offset: int, count: int) -> int:
             break
         offset += RECORD_HEAD_BYTES + _unpack_record(body, offset)[0]
     return min(offset, len(body))
+
+
+def _newest_stamp(body: Buffer, count: int) -> int:
+    """The latest stamp of the `count` records in `body`; stops early where it is shorter than it claims."""
+    newest_ns = offset = 0
+    last = len(body) - RECORD_HEAD_BYTES
+    for _ in range(count):
+        if offset > last:
+            break
+        size, stamp_ns = _unpack_record(body, offset)
+        newest_ns = max(newest_ns, stamp_ns)
+        offset += RECORD_HEAD_BYTES + size
+    return newest_ns
+
+
+def _walk_expired(body: Buffer, offset: int, count: int, limit_ns: int) -> tuple[int, int]:
+    """How many of the `count` records from `offset` on are older than `limit_ns`, up to the first that is
+    not, and the offset of that one. Where the body is shorter than it claims, all of them."""
+    last = len(body) - RECORD_HEAD_BYTES
+    for expired in range(count):
+        if offset > last:
+            break
+        size, stamp_ns = _unpack_record(body, offset)
+        if stamp_ns >= limit_ns:
+            return expired, offset
+        offset += RECORD_HEAD_BYTES + size
+    return count, offset
 
 
 class Account:
@@ -186,6 +225,13 @@ class RunQueue:
                 return True
         return self.count > self.bound or account.used > account.limit
 
+    @property
+    def is_overfull(self) -> bool:
+        """Whether it exceeds its depth, or its account a limit."""
+        account = self.account
+        is_over = account.is_over or (account.parent is not None and account.parent.is_over)
+        return is_over or self.count > self.bound
+
     def trim(self) -> int:
         """Drop the oldest samples beyond the depth; returns how many."""
         return self.drop(self.count - self.bound) if self.count > self.bound else 0
@@ -214,17 +260,35 @@ class RunQueue:
         Runs of which nothing is left are added to `gone`.
         """
         dropped = 0
-        while self.runs:
-            run = self.runs[0]
-            if not run.lifespan_ns:
-                break
-            stamp_ns = self.peek_stamp()
-            if stamp_ns is not None and stamp_ns + run.lifespan_ns >= now_ns:
-                break
-            dropped += self.drop(1)
-            if gone is not None and not self.skipped:
-                gone.append(run)
+        while expired := self.drop_expired_of_head(now_ns, gone):
+            dropped += expired
         return dropped
+
+    def drop_expired_of_head(self, now_ns: int, gone: list[Run] | None = None) -> int:
+        """The same for the oldest run alone: so a caller bounds the work by runs.
+
+        A run that has expired as a whole goes in one step, but for the first of the queues that it waits in,
+        which reads its stamps.
+        """
+        if not self.runs:
+            return 0
+        run = self.runs[0]
+        limit_ns, held = now_ns - run.lifespan_ns, run.count - self.skipped
+        stamp_ns = self.peek_stamp()
+        if not run.lifespan_ns or (stamp_ns is not None and stamp_ns >= limit_ns):
+            return 0
+        if run.newest_ns is None:
+            run.newest_ns = _newest_stamp(run.body, run.count)
+        expired, offset = held, self.offset
+        if run.newest_ns >= limit_ns:
+            expired, offset = _walk_expired(run.body, offset, held, limit_ns)
+        if expired < held:
+            self.advance(expired, offset)
+            return expired
+        self.forget_head()
+        if gone is not None:
+            gone.append(run)
+        return expired
 
     def drop_over_quota(
         self,

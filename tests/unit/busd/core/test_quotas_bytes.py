@@ -173,7 +173,7 @@ class TestReconfigure:
 
     @pytest.mark.parametrize("whose", ["peer", "user"])
     def test_queues_are_trimmed(self, whose: str) -> None:
-        world = world_of()
+        world = world_of(history_bytes_per_peer=64_000)  # so little that no runs are gathered
         process = world.process()
         keep_all = QoSProfile(history="keep_all", reliability="best_effort")
         subscriptions = [process.subscription(f"/t{at}", keep_all) for at in range(3)]

@@ -66,7 +66,7 @@ class TestOthersOfTheUser:
         assert ("a", "b") in world.broker.graph.types
 
     def test_bytes_that_a_user_may_have_change_with_the_limits(self) -> None:
-        world = world_of()
+        world = world_of(history_bytes_per_peer=64_000)  # so little that no runs are gathered
         sleepers = [world.process() for _ in range(3)]
         for sleeper in sleepers:
             sleeper.subscription("/topic", UNBOUNDED)
