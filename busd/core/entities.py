@@ -281,7 +281,7 @@ class Publisher(Endpoint):
         crowd.join(subscription.id, subscription.queue.depth, next_seq)
 
     def leave_crowd(self, subscription: "Subscription") -> None:
-        """The subscription is routed no more. What waited for it in the crowd has been handed to it."""
+        """The subscription is routed no more, and gets nothing of what waits in the crowd."""
         peer = subscription.node.peer.id
         self.crowds[peer].leave(subscription.id)
         if not self.crowds[peer].members:

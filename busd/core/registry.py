@@ -270,9 +270,8 @@ class Registry:
             self._absentees.forget(endpoint)
             for match in tuple(endpoint.matches.values()):
                 if not match.has_ended:
-                    self._router.settle(now_ns, match)
                     end_match(self._graph, match, out, is_lost=is_lost)
-                    now_ns = yield UNMATCH
+                    yield UNMATCH
             yield from _empty(endpoint.queue)
             endpoint.node.peer.perishable.discard(endpoint)
         if endpoint.id in endpoint.node.endpoints:
