@@ -302,9 +302,19 @@ class Absentees:
 
     def _settle_at_last(self, now_ns: int, subscription: Subscription) -> None:
         if subscription.id in self._open:
-            for _ in self._settle(now_ns, subscription, self._emit, is_last_time=True):
-                pass
-            self._open.pop(subscription.id, None)
+            steps = self._settle(now_ns, subscription, self._emit, is_last_time=True)
+            next(steps, None)
+            self._go_on_settling(now_ns, subscription, steps)
+
+    def _go_on_settling(self, now_ns: int, subscription: Subscription, steps: Steps) -> None:
+        """A step at a time, between other work."""
+        if subscription.id in self._open:
+            try:
+                steps.send(now_ns)
+            except StopIteration:
+                self._open.pop(subscription.id, None)
+            else:
+                self._timers.add(now_ns, lambda now: self._go_on_settling(now, subscription, steps))
 
     def _look_at(self, due_ns: int) -> None:
         if not self._is_looking:

@@ -5,8 +5,10 @@ an observer sees (busd.core.graph_view).
 """
 
 import logging
+from collections.abc import Callable
 from hashlib import blake2b
 
+from bus.base.ids import PeerId
 from bus.errors import AccessDenied
 from bus.wire.layout import ACCESS
 from bus.wire.messages import Incompatible
@@ -14,17 +16,19 @@ from busd.core.access import Access, Action
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Node, Peer, Publisher, Subscription
 from busd.core.graph import Graph
+from busd.core.work import TELL, Work
 
 _MOST_REPORTED = 1024
 """Denials of one user that are reported; with more it could crowd other users out of the log."""
 
 
 class AccessGuard:
-    """`access` are the rules in force; `renew` brings others."""
+    """`access` are the rules in force; `renew` brings others. `begin` has work done in a peer's turns."""
 
-    def __init__(self, graph: Graph, access: Access) -> None:
+    def __init__(self, graph: Graph, access: Access, begin: Callable[[PeerId, Work], None]) -> None:
         self.access = access
         self._graph = graph
+        self._begin = begin
         self._reported: dict[int, set[tuple[Action, str]]] = {}
 
     def renew(self, access: Access) -> None:
@@ -85,14 +89,18 @@ class AccessGuard:
         present = self._graph.topics.get(topic)
         if present is None:
             return
-        others: list[Publisher] | list[Subscription] = (
-            [*present.subscriptions.values()] if action == "publish" else [*present.publishers.values()]
-        )
-        for other in others:
-            message = Incompatible(
-                endpoint=other.id, topic=topic, node=node.full_name, policy=ACCESS, text=text
-            )
-            out.append(Send(other.node.peer.id, message))
+        others = (present.subscriptions if action == "publish" else present.publishers).values()
+        self._begin(node.peer.id, _report(node, topic, text, tuple(others), out))
+
+
+def _report(
+    node: Node, topic: str, text: str, others: tuple[Publisher | Subscription, ...], out: list[Effect]
+) -> Work:
+    """Tell the other ends on a topic that `node` was denied it."""
+    for other in others:
+        message = Incompatible(endpoint=other.id, topic=topic, node=node.full_name, policy=ACCESS, text=text)
+        out.append(Send(other.node.peer.id, message))
+        yield TELL
 
 
 def action_of(endpoint: Publisher | Subscription) -> Action:

@@ -89,7 +89,7 @@ class Broker:
         emit = self._emit
         quotas = self._quotas = Quotas(self.limits)
         self._drops = Drops(self.timers, emit)
-        overload = self._overload = Overload(quotas, self._drops, emit)
+        overload = self._overload = Overload(quotas, self._drops, emit, self._begin)
         self._router = Router(
             emit,
             self._drops,
@@ -105,7 +105,7 @@ class Broker:
         self.passed_on = self._router.passed_on
         lease_ns = int(self.limits.lease_s * 1e9)
         self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
-        self._access_guard = AccessGuard(self.graph, access or Access(uid))
+        self._access_guard = AccessGuard(self.graph, access or Access(uid), self._begin)
         self._absentees = Absentees(self.timers, emit)
         self._registry = Registry(
             self.graph,

@@ -44,8 +44,9 @@ class Drops:
         count = drop(gone)
         if count:
             self.drop(now_ns, subscription, reason, count)
-            for run in gone or ():
-                match = subscription.matches.get(EndpointId(run.source))
+            newest = {run.source: run for run in gone or ()}
+            for source, run in newest.items():
+                match = subscription.matches.get(EndpointId(source))
                 last_seq = run.first_seq + run.count - 1
                 # Where the newest were dropped, no acknowledgement will ever cover them.
                 if match is not None and last_seq >= match.publisher.next_seq - 1:

@@ -176,6 +176,9 @@ class Topic:
     name: str
     publishers: "dict[EndpointId, Publisher]" = field(default_factory=dict)
     subscriptions: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+    guest_publishers: int = 0
+    guest_subscriptions: int = 0
+    """How many of them are of guests."""
 
 
 @dataclass(slots=True, eq=False)

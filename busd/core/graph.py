@@ -70,12 +70,14 @@ class Graph:
     def add_endpoint(self, endpoint: Publisher | Subscription) -> None:
         """Its topic is in the table from now on."""
         topic = self.topics.setdefault(endpoint.topic.name, endpoint.topic)
+        peer = endpoint.node.peer
         if isinstance(endpoint, Publisher):
             topic.publishers[endpoint.id] = self.publishers[endpoint.id] = endpoint
+            topic.guest_publishers += peer.is_guest
         else:
             topic.subscriptions[endpoint.id] = self.subscriptions[endpoint.id] = endpoint
+            topic.guest_subscriptions += peer.is_guest
         self._gids[endpoint.shown_gid] = endpoint
-        peer = endpoint.node.peer
         endpoint.node.endpoints[endpoint.id] = peer.endpoints[endpoint.id] = endpoint
         peer.user.endpoints += 1
         for holder in (peer, peer.user):
@@ -84,11 +86,12 @@ class Graph:
 
     def withdraw(self, endpoint: Publisher | Subscription) -> None:
         """From now on nothing new matches the endpoint. May be called again."""
-        topic = endpoint.topic
+        topic, is_guest = endpoint.topic, endpoint.node.peer.is_guest
         if isinstance(endpoint, Publisher):
-            topic.publishers.pop(endpoint.id, None)
-        else:
-            topic.subscriptions.pop(endpoint.id, None)
+            if topic.publishers.pop(endpoint.id, None) is not None:
+                topic.guest_publishers -= is_guest
+        elif topic.subscriptions.pop(endpoint.id, None) is not None:
+            topic.guest_subscriptions -= is_guest
         if not topic.publishers and not topic.subscriptions and self.topics.get(topic.name) is topic:
             del self.topics[topic.name]
 
@@ -213,9 +216,9 @@ class Graph:
         self.revision += 1
         return self.revision
 
-    def endpoint(self, number: EndpointId) -> Publisher | Subscription:
-        """The endpoint of that number, which must exist."""
-        return self.publishers.get(number) or self.subscriptions[number]
+    def find_endpoint(self, number: EndpointId) -> Publisher | Subscription | None:
+        """The endpoint of that number."""
+        return self.publishers.get(number) or self.subscriptions.get(number)
 
     def match_records(self) -> Iterator[MatchRecord]:
         """Every match."""

@@ -6,7 +6,7 @@ stays exact. Must not know why a topic is hidden.
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord
@@ -47,14 +47,16 @@ class GraphView:
         """The nodes and the endpoints that are seen now."""
         return {*self._nodes}, {*self._endpoints}
 
-    def shows_type(self, kind: MessageType) -> bool:
-        """Whether an endpoint that is seen has that type, or this process has declared it."""
+    def shows_type(self, kind: MessageType) -> Generator[int, int, bool]:
+        """Whether an endpoint that is seen has that type, or this process has declared it. Work."""
         if kind in self._peer.types:
             return True
-        tables = (self._graph.publishers, self._graph.subscriptions)
-        return any(
-            one.type == kind and one.id in self._endpoints for table in tables for one in table.values()
-        )
+        for number in tuple(self._endpoints):
+            present = self._graph.find_endpoint(EndpointId(number))
+            if present is not None and present.type == kind:
+                return True
+            yield 1
+        return False
 
     def changed(self, change: GraphChanged) -> GraphChanged:
         """What this observer sees of `change`, which has just been made: maybe nothing but the revision."""
@@ -92,12 +94,12 @@ class GraphView:
         for _ in self.fill():
             pass
         graph = self._graph
-        fresh = [one for one in self._endpoints if one not in endpoints]
+        fresh = [EndpointId(one) for one in self._endpoints if one not in endpoints]
         return GraphChanged(
             revision=revision,
             nodes_added=tuple(graph.nodes[NodeId(one)].record() for one in self._nodes if one not in nodes),
             nodes_removed=tuple(one for one in nodes if one not in self._nodes),
-            endpoints_added=tuple(graph.endpoint(EndpointId(one)).record() for one in fresh),
+            endpoints_added=tuple(one.record() for one in map(graph.find_endpoint, fresh) if one is not None),
             endpoints_removed=tuple(one for one in endpoints if one not in self._endpoints),
             matches_added=tuple(one for one in self._matches() if one not in matches),
             matches_removed=tuple(one for one in matches if not self._sees_both(one)),

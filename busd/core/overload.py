@@ -5,28 +5,44 @@ up to the newest; then the newest, too, except the one that has just come: so a 
 gets through.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TypeVar
 
-from bus.wire.runs import Account, RunQueue
+from bus.base.ids import PeerId
+from bus.wire.runs import Account, Run, RunQueue
 from busd.core.drops import Drops
 from busd.core.effects import Effect
 from busd.core.entities import Holder, Peer, Publisher, Subscription
 from busd.core.quotas import Quotas
+from busd.core.work import RUNS_PER_UNIT, Work
 
 _MANY_QUEUES = 64
+_MOST_DROPPED = 16_384
+"""Runs that a queue drops one by one for its quota: so no more than some milliseconds are spent on that."""
+_FREED_AT_ONCE = 256
 
 _T = TypeVar("_T")
 
 
 class Overload:
-    """Keeps queues and histories within the accounts that they are charged to."""
+    """Keeps queues and histories within the accounts that they are charged to.
 
-    def __init__(self, quotas: Quotas, drops: Drops, emit: Callable[[Effect], None]) -> None:
+    `begin` has work done in the turns of a peer.
+    """
+
+    def __init__(
+        self,
+        quotas: Quotas,
+        drops: Drops,
+        emit: Callable[[Effect], None],
+        begin: Callable[[PeerId, Work], None],
+    ) -> None:
         self._quotas = quotas
         self._drops = drops
         self._emit = emit
+        self._begin = begin
 
     def bound_all(self, now_ns: int, peers: Iterable[Peer]) -> None:
         """After the limits have changed."""
@@ -51,8 +67,12 @@ class Overload:
 
     def _drop_queued(self, now_ns: int, latest: Subscription, peer: Peer, account: Account) -> None:
         def drop(one: Subscription, spare: int, slack: int) -> None:
-            too_much = partial(one.queue.drop_over_quota, spare=spare, account=account, slack=slack)
+            queue = one.queue
+            too_much = partial(
+                queue.drop_over_quota, spare=spare, account=account, slack=slack, most=_MOST_DROPPED
+            )
             self._drops.shed(now_ns, one, "memory_limit", too_much)
+            self._forget_rest(peer, queue)
 
         self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)
         longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
@@ -61,12 +81,26 @@ class Overload:
 
     def _drop_history(self, now_ns: int, latest: Publisher, peer: Peer, account: Account) -> None:
         def drop(one: RunQueue, spare: int, slack: int) -> None:
-            one.drop_over_quota(spare=spare, account=account, slack=slack)
+            one.drop_over_quota(spare=spare, account=account, slack=slack, most=_MOST_DROPPED)
+            self._forget_rest(peer, one)
 
         self._quotas.tell_bytes(now_ns, peer, "bytes of history of", account, self._emit)
         histories = [one.history for one in peer.publishers() if one.history is not None]
         histories.sort(key=lambda one: one.held_bytes, reverse=True)
         _drop_longest(account, histories, latest.history, drop)
+
+    def _forget_rest(self, peer: Peer, queue: RunQueue) -> None:
+        """Free runs that were dropped all at once, in pieces: of hundreds of thousands that takes long."""
+        if queue.rest:
+            rest, queue.rest = queue.rest, deque()
+            self._begin(peer.id, _free(rest))
+
+
+def _free(runs: deque[Run]) -> Work:
+    while runs:
+        for _ in range(min(len(runs), _FREED_AT_ONCE)):
+            runs.popleft()
+        yield _FREED_AT_ONCE // RUNS_PER_UNIT
 
 
 def _relieve(

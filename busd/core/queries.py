@@ -69,10 +69,11 @@ class Queries:
     def get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> Work:
         kind = (message.type_name, message.type_hash)
         schema = self._graph.schema(kind)
-        view = self._view(peer)
+        is_shown, view = schema is not None, self._view(peer)
         if view is not None:
             yield from view.fill()
-        if schema is None or (view is not None and not view.shows_type(kind)):
+            is_shown = is_shown and (yield from view.shows_type(kind))
+        if schema is None or not is_shown:
             raise ConfigurationError(f"no endpoint has the type {message.type_name} ({message.type_hash})")
         out.append(Send(peer.id, m.TypeDescription(request=message.request, schema=schema)))
 

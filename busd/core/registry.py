@@ -8,7 +8,6 @@ gets no news of it (`Peer.withheld`): others know of it first.
 
 import logging
 from collections import deque
-from collections.abc import Collection
 
 from msgspec import structs
 
@@ -24,7 +23,6 @@ from busd.core.access_guard import AccessGuard
 from busd.core.bridging import check_origin
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import (
-    Endpoint,
     MessageType,
     Node,
     Peer,
@@ -316,11 +314,9 @@ class Registry:
                 raise RemoteProtocolError(f"gid of {len(gid)} bytes, a gid has {_GID_BYTES}")
         # First of all: what a limit says depends on what there is, also on a topic that is hidden.
         self._access_guard.admit(node, "publish" if does_publish else "subscribe", topic.name, out)
-        others: Collection[Endpoint]
-        others = (topic.subscriptions if does_publish else topic.publishers).values()
-        matches = len(others)
+        matches = len(topic.subscriptions if does_publish else topic.publishers)
         if not peer.is_guest:
-            matches -= sum([one.node.peer.is_guest for one in others])
+            matches -= topic.guest_subscriptions if does_publish else topic.guest_publishers
         self._quotas.check_endpoint(now_ns, peer, topic.name, self._graph.topics, matches)
         kind = (message.type_name, message.type_hash)
         if kind not in peer.types:

@@ -17,7 +17,7 @@ from busd.core.matching import release, reroute
 from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.registry import Registry
-from busd.core.work import MATCH, TELL, Work
+from busd.core.work import LOOKS_PER_UNIT, MATCH, TELL, Work
 
 
 class Routes:
@@ -113,7 +113,9 @@ class Routes:
         publisher.ring = None  # first of all: the new one takes its place
         if ring is not None and self._may_hold(now_ns, peer, (ring,), out):
             publisher.ring = ring
-        for match in [one for one in publisher.matches.values() if one.is_shared]:
+        for number, match in enumerate(tuple(publisher.matches.values()), 1):
+            if number % LOOKS_PER_UNIT == 0:
+                now_ns = yield 1
             if not match.is_shared:
                 continue
             if publisher.ring is None:

@@ -55,7 +55,7 @@ class Silences:
         text = f"{peer.describe()} is heard again, after {silent_ns / 1e9:.1f} s: "
         text += "what waits for it does so again"
         self._emit(Note(logging.INFO, text))
-        self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))
+        self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))
 
     def _look_at(self, due_ns: int) -> None:
         # One timer for all: one each would keep a peer that has gone in memory to the end of its lease.
@@ -87,12 +87,12 @@ class Silences:
             "it keeps its place, and what waits for it goes on without it"
         )
         self._emit(Note(logging.WARNING, text))
-        self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))
+        self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))
 
     def _tell_one(self, now_ns: int, news: tuple[Peer, int], match: Match) -> None:
         """By what is true now, however often it is told."""
         (peer, silent_ns), waiting = news, match.publisher.node.peer
-        if match.has_ended or peer.id not in self._peers:
+        if match.has_ended or not match.is_lossless or peer.id not in self._peers:
             return
         if match.is_shared:
             if peer.is_silent and not waiting.hears_of_silence:  # an older program would wait for ever
@@ -107,7 +107,8 @@ class Silences:
             tell_of_silence(match, silent_ns, self._emit)
 
 
-def _lossless_matches(peer: Peer) -> Iterator[Match]:
+def _matches(peer: Peer) -> Iterator[Match]:
+    """Of its lossless subscriptions."""
     for subscription in peer.subscriptions():
         if subscription.is_lossless:
-            yield from [match for match in subscription.matches.values() if match.is_lossless]
+            yield from tuple(subscription.matches.values())

@@ -186,6 +186,7 @@ class RunQueue:
         "held_bytes",
         "is_ready",
         "offset",
+        "rest",
         "runs",
         "skipped",
     )
@@ -197,6 +198,7 @@ class RunQueue:
         self.bound = depth or UNBOUNDED
         self.endpoint = endpoint
         self.runs: deque[Run] = deque()
+        self.rest: deque[Run] = deque()  # dropped, and yet to be freed
         self.count = 0
         self.held_bytes = 0  # of the runs that are held, and what it costs to hold them
         # The head run may have been used up in part: bytes and samples of it that are gone.
@@ -297,21 +299,41 @@ class RunQueue:
         spare: int = 0,
         account: Account | None = None,
         slack: int = 0,
+        most: int = 0,
     ) -> int:
         """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped.
 
         `account`: its parent may be meant instead; `slack`: how far below the limit to go. The `spare` newest
-        runs stay in any case. Those that go are added to `gone`.
+        runs stay in any case. Those that go are added to `gone`. If `most` (0: no limit) went and that is not
+        enough, all but those go, in one step, and are left in `rest` for the caller to free.
         """
         dropped = 0
         account = account or self.account
         while len(self.runs) > spare and account.used > account.limit - slack:
+            if not (most := most - 1):
+                return dropped + self._drop_all(gone, spare)
             run = self.runs[0]
             held = run.count - self.skipped
             dropped += held
             self.forget_head()
             if gone is not None:
                 gone.append(run)
+        return dropped
+
+    def _drop_all(self, gone: list[Run] | None, spare: int) -> int:
+        """Drop all runs but the `spare` newest (1 or 0); returns the samples dropped."""
+        newest = self.runs.pop() if spare else None
+        size = len(newest.body) + RUN_COST_BYTES if newest is not None else 0
+        dropped = self.count - (newest.count if newest is not None else 0)
+        self.account.charge(size - self.held_bytes)
+        self.count, self.held_bytes = self.count - dropped, size
+        self.offset = self.skipped = 0
+        if gone is not None:
+            gone += self.runs
+        self.rest = self.runs.copy()
+        self.runs.clear()
+        if newest is not None:
+            self.runs.append(newest)
         return dropped
 
     def peek_stamp(self) -> int | None:
