@@ -21,6 +21,7 @@ from bus.wire.messages import AbsentRecord, Dropped
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Owed, Publisher, Subscription, User
 from busd.core.timers import Timers
+from busd.core.work import Meter
 
 KEEP_NS = 600_000_000_000
 """How long a process may be away and still learn what it has missed."""
@@ -100,8 +101,9 @@ class Absentees:
     `farewell` is for the end of the daemon.
     """
 
-    def __init__(self, timers: Timers, emit: Callable[[Effect], None]) -> None:
+    def __init__(self, timers: Timers, emit: Callable[[Effect], None], meter: Meter) -> None:
         self._timers = timers
+        self._meter = meter
         self._emit = emit
         self._here: dict[Key, Subscription] = {}
         self._kept: dict[int, dict[Key, _Absentee]] = {}  # by user; the longest absent first
@@ -303,14 +305,15 @@ class Absentees:
     def _settle_at_last(self, now_ns: int, subscription: Subscription) -> None:
         if subscription.id in self._open:
             steps = self._settle(now_ns, subscription, self._emit, is_last_time=True)
-            next(steps, None)
-            self._go_on_settling(now_ns, subscription, steps)
+            self._go_on_settling(now_ns, subscription, steps, has_begun=False)
 
-    def _go_on_settling(self, now_ns: int, subscription: Subscription, steps: Steps) -> None:
+    def _go_on_settling(
+        self, now_ns: int, subscription: Subscription, steps: Steps, *, has_begun: bool = True
+    ) -> None:
         """A step at a time, between other work."""
         if subscription.id in self._open:
             try:
-                steps.send(now_ns)
+                self._meter.left -= steps.send(now_ns) if has_begun else next(steps)
             except StopIteration:
                 self._open.pop(subscription.id, None)
             else:
@@ -333,6 +336,7 @@ class Absentees:
         ]
         for key in late[:_SOME]:
             self._give_up(key)
+        self._meter.left -= _SOME
         self._tell_log(now_ns)
         if self._kept:
             oldest_ns = min(next(iter(kept.values())).lost_ns for kept in self._kept.values())

@@ -106,7 +106,7 @@ class Broker:
         lease_ns = int(self.limits.lease_s * 1e9)
         self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
         self._access_guard = AccessGuard(self.graph, access or Access(uid), self._begin)
-        self._absentees = Absentees(self.timers, emit)
+        self._absentees = Absentees(self.timers, emit, self.meter)
         self._registry = Registry(
             self.graph,
             quotas,

@@ -13,7 +13,7 @@ from busd.core.effects import Effect, Send
 from busd.core.entities import Subscription
 from busd.core.matching import release
 from busd.core.timers import Timers
-from busd.core.work import SAMPLES_PER_UNIT
+from busd.core.work import STAMPS_PER_UNIT
 
 DROP_REPORT_NS = 100_000_000
 """Drops are reported to a subscription this long after the first one, all at once."""
@@ -60,7 +60,7 @@ class Drops:
         queue, before = subscription.queue, subscription.queue.count
         self.shed(now_ns, subscription, "expired", lambda gone: queue.drop_expired_of_head(now_ns, gone))
         expired = before - queue.count
-        return 1 + expired // SAMPLES_PER_UNIT if expired else 0
+        return 1 + expired // STAMPS_PER_UNIT if expired else 0
 
     def report(self, subscription: Subscription) -> None:
         """Report to the subscription's process all that was dropped for it."""

@@ -17,7 +17,9 @@ from busd.core.timers import Timers
 from busd.core.work import TELL, Meter, Rounds
 
 _FEW = 64
-"""Publishers that come back, or subscriptions that learn of one, between two looks at other work."""
+"""Subscriptions that learn of a publisher between two looks at other work."""
+_FEWER = 16
+"""Publishers that come back, the same."""
 
 
 class Leases:
@@ -37,6 +39,7 @@ class Leases:
     ) -> None:
         self._timers = timers
         self._emit = emit
+        self._meter = meter
         self.lease_ns = lease_ns
         self._silences = silences
         self._returning: set[Peer] = set()
@@ -85,8 +88,9 @@ class Leases:
         self._tell(now_ns, publisher)
 
     def _revive_some(self, now_ns: int, peer: Peer) -> None:
-        for publisher in tuple(islice(peer.lapsed, _FEW)):
+        for publisher in tuple(islice(peer.lapsed, _FEWER)):
             self._revive(now_ns, publisher)
+        self._meter.left -= TELL * _FEWER
         self._returning.discard(peer)
         if peer.lapsed:
             self._returning.add(peer)

@@ -26,7 +26,7 @@ from busd.core.bridging import are_for_each_other
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import ROUTE_OF, Match, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.work import MATCH, QUEUES_PER_UNIT
+from busd.core.work import MATCH, QUEUES_PER_UNIT, STAMPS_PER_UNIT
 
 _ACKED_SEQ = attrgetter("acked_seq")
 
@@ -90,10 +90,10 @@ def make_match(
     if not publisher.is_alive:
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
-    if not is_shared and not subscription.is_mirror:
-        last_seq = _replayed_from(match) if publisher.history is not None else None
-        _begin_routing(now_ns, match, last_seq, out)
-    return MATCH + len(subscription.queue.runs) // QUEUES_PER_UNIT
+    if is_shared or subscription.is_mirror:
+        return MATCH
+    last_seq = _replayed_from(match) if publisher.history is not None else None
+    return MATCH + _begin_routing(now_ns, match, last_seq, out)
 
 
 def _as_offered(qos: QoSProfile, offered: QoSProfile) -> QoSProfile:
@@ -198,16 +198,21 @@ def _refuse(
     out.append(Note(logging.WARNING, f"no match on '{publisher.topic.name}': {nodes}: {text}"))
 
 
-def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Effect]) -> None:
-    """From now on queue runs for the match; first the history after `last_seq` (None: none of it)."""
+def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Effect]) -> int:
+    """From now on queue runs for the match; first the history after `last_seq` (None: none of it).
+
+    Returns what the history costs.
+    """
     publisher, subscription = match.publisher, match.subscription
     if match.is_lossless and not subscription.node.peer.is_silent:
         match.await_acks()
     if publisher.lifespan_ns:
         subscription.node.peer.perishable.add(subscription)
-    if publisher.history is not None and last_seq is not None:
-        publisher.history.drop_expired(now_ns)
-        _replay(publisher, publisher.history, subscription, last_seq, out)
+    if publisher.history is None or last_seq is None:
+        return 0
+    expired = publisher.history.drop_expired(now_ns)
+    _replay(publisher, publisher.history, subscription, last_seq, out)
+    return expired // STAMPS_PER_UNIT + len(publisher.history.runs) // QUEUES_PER_UNIT
 
 
 def _replayed_from(match: Match) -> int | None:

@@ -19,9 +19,9 @@ from busd.core.quotas import Quotas
 from busd.core.work import RUNS_PER_UNIT, Work
 
 _MANY_QUEUES = 64
-_MOST_DROPPED = 16_384
-"""Runs that a queue drops one by one for its quota: so no more than some milliseconds are spent on that."""
-_FREED_AT_ONCE = 256
+_MOST_DROPPED = 1024
+"""Runs that a queue drops one by one for its quota: so no more than a millisecond is spent on that."""
+_FREED_AT_ONCE = 128
 
 _T = TypeVar("_T")
 

@@ -45,7 +45,7 @@ from busd.core.work import ENDPOINT, FRAME, RUNS_PER_UNIT, UNMATCH, Work
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
-_DROPPED_AT_ONCE = 256
+_DROPPED_AT_ONCE = 128
 _OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
 """No program chooses their depth, as that of parameter services: a lower limit caps it instead of
 refusing."""

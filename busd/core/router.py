@@ -21,9 +21,11 @@ from busd.core.entities import Match, Publisher, Subscription
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import give_credit, release
 from busd.core.overload import Overload
-from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, Meter, Work
+from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, TELL, Meter, Work
 
 _MANY_QUEUES = 64
+_FEW = 32
+"""Subscriptions that get a run of those that wait, between two looks at other work."""
 
 
 class Router:
@@ -185,13 +187,13 @@ class Router:
         while (news := next(crowd.news(), None)) is not None:
             end_seq = _end_seq(news)
             members = iter(tuple(crowd.members))
-            while few := list(islice(members, _MANY_QUEUES)):
+            while few := list(islice(members, _FEW)):
                 for number in few:
                     if (cursor := crowd.members.get(number, end_seq)) < end_seq:
                         match = publisher.matches[number]
                         self._hand(now_ns, match, max(cursor, news.first_seq), news, end_seq)
                         crowd.members[number] = end_seq
-                now_ns = yield len(few) // QUEUES_PER_UNIT + 1
+                now_ns = yield TELL * len(few)
             crowd.done(news, end_seq)
         crowd.is_due = False
 

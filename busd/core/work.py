@@ -26,7 +26,9 @@ RECORD = 2
 ENDPOINT = 20
 """An endpoint is made or taken out."""
 SAMPLES_PER_UNIT = 64
-RUNS_PER_UNIT = 4
+STAMPS_PER_UNIT = 8
+"""Samples whose age is looked at."""
+RUNS_PER_UNIT = 2
 """Runs that are dropped."""
 QUEUES_PER_UNIT = 2
 """Queues that a run is appended to."""

@@ -1,5 +1,8 @@
 """bus.wire.runs: what a queue keeps, drops and gives out. The model in tests/property looks further."""
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bus.wire.framing import FrameReader
 from bus.wire.layout import DATA_HEAD, REPLAY
 from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue, data_head
@@ -327,3 +330,71 @@ def test_what_is_left_behind_a_sample() -> None:
     rest = run("abcd", 7).after(8)
     assert (rest.first_seq, rest.count) == (9, 2)
     assert [(bytes(payload), stamp_ns) for payload, stamp_ns in rest.records()] == [(b"c", 102), (b"d", 103)]
+
+
+class TestExpiryByRuns:
+    """Whole runs go in one step; the same samples go as one by one."""
+
+    def test_of_the_oldest_run_alone(self) -> None:
+        waiting = queue()
+        for letters in ("ab", "c"):
+            old = run(letters, stamp_ns=100)
+            old.lifespan_ns = 10
+            waiting.append(old)
+        assert [waiting.drop_expired_of_head(1000) for _ in range(3)] == [2, 1, 0]
+
+    def test_the_stamps_are_read_once_for_all_queues(self) -> None:
+        old = run("ab", stamp_ns=100)
+        old.lifespan_ns = 10
+        queues = [queue(), queue()]
+        for one in queues:
+            one.append(old)
+        queues[0].drop_expired(10**6)
+        assert old.newest_ns == 101
+        old.newest_ns = 10**6  # as if they were younger: then the second one looks at each
+        assert queues[1].drop_expired(10**6) == 2
+
+    @given(
+        runs=st.lists(
+            st.tuples(st.lists(st.integers(0, 50), min_size=1, max_size=5), st.sampled_from([0, 10, 20])),
+            max_size=6,
+        ),
+        use=st.integers(0, 4),
+        now_ns=st.integers(0, 80),
+    )
+    def test_as_one_by_one(self, runs: list[tuple[list[int], int]], use: int, now_ns: int) -> None:
+        def filled() -> RunQueue:
+            waiting = queue()
+            for stamps, lifespan_ns in runs:
+                body = b"".join(frame_record(b"x", stamp) for stamp in stamps)
+                waiting.append(Run(1, 1, 1, len(stamps), body, lifespan_ns=lifespan_ns))
+            waiting.drop(use)
+            return waiting
+
+        one_by_one, expected = filled(), 0
+        while one_by_one.runs and (lifespan_ns := one_by_one.runs[0].lifespan_ns):
+            stamp_ns = one_by_one.peek_stamp()
+            if stamp_ns is not None and stamp_ns + lifespan_ns >= now_ns:
+                break
+            expected += one_by_one.drop(1)
+        gone: list[Run] = []
+        waiting = filled()
+        assert waiting.drop_expired(now_ns, gone) == expected
+        assert (waiting.count, waiting.held_bytes) == (one_by_one.count, one_by_one.held_bytes)
+        assert waiting.peek_stamp() == one_by_one.peek_stamp()
+
+
+class TestThousandsOverQuota:
+    def test_all_but_the_newest_go_at_once(self) -> None:
+        account = Account(1 << 30)
+        waiting, gone = RunQueue(0, account), list[Run]()
+        for letter in "abcdefgh":
+            waiting.append(run(letter))
+        waiting.drop(1)
+        runs, account.limit = waiting.runs, 1
+        assert waiting.drop_over_quota(gone, spare=1, most=3) == 6
+        assert (waiting.count, len(gone), len(waiting.rest)) == (1, 6, 4)
+        assert account.used == waiting.held_bytes == held(1)
+        assert waiting.runs is runs
+        assert waiting.drop_over_quota(gone, most=1) == 1
+        assert (waiting.count, account.used, list(waiting.runs)) == (0, 0, [])

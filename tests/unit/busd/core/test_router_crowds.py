@@ -71,7 +71,7 @@ class TestThePrice:
         def count() -> None:
             nonlocal turns
             turns += 1
-            assert stage.world.broker.meter.left > -TENTH
+            assert stage.world.broker.meter.left > -64
 
         stage.world.between = count
         stage.publisher.publish("a")
