@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 import busd.core
+from broker_endpoints import Publisher, Subscription
 from broker_world import ALL_MAY, SECOND, TEXT, UID, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -474,18 +475,18 @@ TIMERS: dict[str, tuple[Scene, ...]] = {
 }
 
 
-def _listeners(world: World, number: int, qos: QoSProfile | None = None) -> list[Any]:
+def _listeners(world: World, number: int, qos: QoSProfile | None = None) -> list[Subscription]:
     listener = world.process()
     return [listener.subscription("/t", qos) for _ in range(number)]
 
 
-def _deaf(world: World, number: int, qos: QoSProfile = DEEP) -> list[Any]:
+def _deaf(world: World, number: int, qos: QoSProfile = DEEP) -> list[Subscription]:
     found = _listeners(world, number, qos)
     found[0].process.is_blocked = True
     return found
 
 
-def _sharing(world: World, number: int) -> tuple[Any, list[Any]]:
+def _sharing(world: World, number: int) -> tuple[Publisher, list[Subscription]]:
     listener, talker = world.process(shares=True), world.process(shares=True)
     subscriptions = [listener.subscription("/t") for _ in range(number)]
     publisher = talker.publisher("/t")
