@@ -123,3 +123,33 @@ async def test_transit_goes_on_and_never_back(world: Made) -> None:
         for subscription in subscriptions:
             assert sorted(await received(subscription, 30)) == expected
         assert sum(link.crossed for link in made.network.links) == 10 * 6
+
+
+async def test_in_a_ring_with_transit_the_last_messages_of_a_publisher_come_once(world: Made) -> None:
+    async with world() as made:
+        sites = [made.site(name) for name in ("a", "b", "c")]
+        rule = [TopicRule(pattern="/chat", transit=True)]
+        bridges = [await made.bridge(site, topics=rule) for site in sites]
+        for index in range(3):
+            made.network.join(bridges[index].engine, bridges[(index + 1) % 3].engine)
+        nodes = [await site.node(f"node_{site.name}") for site in sites]
+        subscriptions = [await node.create_subscription(Int32, "chat", 100) for node in nodes]
+        publisher = await nodes[2].create_publisher(Int32, "chat", 10)
+        await publisher.wait_for_subscriptions(3)
+        for subscription in subscriptions:
+            await subscription.wait_for_publishers(1)
+        # Each of the others has shown the third its mirror: a second way, which nobody reads.
+        await until(lambda: len(bridges[0].engine.endpoints) == len(bridges[1].engine.endpoints) == 4)
+        for number in range(30):
+            publisher.publish(Int32(data=number))
+        for subscription in subscriptions:
+            assert await received(subscription, 30) == list(range(30))
+        # One of the two receives the end later than the other, which reads its mirror in the meantime.
+        made.network.links[1].hang()
+        await publisher.close()
+        await until(lambda: read_by(bridges[1]) == 1)
+        made.network.links[1].go_on()
+        for subscription in subscriptions:
+            await until(lambda one=subscription: one.get_publisher_count() == 0)
+        await until(lambda: not any(bridge.bridge.status().shown_here.publishers for bridge in bridges))
+        assert [subscription.take() for subscription in subscriptions] == [None] * 3

@@ -37,8 +37,7 @@ _AT_ONCE = 256
 
 
 class Import:
-    """`on_trouble` hears, in words, what keeps messages out. `past`: where an earlier way of the publisher
-    ended; this one goes on from there."""
+    """`on_trouble` hears, in words, what keeps messages out. `numbering`: as in Past."""
 
     def __init__(
         self,
@@ -48,11 +47,11 @@ class Import:
         publisher: Publisher[Any],
         lateness: Lateness,
         on_trouble: Callable[[str], object],
-        past: Past | None = None,
         *,
+        numbering: str = "",
         max_rate_hz: float | None = None,
     ) -> None:
-        self.account = Account() if past is None else past.account
+        self.account = Account()
         self.publisher = publisher
         self._engine = engine
         self._endpoint = endpoint
@@ -62,23 +61,22 @@ class Import:
         self._newest_ns = 0
         """When the publisher published what came last, by its clock."""
         self._known_ns = self._most_known = 0
-        """Where a publisher counts from 1 again and sends what it keeps for late joiners: up to so many
-        messages, published up to this time, have come before."""
+        """After a change of numbers: up to so many messages, published up to this time, have come before."""
+        self._numbering = numbering
         self._on_trouble = on_trouble
         self._loop = asyncio.get_running_loop()
         self._reader: Reader | None = None
-        self._lost_before: dict[str, int] = {} if past is None else past.lost_before
+        self._lost_before: dict[str, int] = {}
         """By reason, what earlier readers had and lost."""
-        self._last = 0 if past is None else past.last
+        self._last = 0
         self._is_fresh = True
         """Nothing has come yet since it is read: what comes next may begin anywhere. What was missed until
         then is lost for `_listeners` only."""
-        self._listeners: frozenset[bytes] = frozenset() if past is None else past.listeners
+        self._listeners: frozenset[bytes] = frozenset()
         """Subscriptions that had what came last before the matches changed, by gid."""
         self._matched: frozenset[bytes] = frozenset()
-        self._last_noted = self._last
-        # A new mirror has none of what late joiners get, so that is to come once more.
-        self._may_repeat = past is not None and endpoint.qos.durability is Durability.TRANSIENT_LOCAL
+        self._last_noted = 0
+        self._may_repeat = False
         self._lifespan_ns = endpoint.qos.lifespan_ns
         self._is_lossless = endpoint.qos.is_lossless
         self._limit = None if max_rate_hz is None else RateLimit(max_rate_hz)
@@ -88,6 +86,16 @@ class Import:
         self._is_closed = False
         self.is_broken = False
         """The mirror has been ended, as by a new busd that has refused it: another one is to be made."""
+
+    def resume(self, past: Past) -> None:
+        """Go on where an earlier way of the publisher ended; before anything else."""
+        self.account, self._lost_before = past.account, past.lost_before
+        self._last = self._last_noted = past.last
+        self._listeners, self._newest_ns = past.listeners, past.newest_ns
+        # A new mirror has none of what late joiners get, so that is to come once more.
+        self._may_repeat = self._endpoint.qos.durability is Durability.TRANSIENT_LOCAL
+        if past.numbering != self._numbering:
+            self._renumber()
 
     @property
     def waiting(self) -> int:
@@ -125,24 +133,21 @@ class Import:
         elif not is_wanted and self._reader is not None:
             self._timer = self._loop.call_later(_LINGER_S, self._stop)
 
-    def begin_again(self, endpoint: FarEndpoint, *, is_renumbered: bool = False) -> None:
+    def begin_again(self, endpoint: FarEndpoint, *, numbering: str = "") -> None:
         """The far side was away and is back: what it had before does not come twice, and what was missed is
-        lost. `is_renumbered`: it may count from 1 again."""
+        lost. `numbering`: as in Past; other numbers may begin at 1."""
         self._stop()
         self._endpoint = endpoint
-        if is_renumbered:
-            if (qos := endpoint.qos).durability is Durability.TRANSIENT_LOCAL:
-                sent = self.account.sent
-                self._most_known = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
-                self._known_ns = self._newest_ns
-            self._last = self._last_noted = 0
-            self._listeners = frozenset()
+        if numbering != self._numbering:
+            self._numbering = numbering
+            self._renumber()
         self.look()
 
     def past(self) -> Past:
         """For the way that follows, should the publisher come back; to be asked before this one ends."""
         self._note_listeners()
-        return Past(self._last, self._listeners, self.account, self._lost_by_engine)
+        last, listeners, numbering = self._last, self._listeners, self._numbering
+        return Past(last, listeners, self.account, self._lost_by_engine, numbering, self._newest_ns)
 
     def end(self) -> None:
         """The bridge ends: read no more; what waits is lost."""
@@ -215,6 +220,17 @@ class Import:
             self._pumping = self._loop.create_task(self._pump_on())
 
     # --- inside
+
+    def _renumber(self) -> None:
+        """The messages to come have other numbers than those before. What came before is known by its time:
+        it is what the publisher keeps, or what waited for the new way, up to the publisher's depth."""
+        qos, sent = self._endpoint.qos, self.account.sent
+        if not self._may_repeat:
+            self._most_known = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
+            self._known_ns = self._newest_ns
+        self._may_repeat = False
+        self._last = self._last_noted = 0
+        self._listeners = frozenset()
 
     def _note_listeners(self) -> None:
         """The matches may have changed: remember which subscriptions had what came last. While busd is away

@@ -233,10 +233,8 @@ class Mirrors:
                 and self._nodes.get(far.node.key) is mirror.node
             )
             if is_same:
-                # In transit it has the numbers of a mirror, and another bridge has made that anew.
-                is_other = bool(far.node.via) and far.far.node != mirror.far.far.node
                 mirror.far, mirror.gone_s = far, 0.0
-                mirror.way.begin_again(far.far, is_renumbered=is_other)
+                mirror.way.begin_again(far.far, numbering=_numbering(far))
 
     def _missing(self, kind: str) -> list[tuple[EndpointMirror, MessageSchema]]:
         """Endpoints of `kind` that are to be made and can be, now."""
@@ -347,7 +345,7 @@ class Mirrors:
                 self.look()
 
         lateness = self._lateness.setdefault(mirror.node.far.bus, Lateness())
-        past = None if far.node.via else self._pasts.take(far.far.gid, self._loop.time())
+        past = self._pasts.take(far.far.gid, self._loop.time())
         mirror.publisher = publisher
         mirror.way = Import(
             self._engine,
@@ -356,9 +354,11 @@ class Mirrors:
             publisher,
             lateness,
             hear,
-            past,
+            numbering=_numbering(far),
             max_rate_hz=far.max_rate_hz,
         )
+        if past is not None:
+            mirror.way.resume(past)
         mirror.way.look()
 
     async def _open_subscription(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
@@ -448,3 +448,8 @@ class Mirrors:
 
 def _full_name(far: MirroredNode) -> str:
     return f"{far.namespace.rstrip('/')}/{far.name}"
+
+
+def _numbering(far: Mirrored) -> str:
+    """Which numbers its messages have: in transit those of a mirror, which each bridge makes anew."""
+    return far.far.node if far.node.via else ""

@@ -21,6 +21,11 @@ class Past(NamedTuple):
     account: Account
     lost_before: dict[str, int]
     """By reason, what its readers had and lost."""
+    numbering: str = ""
+    """Which numbers `last` is one of: those of the publisher itself, or, in transit, of the mirror that is
+    named here. Numbers of different mirrors can't be compared."""
+    newest_ns: int = 0
+    """When the last message was published, by the publisher's clock: the same by each way."""
 
 
 class Pasts:

@@ -82,7 +82,11 @@ class Engine:
 
 class Way:
     def __init__(
-        self, qos: QoSProfile | int = 10, past: Past | None = None, max_rate_hz: float | None = None
+        self,
+        qos: QoSProfile | int = 10,
+        past: Past | None = None,
+        max_rate_hz: float | None = None,
+        numbering: str = "",
     ) -> None:
         self.publisher = Publisher()
         self.engine = Engine()
@@ -101,9 +105,11 @@ class Way:
             mirror,
             Lateness(),
             self.troubles.append,
-            past,
+            numbering=numbering,
             max_rate_hz=max_rate_hz,
         )
+        if past is not None:
+            self.way.resume(past)
         self.endpoint = endpoint
         self.way.look()
 
@@ -205,22 +211,52 @@ async def test_what_is_missed_while_busd_is_away_for_long_is_lost(monkeypatch: p
 async def test_in_transit_another_bridge_counts_from_one_again() -> None:
     way = Way()
     way.receive(1, 2, 3)
-    way.way.begin_again(way.endpoint, is_renumbered=True)
-    way.receive(1, 2)
+    way.way.begin_again(way.endpoint, numbering="mid/2")
+    way.receive(1, 2, at_ns=2_000)
     assert len(way.publisher.published) == 5
     assert way.way.losses == {}
+
+
+@pytest.mark.parametrize("qos", [QoSProfile(2), LOSSLESS], ids=["reliable", "lossless"])
+async def test_what_came_by_one_way_does_not_come_again_by_another(qos: QoSProfile) -> None:
+    before = Way(qos)
+    for number in (11, 12, 13):
+        before.receive(number, at_ns=number * 1_000)
+    there = Way(qos, past=before.way.past(), numbering="mid/1")
+    for number in (1, 2, 3):  # up to its depth waited for the second way
+        there.receive(number, at_ns=(number + 11) * 1_000)
+    assert there.publisher.published == [(b"12", 14_000)]
+    assert there.way.losses == {"repeated": 2}
+    back = Way(qos, past=there.way.past())  # by the first way again, which is far ahead of the second
+    for number in (14, 20):
+        back.receive(number, at_ns=number * 1_000)
+    assert back.publisher.published == [(b"12", 20_000)]
+    assert back.way.account.dropped == {"repeated": 3}
+    assert back.way.account.lost == 5
+    assert (back.way.account.taken, back.way.account.sent) == (8, 5)
+    if qos is LOSSLESS:
+        assert there.engine.credit == 6 and back.engine.credit == 4  # what is dropped holds up no writer
+
+
+async def test_by_another_way_a_clock_that_was_set_back_repeats_nothing_beyond_the_depth() -> None:
+    before = Way(2)
+    before.receive(1, 2, 3, at_ns=5_000)
+    way = Way(2, past=before.way.past(), numbering="mid/1")
+    way.receive(1, 2, 3, 4, at_ns=1_000)
+    assert way.way.losses == {"repeated": 2}
+    assert len(way.publisher.published) == 2
 
 
 async def test_in_transit_what_is_kept_for_late_joiners_does_not_come_again() -> None:
     way = Way(QoSProfile(2, durability="transient_local"))
     for number in (1, 2, 3):
         way.receive(number, at_ns=number * 1_000)
-    way.way.begin_again(way.endpoint, is_renumbered=True)
+    way.way.begin_again(way.endpoint, numbering="mid/2")
     way.receive(1, at_ns=2_000)
     way.way.receive([Sample(b"12", 2, 3_000), Sample(b"12", 3, 4_000), Sample(b"12", 5, 5_000)])
     assert [source_ns for _, source_ns in way.publisher.published] == [1_000, 2_000, 3_000, 4_000, 5_000]
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
-    way.way.begin_again(way.endpoint, is_renumbered=True)
+    way.way.begin_again(way.endpoint, numbering="mid/3")
     for number in (1, 2, 3):  # by a clock that was set back; it has 2 of an earlier time at most
         way.receive(number, at_ns=number)
     assert way.publisher.published[5:] == [(b"12", 3)]
