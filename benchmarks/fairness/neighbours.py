@@ -69,6 +69,7 @@ NEIGHBOURS: dict[str, Neighbour] = {
     "rings for 1,000 subscriptions": _one(Attack("rings", number=1000)),
     "a reader of single bytes": _one(Attack("slow reader")),
     "32 subscriptions of everything": _one(Attack("everything", number=32)),
+    "4,000 subscriptions of everything": _one(Attack("everything", number=4000)),
     "connections": _one(Attack("connections")),
     "connections with garbage": _one(Attack("garbage")),
     "a guest's endpoints": _guest(_as_guest("endpoints")),
