@@ -88,7 +88,7 @@ def section(text: str, title: str) -> str:
 def drop_reasons() -> set[str]:
     """What the sources call the reasons of drops."""
     call = re.compile(r'\b_?(?:drop|lose|shed)\((?:[^()"]*,\s*)?"([a-z_]+)"')
-    sources = [*(ROOT / "busd").rglob("*.py"), *(ROOT / "clients").rglob("*.py")]
+    sources = [*(ROOT / "busd").rglob("*.py"), *(ROOT / "clients" / "bus").rglob("*.py")]
     return {reason for source in sources for reason in call.findall(source.read_text())}
 
 
