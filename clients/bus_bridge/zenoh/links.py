@@ -120,7 +120,9 @@ class Links:
                 context = self._context() if address.protocol == "tls" else None
                 reader, writer = await asyncio.open_connection(address.host, address.port, ssl=context)
                 try:
-                    await self._hear_refusal(reader)
+                    if await self._is_closed_at_once(reader):
+                        # As ssh does for a port that it forwards, if nothing listens at the other end.
+                        return "it accepts connections and closes them at once: a tunnel without a bridge?"
                 finally:
                     writer.close()
         except TimeoutError:
@@ -139,11 +141,12 @@ class Links:
             return os.strerror(error.errno).lower() if error.errno else str(error)
         return ""
 
-    async def _hear_refusal(self, reader: asyncio.StreamReader) -> None:
-        """What the other side thinks of our certificate it says after the handshake."""
+    async def _is_closed_at_once(self, reader: asyncio.StreamReader) -> bool:
+        """Raises what the other side sends after the handshake if it refuses our certificate."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_REFUSAL_S):
-                await reader.read(1)
+                return not await reader.read(1)
+        return False
 
     def _context(self) -> ssl.SSLContext:
         context = ssl.create_default_context(cafile=self._options.ca)

@@ -1,5 +1,6 @@
 """Addresses that are not up, and what the user is told of them: once, and only where it is so."""
 
+import asyncio
 import socket
 
 import pytest
@@ -75,3 +76,19 @@ async def test_an_address_that_refuses_is_not_up_by_a_link_with_another_port_the
         place.listen()
         assert await status() == ("up", "by another link")
         assert said == [f"--connect {where}: connection refused; trying on"]
+
+
+async def test_a_tunnel_without_a_bridge_is_said_to_be_one_and_never_up_by_another_link() -> None:
+    def close(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.close()
+
+    async with await asyncio.start_server(close, "127.0.0.1", 0) as tunnel:
+        where = f"tcp/127.0.0.1:{tunnel.sockets[0].getsockname()[1]}"
+        session, said = Session(), list[str]()
+        session.up = [Link("f00", "tcp/127.0.0.1:1", "tcp/127.0.0.1:2")]  # by another tunnel
+        links = Links(ZenohOptions(connect=(where,)), session, said.append)  # type: ignore[arg-type]
+        for _ in range(3):
+            await links.look()
+        reason = "it accepts connections and closes them at once: a tunnel without a bridge?"
+        assert said == [f"--connect {where}: {reason}; trying on"]
+        assert [(one.state, one.text) for one in links.status([])] == [("trying", reason)]
