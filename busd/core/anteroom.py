@@ -6,6 +6,7 @@ them, that of the connection that has been silent longest. So a storm displaces 
 comes meanwhile stays.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -32,7 +33,7 @@ class _Process(Generic[K]):
 class _User(Generic[K]):
     uid: int
     places: int = 0
-    processes: dict[int, _Process[K]] = field(default_factory=dict)
+    processes: dict[Hashable, _Process[K]] = field(default_factory=dict)
     heard: dict[K, int] = field(default_factory=dict)
     """Connections that have said Hello, in that order, and when, in ns."""
 
@@ -43,7 +44,7 @@ class Anteroom(Generic[K]):
     def __init__(self, places: int = PLACES) -> None:
         self._places = places
         self._silent: dict[K, int] = {}  # since when
-        self._owners: dict[K, tuple[_Process[K], int]] = {}
+        self._owners: dict[K, tuple[_Process[K], Hashable]] = {}
         self._users: dict[int, _User[K]] = {}
 
     def __len__(self) -> int:
@@ -54,18 +55,18 @@ class Anteroom(Generic[K]):
         """More have come than there are places."""
         return len(self._owners) > self._places
 
-    def enter(self, now_ns: int, key: K, uid: int, pid: int) -> None:
-        """A connection has come and is silent."""
+    def enter(self, now_ns: int, key: K, uid: int, owner: Hashable) -> None:
+        """A connection has come and is silent; `owner` is the key of its process."""
         user = self._users.get(uid)
         if user is None:
             user = self._users[uid] = _User(uid)
-        process = user.processes.get(pid)
+        process = user.processes.get(owner)
         if process is None:
-            process = user.processes[pid] = _Process(user)
+            process = user.processes[owner] = _Process(user)
         user.places += 1
         process.silent[key] = None
         self._silent[key] = now_ns
-        self._owners[key] = process, pid
+        self._owners[key] = process, owner
 
     def hear(self, now_ns: int, key: K) -> None:
         """The Hello of a connection was heard; from now on it waits for its user's turn."""
@@ -76,7 +77,7 @@ class Anteroom(Generic[K]):
 
     def leave(self, key: K) -> None:
         """A connection was let in, turned away, or has gone."""
-        process, pid = self._owners.pop(key)
+        process, owner = self._owners.pop(key)
         user = process.user
         self._silent.pop(key, None)
         user.heard.pop(key, None)
@@ -84,7 +85,7 @@ class Anteroom(Generic[K]):
         process.heard.pop(key, None)
         user.places -= 1
         if not process:
-            del user.processes[pid]
+            del user.processes[owner]
         if not user.places:
             del self._users[user.uid]
 

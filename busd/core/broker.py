@@ -17,7 +17,7 @@ broke the protocol); it is never an exception. An exception out of the broker is
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from itertools import count
 from typing import Any
 
@@ -168,13 +168,24 @@ class Broker:
         return self._take_effects()
 
     def attach(
-        self, now_ns: int, hello: m.Hello, *, pid: int, uid: int, gids: frozenset[int] | None = frozenset()
+        self,
+        now_ns: int,
+        hello: m.Hello,
+        *,
+        pid: int,
+        uid: int,
+        gids: frozenset[int] | None = frozenset(),
+        process: Hashable = None,
     ) -> PeerId:
-        """A connection said Hello; `pid`, `uid` and `gids` (None: can't be told) are the kernel's word."""
+        """A connection said Hello; `pid`, `uid` and `gids` (None: can't be told) are the kernel's word.
+
+        `process` is equal for connections of one process, and for no others. None: `pid` tells them apart.
+        """
         user = self._quotas.user(now_ns, uid)
         peer = Peer(
             id=PeerId(next(self._peer_ids)),
             pid=pid,
+            process=process or pid,
             uid=uid,
             gids=gids,
             is_guest=not self._access_guard.access.is_free(uid),

@@ -4,6 +4,7 @@ Plain state. The only rule: a match changes by its table (`busd.core.match`), an
 ends that follow from its state.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakSet
@@ -89,6 +90,9 @@ class Peer(Holder):
 
     id: PeerId
     pid: int
+    """0 if the process is in a pid namespace that busd can't see."""
+    process: Hashable
+    """Equal for the connections of one process, and for no others."""
     user: User
     program: str
     last_heard_ns: int

@@ -347,7 +347,7 @@ def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
     """Tell the process of `node`, once and if it may see that, that `other` has the same name."""
     mine, its = node.peer, other.peer
     # The same process by another connection may be one that comes back, before the old one was seen to end.
-    is_back = mine is not its and mine.pid == its.pid
+    is_back = mine is not its and mine.process == its.process
     may_hear = mine.hears_of_namesakes and node.origin is None and (mine.uid == its.uid or not mine.is_guest)
     if may_hear and not is_back and not node.knows_namesake:
         node.knows_namesake = True

@@ -241,7 +241,7 @@ class Admission:
         newcomer.number = newcomer.sock.fileno()
         self._by_number[newcomer.number] = newcomer
         self._epoll.register(newcomer.number, select.EPOLLIN | _HELD)
-        self._anteroom.enter(now_ns, newcomer, newcomer.who.uid, newcomer.who.pid)
+        self._anteroom.enter(now_ns, newcomer, newcomer.who.uid, newcomer.who.process)
         while self._anteroom.is_overfull:
             self._displace()
         return newcomer.number >= 0

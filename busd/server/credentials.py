@@ -1,25 +1,34 @@
 """The process at the other end of a UNIX socket, as the kernel says.
 
-Owns SO_PEERCRED, SO_PEERGROUPS, whether a process lives, and the name that a log gives it. Must not know what
-a user may do.
+Owns SO_PEERCRED, SO_PEERGROUPS, SO_PEERPIDFD, whether a process lives, and the name that a log gives it. Must
+not know what a user may do.
 """
 
 import array
+import itertools
 import os
 import select
 import socket
 import struct
+from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import msgspec
 
-__all__ = ["Credentials", "lives", "peer_credentials", "process_name", "program_name"]
+__all__ = ["Credentials", "ProcessKey", "lives", "peer_credentials", "process_name", "program_name"]
 
 _UCRED = struct.Struct("=iII")
 _LONGEST_NAME = 64
 _SO_PEERGROUPS = 59  # Linux's number (4.13 and later); the module socket doesn't have it
 _GROUPS_BYTES = 1024  # as much as getsockopt() of Python gives: 256 groups
+_SO_PEERPIDFD = 77  # Linux's number (6.5 and later)
+_INT = struct.Struct("=i")
+
+ProcessKey: TypeAlias = tuple[str, int]
+"""Tells processes apart; equal for two connections of one process if the kernel says so."""
+
+_connections = itertools.count(1)
 
 
 class _Socket(Protocol):
@@ -40,6 +49,8 @@ class Credentials(msgspec.Struct, frozen=True):
     gid: int
     groups: frozenset[int] | None = frozenset()
     """All groups, `gid` included; None where they can't be told, because there are too many."""
+    process: ProcessKey = ("pid", 0)
+    """The process. If the kernel does not tell which one it is, each connection counts as a process."""
 
 
 def peer_credentials(peer: _Socket) -> Credentials:
@@ -48,9 +59,10 @@ def peer_credentials(peer: _Socket) -> Credentials:
     Raises OSError for a socket that is not connected.
     """
     if not hasattr(socket, "SO_PEERCRED"):
-        return Credentials(pid=0, uid=-1, gid=-1)
+        return Credentials(pid=0, uid=-1, gid=-1, process=_each_connection())
     pid, uid, gid = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
-    return Credentials(pid=pid, uid=uid, gid=gid, groups=_peer_groups(peer, gid))
+    process = ("pid", pid) if pid > 0 else _invisible_process(peer)
+    return Credentials(pid=pid, uid=uid, gid=gid, groups=_peer_groups(peer, gid), process=process)
 
 
 def lives(pid: int) -> bool:
@@ -67,6 +79,40 @@ def lives(pid: int) -> bool:
         return not ended.poll(0)
     finally:
         os.close(process)
+
+
+def _invisible_process(peer: _Socket) -> ProcessKey:
+    """The key of a process that has no pid in this pid namespace.
+
+    A descriptor of the process tells if it is a file of the kernel's pidfs (Linux 6.9 and later): its inode
+    number is never used again. Earlier kernels have one inode for all of them.
+    """
+    try:
+        (pidfd,) = _INT.unpack(peer.getsockopt(socket.SOL_SOCKET, _SO_PEERPIDFD, _INT.size))
+    except OSError:  # an earlier kernel, no descriptor left, or the process has ended
+        return _each_connection()
+    try:
+        file = os.fstat(pidfd)
+        is_shared = file.st_dev == _anonymous_device()
+    except OSError:
+        return _each_connection()
+    finally:
+        os.close(pidfd)
+    return _each_connection() if is_shared else ("pidfs", file.st_ino)
+
+
+def _each_connection() -> ProcessKey:
+    return "connection", next(_connections)
+
+
+@cache
+def _anonymous_device() -> int:
+    """The device of files that share one inode. Raises OSError if no descriptor is left."""
+    poll = select.epoll()
+    try:
+        return os.fstat(poll.fileno()).st_dev
+    finally:
+        poll.close()
 
 
 def _peer_groups(peer: _Socket, gid: int) -> frozenset[int] | None:

@@ -527,8 +527,10 @@ class Server:
         return self._broker.come_to_nothing(monotonic_ns(), who.uid, for_want_of_room=for_want_of_room)
 
     def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
-        peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups)
-        party = self._turns.party((who.uid, who.pid))
+        peer = self._broker.attach(
+            monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups, process=who.process
+        )
+        party = self._turns.party((who.uid, who.process))
         accounts = self._broker.accounts(peer)
         connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party, *accounts)
         self._connections.add(connection)

@@ -116,9 +116,13 @@ class World:
         uid: int = UID,
         shares: bool = False,
         capabilities: tuple[str, ...] = (),
+        key: str | None = None,
     ) -> "Process":
-        """A process that has connected and said Hello, and perhaps Share."""
-        process = Process(self, program, uid, capabilities)
+        """A process that has connected and said Hello, and perhaps Share.
+
+        `key`: it has no pid in busd's pid namespace, and this tells it from others.
+        """
+        process = Process(self, program, uid, capabilities, key)
         if shares:
             process.share()
         return process
@@ -187,7 +191,14 @@ class Process:
     While `is_blocked`, its socket takes nothing more.
     """
 
-    def __init__(self, world: World, program: str, uid: int, capabilities: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        world: World,
+        program: str,
+        uid: int,
+        capabilities: tuple[str, ...] = (),
+        key: str | None = None,
+    ) -> None:
         self.world = world
         self.outbox = Outbox()
         self.is_blocked = False
@@ -207,7 +218,8 @@ class Process:
         self._from_broker = Session(Role.CLIENT)
         greeting = m.Hello(version=PROTOCOL_VERSION, capabilities=(SILENCE, *capabilities), program=program)
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
-        self.id = world.broker.attach(world.now_ns, hello, pid=100 + len(world.processes), uid=uid)
+        pid = 100 + len(world.processes) if key is None else 0
+        self.id = world.broker.attach(world.now_ns, hello, pid=pid, uid=uid, process=key)
         world.processes[self.id] = self
         self.outbox.put(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
         self.read()

@@ -240,7 +240,12 @@ class Declarations:
         node = next((node for node in self.nodes if node._id == news.node), None)
         if node is not None and node.full_name not in self._namesakes:
             self._namesakes.add(node.full_name)
-            where = "in this process" if news.pid == os.getpid() else f"in pid {news.pid} ({news.program})"
+            if news.pid == os.getpid():
+                where = "in this process"
+            elif news.pid:
+                where = f"in pid {news.pid} ({news.program})"
+            else:  # busd is in another pid namespace
+                where = f"in a process of {news.program}"
             _log.warning(
                 f"there is another node named {node.full_name}, {where}, and tools can't tell them apart; "
                 "rename one, as by --ros-args -r __node:=NAME"

@@ -72,6 +72,19 @@ class TestNames:
         assert sorted(message.node for message in told(third)[1:]) == two
         assert told(third)[1].pid == 102
 
+    def test_in_another_pid_namespace(self) -> None:
+        """All pids are 0 there. A connection of the same process may be one that comes back."""
+        world = World()
+        first, again, other = (
+            world.process(name, capabilities=(NAMESAKES,), key=key)
+            for name, key in (("a", "one"), ("a", "one"), ("b", "two"))
+        )
+        nodes = [process.node("twin") for process in (first, again)]
+        assert told(first) == told(again) == []
+        other.node("twin")
+        assert told(first) == [m.Namesake(node=nodes[0].id, pid=0, program="b")]
+        assert [message.program for message in told(other)] == ["a"]
+
     def test_a_name_is_free_when_its_node_has_gone(self) -> None:
         world = World()
         first, second = (world.process(capabilities=(NAMESAKES,)) for _ in range(2))

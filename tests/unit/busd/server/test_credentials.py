@@ -1,6 +1,8 @@
 """busd.server.credentials: who the kernel says is at the other end, and what a log calls him."""
 
+import errno
 import os
+import select
 import socket
 import sys
 from pathlib import Path
@@ -13,12 +15,80 @@ from rows import for_each
 
 def test_credentials_of_a_peer(monkeypatch: pytest.MonkeyPatch) -> None:
     groups = frozenset({os.getegid(), *os.getgroups()})
-    mine = Credentials(os.getpid(), os.geteuid(), os.getegid(), groups)
+    mine = Credentials(os.getpid(), os.geteuid(), os.getegid(), groups, ("pid", os.getpid()))
     here, there = socket.socketpair()
     with here, there:
         assert peer_credentials(here) == mine
         monkeypatch.delattr(socket, "SO_PEERCRED")
-        assert peer_credentials(here) == Credentials(pid=0, uid=-1, gid=-1)
+        first, second = peer_credentials(here), peer_credentials(here)
+    assert (first.pid, first.uid, first.gid, first.groups) == (0, -1, -1, frozenset())
+    assert first.process != second.process
+
+
+class Outside(socket.socket):
+    """As the kernel shows a process of another pid namespace: its pid is 0."""
+
+    def getsockopt(self, level: int, option: int, size: int = 0) -> bytes:  # type: ignore[override]
+        answer = super().getsockopt(level, option, size)
+        return bytes(4) + answer[4:] if option == socket.SO_PEERCRED else answer
+
+
+class Earlier(Outside):
+    """And on a kernel that has no SO_PEERPIDFD."""
+
+    def getsockopt(self, level: int, option: int, size: int = 0) -> bytes:  # type: ignore[override]
+        if option == 77:
+            raise OSError(errno.ENOPROTOOPT, "Protocol not available")
+        return super().getsockopt(level, option, size)
+
+
+def invisible(kind: type[socket.socket], count: int) -> list[Credentials]:
+    """What is seen of connections of this process in another pid namespace."""
+    seen = []
+    with kind(socket.AF_UNIX) as listening:
+        listening.bind("")
+        listening.listen()
+        for _ in range(count):
+            with kind(socket.AF_UNIX) as client:
+                client.connect(listening.getsockname())
+                seen.append(peer_credentials(client))
+    return seen
+
+
+def has_process_files() -> bool:
+    """Whether the kernel has pidfs, which tells processes without a pid apart."""
+    pidfd, poll = os.pidfd_open(os.getpid()), select.epoll()
+    try:
+        return os.fstat(pidfd).st_dev != os.fstat(poll.fileno()).st_dev
+    finally:
+        os.close(pidfd)
+        poll.close()
+
+
+class TestAnotherPidNamespace:
+    def test_two_connections_of_one_process(self) -> None:
+        if not has_process_files():
+            pytest.skip("this kernel has no pidfs")
+        before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+        first, second = invisible(Outside, 2)
+        assert (first.pid, first.process) == (0, second.process)
+        pidfd = os.pidfd_open(os.getpid())
+        assert first.process == ("pidfs", os.fstat(pidfd).st_ino)
+        os.close(pidfd)
+        assert len(os.listdir("/proc/self/fd")) == before  # noqa: PTH208
+
+    @pytest.mark.parametrize("has_option", [True, False])
+    def test_on_an_earlier_kernel_each_connection_counts_as_a_process(
+        self, has_option: bool, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        pidfd = os.pidfd_open(os.getpid())
+        device = os.fstat(pidfd).st_dev  # without pidfs, that of files which share one inode
+        os.close(pidfd)
+        monkeypatch.setattr("busd.server.credentials._anonymous_device", lambda: device)
+        before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+        seen = invisible(Outside if has_option else Earlier, 3)
+        assert len({one.process for one in seen}) == 3
+        assert len(os.listdir("/proc/self/fd")) == before  # noqa: PTH208
 
 
 def test_more_groups_than_can_be_told() -> None:

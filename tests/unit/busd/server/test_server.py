@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 from bus.base.ids import PeerId
-from bus.wire.messages import Matched
+from bus.wire.layout import PROTOCOL_VERSION
+from bus.wire.messages import Hello, Matched
 from bus.wire.runs import Run
 from busd.core.broker import Broker
 from busd.core.turns import Party
 from busd.server import server as server_module
+from busd.server.credentials import Credentials
 from busd.server.listener import Listener, open_listener
 from busd.server.peer import PeerConnection
 from busd.server.server import Server
@@ -62,6 +64,23 @@ async def test_it_is_not_idle_while_somebody_waits_in_its_backlog(listener: List
 async def test_one_that_nobody_has_come_to_is_idle(listener: Listener) -> None:
     server = Server(listener, Broker(), idle_s=0.01)
     assert await server.stopped == "idle for 0.01 s"
+
+
+async def test_processes_without_a_pid_have_turns_of_their_own(listener: Listener) -> None:
+    """In another pid namespace all have the pid 0; the connections of one process share its turns."""
+    server, ends = Server(listener, Broker()), []
+    for key in (("pidfs", 1), ("pidfs", 1), ("pidfs", 2), ("connection", 1)):
+        here, there = socket.socketpair()
+        here.setblocking(False)
+        ends.append(there)
+        server.let_in(here, Credentials(0, 1000, 1000, process=key), Hello(version=PROTOCOL_VERSION))
+    first, again, second, third = (one.party for one in sorted(server._connections, key=lambda one: one.id))
+    assert first is again
+    assert len({first, second, third}) == 3
+    for end in ends:
+        end.close()
+    server.stop("a test")
+    await server.stopped
 
 
 async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
