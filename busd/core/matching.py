@@ -135,14 +135,14 @@ def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
 def end_match(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False) -> None:
     """End the match and tell both; samples in the queue are still delivered.
 
-    `is_lost`: the subscription's process ended without a goodbye.
+    `is_lost`: the process of the end that leaves ended without a goodbye.
     """
     publisher, subscription = match.publisher, match.subscription
     was_awaited = match.acked_seq is not None
     last_seq = graph.remove_match(match)
     told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost)
     out.append(Send(publisher.node.peer.id, told))
-    told = Unmatched(endpoint=subscription.id, other=publisher.id, last_seq=last_seq)
+    told = Unmatched(endpoint=subscription.id, other=publisher.id, lost=is_lost, last_seq=last_seq)
     out.append(Send(subscription.node.peer.id, told))
     if was_awaited:
         give_credit(publisher, out.append)

@@ -256,7 +256,7 @@ class Registry:
                     self._router.settle(now_ns, match)
                     if gap and match.state is MatchState.ROUTED:
                         self._router.miss(now_ns, endpoint, gap, (match.subscription,), is_loss=False)
-                    end_match(self._graph, match, out)
+                    end_match(self._graph, match, out, is_lost=is_lost)
                     now_ns = yield UNMATCH
             if endpoint.history is not None:
                 yield from _empty(endpoint.history)

@@ -136,6 +136,8 @@ class Subscription(Endpoint[M]):
         self._on_arrival: Callable[[], object] | None = None
         self._on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
+        self._on_lost: Callable[[bytes], object] | None = None
+        """Called with the gid of a publisher whose process has ended, or was cut off, without leaving."""
         self._rings: ShmReceiver | None = None
         if link.shm_context is not None and self._role != "mirror":
             self._rings = ShmReceiver(link, link.shm_context, self, self._miss)
@@ -356,7 +358,9 @@ class Subscription(Endpoint[M]):
                     if proxy.shown_gid in self._held_back:
                         rings.hold(proxy.shown_gid, is_on=True)
                 self._tell_liveliness(1, 0)
-            case m.Unmatched(other=other, last_seq=last_seq):
+            case m.Unmatched(other=other, last_seq=last_seq, lost=is_lost):
+                if is_lost and self._on_lost is not None and other in self._matches:
+                    self._on_lost(self._matches[other].gid)
                 super()._handle(message)
                 if rings is not None and other in tracker:
                     rings.finish(tracker[other].gid)

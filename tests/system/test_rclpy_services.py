@@ -1,5 +1,7 @@
 """Services and clients of the facade, by both routes."""
 
+import subprocess
+import sys
 import threading
 from typing import Any
 
@@ -22,6 +24,20 @@ from rclpy_world import AddTwoInts, String, World, add, arguments, in_thread, wa
 __all__ = ["arguments", "world"]
 
 pytestmark = pytest.mark.usefixtures("route")
+
+
+DOOMED = """
+import asyncio, bus
+from bus.srv.example_interfaces import AddTwoInts
+
+async def main():
+    async with bus.Node("doomed", arguments=[]) as node:
+        client = await node.create_client(AddTwoInts, "add")
+        await client.wait_for_service()
+        await asyncio.gather(*(client.call(AddTwoInts.Request(a=a)) for a in range(50)))
+
+bus.run(main())
+"""
 
 
 def asked(a: int, b: int = 0) -> Any:
@@ -280,6 +296,26 @@ def test_answers_come_in_the_order_of_the_calls(world: World, server: Node, clie
         client.call_async(asked(number)).add_done_callback(lambda future: done.append(future.result().sum))
     world.spin_until(lambda: len(done) == 100)
     assert seen == done == list(range(100))
+
+
+def test_requests_of_a_dead_client_are_skipped(world: World, server: Node, client: Client) -> None:
+    seen: list[int] = []
+
+    def note(request: Any, response: Any) -> Any:
+        seen.append(request.a)
+        return add(request, response)
+
+    service = server.create_service(AddTwoInts, "add", note)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    with subprocess.Popen([sys.executable, "-c", DOOMED]) as doomed:
+        wait_until(lambda: len(service._waiting) == 50)  # nobody spins
+        doomed.kill()
+    wait_until(lambda: server.count_clients("add") == 1)
+    future = client.call_async(asked(1000))
+    world.spin_until(future.done)
+    assert future.result().sum == 1000
+    assert seen == [1000]
+    assert service.native.statistics().skipped == 50
 
 
 def test_a_response_must_be_one(world: World, server: Node, client: Client) -> None:

@@ -266,6 +266,50 @@ class TestProcesses:
         service.respond(held[0][1], add(held[0][0]))
         assert (await call).sum == 7
 
+    @pytest.mark.parametrize("kind", ["callback", "on_request"])
+    async def test_a_dead_client_holds_up_no_other(
+        self, node: bus.Node, other: bus.Node, tmp_path: Path, kind: str
+    ) -> None:
+        """Its requests that have not begun are skipped, and counted."""
+        begun, may_end = list[int](), asyncio.Event()
+
+        async def add_later(request: AddTwoInts.Request) -> AddTwoInts.Response:
+            begun.append(request.a)
+            await may_end.wait()
+            return add(request)
+
+        async def take(request: AddTwoInts.Request, request_id: bus.RequestId) -> None:
+            assert service.respond(request_id, await add_later(request))
+
+        if kind == "callback":
+            service, at_once = await node.create_service(AddTwoInts, "add", add_later), 100
+        else:
+            service, at_once = await node.create_service(AddTwoInts, "add", on_request=take), 1
+        client = await other.create_client(AddTwoInts, "add")
+        await client.wait_for_service()
+        async with running(tmp_path, "-c", CLIENT.replace("range(50)", "range(150)")) as doomed:
+            await until(lambda: len(begun) == at_once and service._requests.statistics().expected == 150)
+            doomed.process.send_signal(signal.SIGKILL)
+            await doomed.end()
+        await until(lambda: service.statistics().clients == 1)
+        call = asyncio.ensure_future(client.call(asked(1000, 7)))
+        may_end.set()
+        assert (await call).sum == 1007
+        assert begun == [*range(at_once), 1000]
+        totals = service.statistics()
+        assert (totals.requests, totals.skipped, totals.responses) == (151, 150 - at_once, at_once + 1)
+
+    async def test_a_client_that_comes_back_is_not_dead(self, node: bus.Node, other: bus.Node) -> None:
+        """It had only lost its connection."""
+        service = await node.create_service(AddTwoInts, "add", add)
+        client = await other.create_client(AddTwoInts, "add")
+        await client.wait_for_service()
+        await until(lambda: service.statistics().clients == 1)
+        service._lose(client._requests.gid)
+        assert (await client.call(asked(3))).sum == 3
+        assert service.statistics().skipped == 0
+        assert not service._lost
+
     async def test_a_broker_that_dies(self, node: bus.Node, other: bus.Node, daemon: Daemon) -> None:
         """What is called afterwards is answered; what was under way is, too, or its caller gives up."""
         await node.create_service(AddTwoInts, "add", add)

@@ -42,7 +42,7 @@ class TestCalls:
         await client.wait_for_service()
         assert client.service_is_ready()
         assert service.statistics() == bus.ServiceServerStatistics(
-            requests=1, responses=1, errors=0, refused=0, dropped={}, clients=1
+            requests=1, responses=1, errors=0, refused=0, dropped={}, clients=1, skipped=0
         )
         assert client.statistics() == bus.ServiceClientStatistics(
             requests=1, responses=1, errors=0, late=0, pending=0, servers=1

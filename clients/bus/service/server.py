@@ -31,6 +31,8 @@ __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
 _MOST_AT_ONCE: Final = 100
 _MOST_AT_WORK: Final = 10_000
 """So many requests without an answer are known; older ones count as lost."""
+_MOST_LOST: Final = 1000
+"""So many clients that have died are known; requests of earlier ones are carried out."""
 
 
 class RequestId(NamedTuple):
@@ -67,6 +69,8 @@ class ServiceServerStatistics(msgspec.Struct, frozen=True):
     """Requests lost on the way, by reason, as of a subscription."""
     clients: int
     """Clients matched now."""
+    skipped: int
+    """Of the requests, those not carried out because their client had died before their turn."""
 
 
 class ServiceServer(ServiceBase):
@@ -75,6 +79,8 @@ class ServiceServer(ServiceBase):
     With `callback`, it is called for each request and what it returns is the answer. With `on_request` in its
     place, that is called with the request and its RequestId, and `respond` is to be called later; an
     `async def on_request` gets the next request when it is done with this one.
+
+    Requests whose client has died before their turn are skipped and counted: they hold up no living client.
 
         server = await node.create_service(AddTwoInts, "later", on_request=start_work)
     """
@@ -96,7 +102,9 @@ class ServiceServer(ServiceBase):
         on_request: Callable[[Any, RequestId], Any] | None = None,
     ) -> None:
         super().__init__(node, service, service_type, qos)
-        self._taken = self._answered = self._errors = 0
+        self._taken = self._answered = self._errors = self._skipped = 0
+        self._lost: dict[bytes, None] = {}
+        """Gids of clients that have died, the latest last."""
         self._at_work: dict[RequestId, None] = {}
         if (callback is None) is (on_request is None):
             raise TypeError("a service needs either a callback or on_request")
@@ -111,6 +119,7 @@ class ServiceServer(ServiceBase):
             self._support.requests,
             self._take_async if is_async(on_request) else self._take,
         )
+        self._requests._on_lost = self._lose
 
     @property
     def _endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:
@@ -151,6 +160,7 @@ class ServiceServer(ServiceBase):
             refused=self._replies.statistics().refused,
             dropped=requests.dropped,
             clients=requests.publishers,
+            skipped=self._skipped,
         )
 
     @done_anyway
@@ -166,27 +176,50 @@ class ServiceServer(ServiceBase):
     def _counts(self) -> str:
         return f"clients={len(self._requests.matches)} requests={self._taken} responses={self._answered}"
 
+    def _lose(self, client: bytes) -> None:
+        """A client has gone without taking its leave."""
+        self._lost.pop(client, None)
+        self._lost[client] = None
+        if len(self._lost) > _MOST_LOST:
+            del self._lost[next(iter(self._lost))]
+
+    def _skip(self, request_id: RequestId) -> bool:
+        """Whether the client of a request has died, so that it is not to be carried out; then count it."""
+        client = request_id.client
+        if client not in self._lost:
+            return False
+        if any(match.gid == client for match in self._requests.matches):  # it had only lost its connection
+            del self._lost[client]
+            return False
+        self._skipped += 1
+        self._at_work.pop(request_id, None)
+        return True
+
     def _take(self, request: Request) -> None:
         request_id = RequestId(request.client, request.number)
         if request.body is not None:
-            self._begin(request_id)
-            self._on_request(request.body, request_id)
+            if self._begin(request_id):
+                self._on_request(request.body, request_id)
         elif request_id not in self._at_work:
             self._deny(request_id)
 
     async def _take_async(self, request: Request) -> None:
         request_id = RequestId(request.client, request.number)
         if request.body is not None:
-            self._begin(request_id)
-            await self._on_request(request.body, request_id)
+            if self._begin(request_id):
+                await self._on_request(request.body, request_id)
         elif request_id not in self._at_work:
             self._deny(request_id)
 
-    def _begin(self, request_id: RequestId) -> None:
+    def _begin(self, request_id: RequestId) -> bool:
+        """A request is taken; returns whether it is to be carried out."""
         self._taken += 1
+        if self._skip(request_id):
+            return False
         if len(self._at_work) >= _MOST_AT_WORK:
             del self._at_work[next(iter(self._at_work))]
         self._at_work[request_id] = None
+        return True
 
     def _deny(self, request_id: RequestId) -> None:
         """A client asks for what is not at work here: its request, or the answer, was lost with busd."""
@@ -233,6 +266,9 @@ class _Work:
 
     async def _start(self, request: Any, request_id: RequestId) -> None:
         await self._places.acquire()
+        if self._server._skip(request_id):
+            self._places.release()
+            return
         self._keep(self._run(request, request_id)).add_done_callback(lambda _: self._places.release())
 
     async def _run(self, request: Any, request_id: RequestId) -> None:

@@ -283,7 +283,8 @@ class Matched(Message, frozen=True, tag="matched"):
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
-    """`lost`: the process of `other` did not take its leave, so that it may still run.
+    """`lost`: the process of `other` did not take its leave, so that it may still run. (Busd 0.1.0 said so of
+    subscriptions only.)
 
     `last_seq`, to a subscription: the last number that it has had or that was routed to it.
     """

@@ -87,12 +87,15 @@ class Service(Entity, Introspected, Destroyable):
         self.notify()
 
     def take(self, most: int) -> Work | None:
-        if not self._waiting:
-            return None
-        answer = self._answer_async if self.is_async else self._answer
-        if self.events is not None:
-            return self._tell_and_answer, (answer, *self._waiting.popleft())
-        return answer, self._waiting.popleft()
+        while self._waiting:
+            request, request_id = self._waiting.popleft()
+            if self.native._skip(request_id):
+                continue
+            answer = self._answer_async if self.is_async else self._answer
+            if self.events is not None:
+                return self._tell_and_answer, (answer, request, request_id)
+            return answer, (request, request_id)
+        return None
 
     def _tell_and_answer(self, answer: Callable[..., Any], request: object, request_id: RequestId) -> Any:
         if self.events is not None:

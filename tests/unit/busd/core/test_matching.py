@@ -209,7 +209,7 @@ class TestUnmatching:
                 talker._own_node().destroy()
             case "process":
                 talker.die()
-        told = m.Unmatched(endpoint=subscription.id, other=publisher.id)
+        told = m.Unmatched(endpoint=subscription.id, other=publisher.id, lost=how == "process")
         assert subscription.got(m.Unmatched) == [told]
         assert len(publisher.got(m.Unmatched)) == (how != "process")
 
