@@ -169,7 +169,7 @@ async def _serve(
         broker,
         idle_s=options.idle_exit,
         find_fault=find_fault,
-        reload=lambda: reload(),
+        reload=lambda: reload(is_asked=True),
     )
     loop = asyncio.get_running_loop()
     for number in _ENDING:
@@ -180,9 +180,11 @@ async def _serve(
         listener.let_in(config.socket)
         server.reconfigure(config.limits, config.topics, Access(own, config.access))
 
-    def reload() -> str:
-        changes = reloader.reload()
-        _warn_of_doubts(reloader.config, listener)
+    def reload(*, is_asked: bool = False) -> str:
+        before = reloader.config
+        changes = reloader.reload(is_asked=is_asked)
+        if reloader.config is not before or not is_asked:
+            _warn_of_doubts(reloader.config, listener)
         return changes
 
     reloader = Reloader(options.config, config, apply)

@@ -16,6 +16,7 @@ import msgspec
 
 from bus.errors import ConfigurationError
 from busd.config.file import BridgeTables, Config, load
+from busd.process.repetitions import Repetitions
 from busd.process.sd_notify import READY, notify, reloading
 
 __all__ = ["Reloader", "ends_with_terminal", "has_terminal"]
@@ -32,20 +33,23 @@ class Reloader:
         self.config = config
         """What is in force."""
         self._path = path
+        self._answers = Repetitions()
         self._apply = apply
 
-    def reload(self) -> str:
+    def reload(self, *, is_asked: bool = False) -> str:
         """Read the file again; returns what has changed, which the log says too.
 
+        `is_asked`: a program asked for it and gets the outcome as an answer; the log need not repeat it.
         Raises ConfigurationError, and logs it, where something is wrong; then all stays as it was.
         """
+        log = self._answers.log if is_asked else _log.log
         notify(reloading(monotonic_ns()))
         try:
             changes = "; ".join(self._reload()) or "nothing has changed"
-            _log.info("reloaded %s: %s", self._path, changes)
+            log(logging.INFO, f"reloaded {self._path}: {changes}")
             return changes
         except ConfigurationError as error:
-            _log.error("the configuration stays as it was: %s", error)
+            log(logging.ERROR, f"the configuration stays as it was: {error}")
             raise
         finally:
             notify(READY)

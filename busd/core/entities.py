@@ -78,6 +78,8 @@ class User(Holder):
     """Processes that may come in now; more must wait."""
     mishaps: TokenBucket
     """Connections that came to nothing and may be logged now; more are only counted."""
+    commands: TokenBucket
+    """Requests to reload, stop or restart that are carried out now; more are refused."""
     unlogged: int = 0
     """Connections that came to nothing and were not logged."""
     absent: int = 0

@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 from bus.errors import QuotaExceeded
 from bus.wire import messages as m
+from bus.wire.answers import RefusedForNow
 from bus.wire.runs import Account
 from busd.core.effects import Effect, Note, Pause
 from busd.core.entities import Holder, Peer, User
@@ -30,6 +31,8 @@ _QUESTIONS_PART = 2
 """The part of what a process may ask in a second that it may ask at once."""
 _DECLARATIONS_PER_ENDPOINT = 4
 _SIGNALS_PER_DECLARATION = 10
+_COMMANDS_PER_S, _COMMANDS_AT_ONCE = 1, 10
+"""How often a user's processes may have busd read its configuration, stop or restart."""
 _FEW = 32
 """Records of a graph, or matches, that cost as much as one declaration."""
 
@@ -38,6 +41,12 @@ _WITHOUT_REFUSAL = frozenset({m.DeclareType, m.DestroyNode, m.DestroyEndpoint, m
 _FOR_THE_GRAPH = frozenset({m.GetGraph, m.GetPeers, m.Observe})
 _COUNTED = frozenset(
     {m.CreateNode, m.CreatePublisher, m.CreateSubscription, m.GetType} | _FOR_THE_GRAPH | _WITHOUT_REFUSAL
+)
+
+_COMMANDS = frozenset({m.Reload, m.StopBroker})
+_TOO_MANY_COMMANDS = (
+    f"busd takes {_COMMANDS_AT_ONCE} requests to reload, stop or restart at once, and then "
+    f"{_COMMANDS_PER_S} a second from the processes of a user; try again"
 )
 
 _Asked: TypeAlias = tuple[str, Holder | None, int, int, int]
@@ -77,6 +86,7 @@ class Quotas:
                 signals=TokenBucket(1, 1),
                 arrivals=TokenBucket(1, 1),
                 mishaps=TokenBucket(1, _MISHAPS),
+                commands=TokenBucket(_COMMANDS_PER_S, _COMMANDS_AT_ONCE),
             )
             self._resize(user, "user")
         return user
@@ -143,7 +153,8 @@ class Quotas:
         `records` are those of the graph. So does a guest's GetType: busd looks for an endpoint of that type
         that the guest may see.
 
-        Raises QuotaExceeded where there were too many for now, if that can be answered. A process that is
+        Raises QuotaExceeded where there were too many for now, if that can be answered, and RefusedForNow for
+        commands, whose limit is no setting. A process that is
         over its own rate is not read for a while, so that refusing costs no more than serving. One that only
         asks waits long before that: the burst is for a process that declares all that it has.
         """
@@ -151,6 +162,10 @@ class Quotas:
         if kind not in _COUNTED:
             if kind is not m.AssertLiveliness:  # the library sends it with each sample that busd does not see
                 self._count_signal(now_ns, peer, out)
+            if kind in _COMMANDS and not peer.user.commands.take_if_there(now_ns, 1):
+                peer.refused += 1
+                peer.user.refused += 1
+                raise RefusedForNow(_TOO_MANY_COMMANDS)
             return
         tokens, can_refuse = 1, kind not in _WITHOUT_REFUSAL
         if kind in _FOR_THE_GRAPH or (kind is m.GetType and peer.is_guest):
@@ -329,7 +344,7 @@ def _descriptors(holder: Holder) -> int:
 
 
 def _is_forgettable(now_ns: int, user: User) -> bool:
-    buckets = user.declarations, user.arrivals, user.mishaps
+    buckets = user.declarations, user.arrivals, user.mishaps, user.commands
     is_rested = all(bucket.is_full(now_ns) for bucket in buckets)
     return is_rested and not user.peers and not user.descriptors and not user.absent
 

@@ -32,6 +32,7 @@ from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
 from busd.core.turns import BUDGET, Party, Turns
 from busd.core.work import LOOKS_PER_UNIT, UNLIMITED
+from busd.process.repetitions import Repetitions
 from busd.server.admission import Admission
 from busd.server.credentials import Credentials
 from busd.server.listener import Listener
@@ -97,6 +98,7 @@ class Server:
         self._find_fault = find_fault
         self._reload = reload
         self._restart: asyncio.Task[None] | None = None
+        self._refusals = Repetitions()
         self._is_ending = False
         self._drain: Drain | None = None
         self._admission = Admission(listener.socket, self)
@@ -480,7 +482,7 @@ class Server:
         else:
             fault = await self._find_fault()
         if fault:
-            _log.error("no restart: %s", fault)
+            self._refusals.log(logging.ERROR, f"no restart: {fault}")
             self._answer(asked.peer, Refused(request=asked.request, text=fault))
         else:
             self._answer(asked.peer, Done(request=asked.request))

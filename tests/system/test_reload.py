@@ -115,6 +115,19 @@ class TestAConfiguration:
     def test_where_there_is_none(self, start_daemon: Callable[..., Daemon]) -> None:
         hang_up(start_daemon(), "started without --config, so there is nothing to reload")
 
+    def test_programs_that_ask_for_it_again_and_again_do_not_fill_the_log(
+        self, daemon: Daemon, config: Path, peer: RawPeer
+    ) -> None:
+        """The answers say what the log leaves out."""
+        config.write_text("[limits]\ndepht = 5\n")
+        peer.send(*(m.Reload(request=number) for number in range(1000, 1500)))
+        refusals = [peer.expect(m.Refused) for _ in range(500)]
+        assert sum("unknown key 'limits.depht'" in one.text for one in refusals) < 100
+        assert {one.again for one in refusals if "try again" in one.text} == {True}
+        log = daemon.log.read_text()
+        assert log.count("the configuration stays as it was") == 1
+        hang_up(daemon, "the configuration stays as it was")  # whoever sends a signal gets no other answer
+
     def test_the_service_manager_is_told(
         self,
         tmp_path: Path,

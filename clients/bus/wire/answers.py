@@ -11,7 +11,7 @@ M = TypeVar("M", bound=Message)
 
 
 class RefusedForNow(ConfigurationError):
-    """Another endpoint stands in the way, which may go."""
+    """The reason passes: another endpoint stands in the way, say, which may go."""
 
 
 def expect(answer: Any, kind: type[M]) -> M:

@@ -277,6 +277,26 @@ class TestRate:
         world.advance(60)
         world.process().node()
 
+    def test_commands(self) -> None:
+        """To reload, stop and restart: ten at once, then one a second, for all processes of a user."""
+        world = self.world()
+        one, two = world.process(), world.process()
+        for number in range(1, 8):
+            one.tell(m.Reload(request=number))
+            two.tell(m.StopBroker(request=number, restart=True))
+        refusals = one.got(m.Refused) + two.got(m.Refused)
+        assert [answer.request for answer in refusals] == [6, 7, 6, 7]
+        assert refusals[0].again
+        assert not refusals[0].resource
+        assert refusals[0].text.startswith("busd takes 10 requests to reload, stop or restart at once, and ")
+        two.die()
+        world.advance(2.5)
+        back = world.process()
+        for number in range(1, 5):
+            back.tell(m.Reload(request=number))
+        assert [answer.request for answer in back.got(m.Refused)] == [3, 4]
+        assert asked(back).users[0].refused == 6
+
     def test_what_has_no_answer_is_carried_out(self) -> None:
         world = self.world()
         process = world.process()
