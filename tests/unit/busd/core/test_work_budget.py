@@ -86,12 +86,14 @@ class Big(World):
         """Do it in turns; each is counted."""
         self.budget, self._begun_at = BUDGET, 0
         self.broker.meter.left = BUDGET
-        before = sys.gettrace()
+        before, depth = sys.gettrace(), sys.getrecursionlimit()
+        sys.setrecursionlimit(100_000)  # each turn of a world begins within the one before
         sys.settrace(self.counter.enter)
         try:
             action()
         finally:
             sys.settrace(before)
+            sys.setrecursionlimit(depth)
         self.refill()
 
     def refill(self) -> None:
@@ -143,6 +145,15 @@ def a_node_of_many_ends(world: Big) -> Callable[[], object]:
     node = process.node()
     for number in range(many() // 4):
         node.publisher(f"/t{number}")
+    return asked(process, m.DestroyNode(node=node.id))
+
+
+def a_node_whose_ends_all_match(world: Big) -> Callable[[], object]:
+    process = world.process()
+    node = process.node()
+    for _ in range(int((many() // 2) ** 0.5)):
+        node.publisher("/t")
+        node.subscription("/t")
     return asked(process, m.DestroyNode(node=node.id))
 
 
@@ -293,7 +304,7 @@ HANDLERS: dict[type[m.Message], tuple[Scene, ...]] = {
     m.Share: (a_share,),
     m.DeclareType: (a_type_among_many,),
     m.CreateNode: (a_node_among_namesakes,),
-    m.DestroyNode: (a_node_of_many_ends,),
+    m.DestroyNode: (a_node_of_many_ends, a_node_whose_ends_all_match),
     m.CreatePublisher: (a_publisher_for_many,),
     m.CreateSubscription: (
         a_subscription_for_many,
