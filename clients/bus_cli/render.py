@@ -14,10 +14,30 @@ import msgspec
 from bus.base.printable import printable
 from bus.types.support import type_support
 
-__all__ = ["View", "represent_text", "to_csv", "to_text", "to_yaml"]
+__all__ = ["Budget", "TooManyValuesError", "View", "represent_text", "to_csv", "to_text", "to_yaml"]
 
 # What IDL calls them; the others have the same name there.
 _IDL_NAMES = {"bool": "boolean", "byte": "octet", "char": "uint8", "float32": "float", "float64": "double"}
+
+
+class TooManyValuesError(Exception):
+    """A message has more values to show than its budget allows."""
+
+
+class Budget:
+    """How many values of one message may be shown; `renew` it for each."""
+
+    def __init__(self, most: int) -> None:
+        self.most = self._left = most
+
+    def renew(self) -> None:
+        self._left = self.most
+
+    def spend(self) -> None:
+        """One more value. Raises TooManyValuesError."""
+        self._left -= 1
+        if self._left < 0:
+            raise TooManyValuesError
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True):
@@ -28,9 +48,16 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
     no_str: bool = False
     octets: bool = False
     """Whether single octets are shown as numbers, and not as characters as ros2 does."""
+    budget: Budget | None = None
+    """None: any number of values is shown."""
 
     def plain(self, schema: dict[str, Any], node: Any, value: Any) -> Any:
-        """`value`, which is of the type `node` of `schema`, as dicts, lists and scalars."""
+        """`value`, which is of the type `node` of `schema`, as dicts, lists and scalars.
+
+        Raises TooManyValuesError if that are more than the budget allows.
+        """
+        if self.budget is not None:
+            self.budget.spend()
         match node:
             case "string":
                 return self._string(value)

@@ -38,6 +38,9 @@ class Gear(enum.Enum):
 class Wheel(msgspec.Struct):
     index: int
     speed: float = 0.5
+Wide = msgspec.defstruct("Wide", [(f"f{at}", int, 0) for at in range(1000)], omit_defaults=True)
+class Bomb(msgspec.Struct):
+    items: list[Wide] = []
 class Car(msgspec.Struct):
     name: str
     gear: Gear = Gear.LOW
@@ -227,6 +230,21 @@ def test_a_field_that_is_not_there_ends_it_at_once(daemon: object) -> None:
         assert bus("topic", "echo", "/topic", "--field", "x") == Result(
             "", "Invalid field 'x': 'String' object has no attribute 'x'\n", 1
         )
+
+
+def test_few_bytes_that_are_many_values_are_refused(daemon: object) -> None:
+    """Each of these lists has as many bytes as items, and a thousand values for each of them."""
+    with tell("Bomb") as teller, start("topic", "echo", "/topic") as echo:
+        matched()
+        teller.write("Bomb([Wide()] * 3000)\nBomb([Wide()] * 128)\n")
+        ended = echo.end()
+    assert (ended.code, ended.out.count("undecodable: 1")) == (1, 1)
+    assert "more than 1,000,000 values are left out in it, which would be filled in" in ended.err
+    assert "a message on '/topic' has more than 100,000 values to show, even with arrays" in ended.err
+    with tell("Bomb") as teller, start("topic", "echo", "/topic", "--no-arr") as echo:
+        matched()
+        teller.write("Bomb([Wide()] * 128)\n")
+        assert echo.lines(2) == "items: '<sequence type: local/msg/Wide, length: 128>'\n---\n"
 
 
 def test_an_unknown_topic(daemon: object) -> None:

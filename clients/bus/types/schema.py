@@ -38,6 +38,7 @@ from msgspec import NODEFAULT, UNSET, Meta, Struct, UnsetType, inspect
 from bus.errors import ConfigurationError, MessageTypeError
 from bus.msg._types import PRIMITIVES, Message
 from bus.types.schema_form import Field, Form, Node, Schema, Type, is_key, is_type_name, type_name, zero
+from bus.types.unsent import Unsent
 
 __all__ = ["Node", "Schema", "build", "describe", "type_name"]
 
@@ -77,11 +78,14 @@ def build(schema: Mapping[str, Any]) -> type[Struct]:
     """A message class that decodes what the class described by `schema` encodes.
 
     Its fields are keyword-only, and it is marked `__foreign__`. Safe on hostile input: raises
-    ConfigurationError for anything malformed or too large.
+    ConfigurationError for anything malformed or too large. `type_support(cls).decode` refuses a message that
+    leaves out more than a million values (bus.types.unsent).
     """
     try:
         checked = msgspec.convert(schema, Form)
-        cls = _Builder(checked.types).struct(checked.root, 0)
+        builder = _Builder(checked.types)
+        cls = builder.struct(checked.root, 0)
+        cls.__unsent__ = builder.unsent(checked.root)  # type: ignore[attr-defined]
         msgspec.msgpack.Decoder(cls)
     except ConfigurationError:
         raise
@@ -272,11 +276,11 @@ class _Builder:
         for field in described.fields:
             _check_field_name(name, field.name)
             annotation, size = self._node(field.type, depth + 1)
-            elements += size
+            elements = _limited("elements", elements + size + self._values_of_default(field), MAX_ELEMENTS)
             fields.append((field.name, annotation, self._default(field, annotation)))
         if len({field.name for field in described.fields}) != len(fields):
             raise ConfigurationError(f"schema: {name} has two fields of one name")
-        self._elements[name] = _limited("elements", elements, MAX_ELEMENTS)
+        self._elements[name] = elements
         self._classes[name] = cls = msgspec.defstruct(
             name.rpartition("/")[2],
             fields,
@@ -291,6 +295,18 @@ class _Builder:
         )
         self._open.discard(name)
         return cls
+
+    def unsent(self, name: str) -> Unsent:
+        """What messages of a type that was made may leave out."""
+        return Unsent(self._types, self._elements, name)
+
+    def _values_of_default(self, field: Field) -> int:
+        """Values in a default that has items, those included that the items leave out."""
+        if not isinstance(field.default, list | dict):
+            return 0
+        data = msgspec.msgpack.encode(field.default)
+        unsent = self.unsent("").count(field.type, data)
+        return _limited("elements", MAX_ELEMENTS + 1 if unsent is None else len(data) + unsent, MAX_ELEMENTS)
 
     def _default(self, field: Field, annotation: Any) -> Any:
         if field.required:

@@ -82,6 +82,8 @@ class TypeSupport(Generic[M]):
         self.encode = _encoder.encode
         try:
             self.decode = msgspec.msgpack.Decoder(cls).decode
+            if (unsent := cls.__dict__.get("__unsent__")) is not None:  # the class of another process's type
+                self.decode = unsent.bounded(self.decode)
         except TypeError as error:
             raise MessageTypeError(f"{self.name}: {error}") from error
 

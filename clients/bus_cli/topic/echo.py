@@ -16,7 +16,7 @@ from bus_cli.fields import FieldPath
 from bus_cli.filter import compile_filter
 from bus_cli.output import CommandError, complain, dropped_text, print_json, say
 from bus_cli.qosargs import add_qos_arguments, choose_profile
-from bus_cli.render import View, to_csv, to_text, to_yaml
+from bus_cli.render import Budget, TooManyValuesError, View, to_csv, to_text, to_yaml
 from bus_cli.silence import Silence
 from bus_cli.stream import (
     find_class,
@@ -28,6 +28,8 @@ from bus_cli.stream import (
 )
 
 _TRUNCATE_LENGTH = 128
+_MOST_VALUES = 100_000
+"""Of one message as YAML, if its arrays are truncated: it takes some seconds and some 100 MiB."""
 _INFO = (
     "source_timestamp",
     "received_timestamp",
@@ -120,7 +122,14 @@ async def _echo(args: Namespace) -> int:
             silence.hear()
             if passes is None or passes(message):
                 silence.show()
-                write(message, info)
+                try:
+                    write(message, info)
+                except TooManyValuesError:
+                    raise CommandError(
+                        f"a message on '{topic}' has more than {_MOST_VALUES:,} values to show, even with "
+                        "arrays truncated; --field shows a part, --no-arr leaves arrays out, "
+                        "--full-length shows all"
+                    ) from None
                 if args.once:
                     done.set_result(None)
 
@@ -145,17 +154,22 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
     length = args.truncate_length
     if length is None and not args.json:
         length = _TRUNCATE_LENGTH
+    is_cut_text = not (args.full_length or args.json or args.csv)
+    budget = Budget(_MOST_VALUES) if is_cut_text else None
     view = View(
         truncate_length=None if args.full_length else length,
         no_arr=args.no_arr,
         no_str=args.no_str,
         octets=args.json,
+        budget=budget,
     )
     # As in ros2, a text that was asked for by itself is not cut.
     whole = replace(view, truncate_length=args.truncate_length)
     clear = _CLEAR if args.clear_screen and sys.stdout.isatty() else ""
 
     def write(message: Any, info: MessageInfo) -> None:
+        if budget is not None:
+            budget.renew()
         if paths:
             parts = {
                 path.text: (whole if path.node == "string" else view).plain(

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import msgspec
+import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,7 +15,7 @@ from bus.msg.sensor_msgs import Image, JointState
 from bus.msg.std_msgs import Byte, ByteMultiArray, Empty, Header, String, UInt8MultiArray
 from bus.types.schema import build, describe
 from bus.types.support import type_support
-from bus_cli.render import View, to_csv, to_text, to_yaml
+from bus_cli.render import Budget, TooManyValuesError, View, to_csv, to_text, to_yaml
 from rows import for_each
 
 
@@ -36,6 +37,22 @@ class Own(msgspec.Struct):
 def plain(message: msgspec.Struct, **options: Any) -> Any:
     schema = type_support(type(message)).schema
     return View(**options).plain(schema, schema["root"], message)
+
+
+def test_a_budget_bounds_what_is_shown() -> None:
+    budget = Budget(5)
+    message = JointState(position=[0.0] * 1000)
+    with pytest.raises(TooManyValuesError):
+        plain(message, budget=budget)
+    budget.renew()
+    assert plain(String(data="a"), budget=budget) == {"data": "a"}
+    budget.renew()
+    for left in (True, True, False):
+        if left:
+            plain(String(data="a"), budget=budget)
+        else:
+            with pytest.raises(TooManyValuesError):
+                plain(String(data="a"), budget=budget)
 
 
 def test_text_with_a_colon_is_quoted() -> None:
