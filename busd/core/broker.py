@@ -27,7 +27,7 @@ from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.answers import RefusedForNow
-from bus.wire.layout import NAMESAKES, SILENCE
+from bus.wire.layout import NAMESAKES, PLACES, SILENCE
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
@@ -40,6 +40,7 @@ from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicRule
 from busd.core.matching import release
 from busd.core.overload import Overload
+from busd.core.places import Places
 from busd.core.queries import Queries
 from busd.core.quotas import Quotas
 from busd.core.rate_limit import TokenBucket
@@ -116,8 +117,9 @@ class Broker:
             overload,
             self._access_guard,
             self._absentees,
+            Places(self.timers, emit, self.meter, self._drops, lives),
         )
-        routes = Routes(self.graph, quotas, self._registry, overload)
+        routes = Routes(self.graph, quotas, self._registry, self._router, overload)
         queries = self._queries = Queries(
             self.graph, quotas, self._access_guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
@@ -191,6 +193,7 @@ class Broker:
             is_guest=not self._access_guard.access.is_free(uid),
             hears_of_namesakes=NAMESAKES in hello.capabilities,
             hears_of_silence=SILENCE in hello.capabilities,
+            keeps_places=PLACES in hello.capabilities,
             user=user,
             program=_printable(hello.program),
             version=_printable(hello.release),

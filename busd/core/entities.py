@@ -124,6 +124,8 @@ class Peer(Holder):
     """Whether it was not heard for its lease: then nothing waits for it (busd.core.silence)."""
     hears_of_silence: bool = False
     """Whether it understands the message Silence."""
+    keeps_places: bool = False
+    """Whether its lossless publishers keep the places of subscriptions that were lost (busd.core.places)."""
     perishable: "set[Subscription]" = field(default_factory=set)
     """Its subscriptions whose queues may hold samples with a lifespan."""
     doorbell: object | None = None
@@ -324,7 +326,7 @@ class Owed(msgspec.Struct, gc=False):  # one for each match: the garbage collect
 
     first_seq: int
     is_kept: bool
-    """Whether samples that it misses may come again, out of the publisher's history."""
+    """Whether samples that it misses may come again, out of what the publisher keeps."""
     has_left: bool = False
     """Whether the publisher was closed in order."""
 
@@ -370,8 +372,11 @@ class Subscription(Endpoint):
         """All samples from `first_seq` on are for it."""
         owed = self.owed.get(publisher.gid)
         if owed is None:
-            is_wanted = self.takes_history or (self.is_lossless and publisher.is_lossless)
-            is_kept = publisher.history is not None and is_wanted
+            are_lossless = self.is_lossless and publisher.is_lossless
+            if publisher.history is not None:
+                is_kept = self.takes_history or are_lossless
+            else:
+                is_kept = are_lossless and publisher.node.peer.keeps_places
             self.owed[publisher.gid] = Owed(first_seq, is_kept)
         else:
             owed.first_seq = min(owed.first_seq or first_seq, first_seq)
@@ -428,10 +433,10 @@ class Match:
     """When it was made."""
     state: MatchState = MatchState.NEW
     began_seq: int = 0
-    """ROUTED, AHEAD: the number of the first sample that counts as routed for it."""
+    """ROUTED, AHEAD: the number of the first sample that counts as routed for it. While it `is_repeated`: the
+    number of the next one."""
     is_return: bool = False
-    """ROUTED: whether the subscription was there before, so that what went to others meanwhile is lost for
-    it."""
+    """Whether the subscription was there before, so that what went to others meanwhile is lost for it."""
     acked_seq: int | None = None
     """Of a lossless match: the last number taken, or None where the publisher does not wait for it."""
 
@@ -485,8 +490,22 @@ class Match:
         received_seq = self.subscription.last_seqs.get(publisher.gid)
         is_ahead = received_seq is not None and received_seq >= publisher.next_seq
         self.began_seq = received_seq + 1 if received_seq is not None and is_ahead else publisher.next_seq
-        self.is_return = self.state is MatchState.NEW and received_seq is not None and not is_ahead
+        was_there = received_seq is not None and (self.is_return or self.state is MatchState.NEW)
+        self.is_return = was_there and not is_ahead
         self.on(MatchEvent.ROUTE_AHEAD if is_ahead else MatchEvent.ROUTE)
+
+    @property
+    def is_repeated(self) -> bool:
+        """Whether the publisher sends what the subscription has missed while it was lost, to it alone."""
+        return self.is_return and self.state is MatchState.CATCHING_UP
+
+    def repeat_from(self, last_seq: int) -> None:
+        """The subscription is back, and has had all up to `last_seq`: the publisher repeats what follows."""
+        publisher = self.publisher
+        self.began_seq, self.is_return = last_seq + 1, True
+        self.on(MatchEvent.CATCH_UP)
+        self.subscription.owe(publisher, self.began_seq)
+        publisher.credited = min(publisher.credited, last_seq)
 
     def end(self) -> int:
         """End it. Returns the last number that the subscription has had or that was routed to it."""
@@ -514,7 +533,7 @@ class Match:
         """Which samples of the publisher are for the subscription, or None."""
         if self.is_shared:
             return Owed(0, is_kept=False)
-        if self.state not in (MatchState.ROUTED, MatchState.AHEAD):
+        if self.state not in (MatchState.ROUTED, MatchState.AHEAD) and not self.is_repeated:
             return None
         self.subscription.owe(self.publisher, self.began_seq)
         return self.subscription.owed[self.publisher.gid]
@@ -522,7 +541,7 @@ class Match:
     def await_acks(self) -> None:
         """From now on the publisher waits until the subscription has taken what went by socket."""
         publisher = self.publisher
-        self.acked_seq = max(self.began_seq, publisher.next_seq) - 1
+        self.acked_seq = (self.began_seq if self.is_repeated else max(self.began_seq, publisher.next_seq)) - 1
         publisher.awaited[self.subscription.id] = self
         # It has taken samples already that the publisher is yet to send here: no acknowledgement will come
         # for them.

@@ -115,14 +115,19 @@ class Graph:
                 del holder.topics[topic.name]
         self._endpoints_removed.append(endpoint.id)
 
-    def add_match(self, match: Match, *, is_shared: bool) -> None:
-        """A new match: of a mirror, or on the route shm, or on the route socket."""
+    def add_match(self, match: Match, *, is_shared: bool, last_seq: int | None = None) -> None:
+        """A new match: of a mirror, or on the route shm, or on the route socket.
+
+        `last_seq`: the publisher sends what follows to the subscription alone, which is back.
+        """
         publisher, subscription = match.publisher, match.subscription
         publisher.matches[subscription.id] = subscription.matches[publisher.id] = match
         if subscription.is_mirror:
             match.on(MatchEvent.BRIDGE)
         elif is_shared:
             match.share()
+        elif last_seq is not None:
+            match.repeat_from(last_seq)
         else:
             match.begin_routing()
         self._matches += 1

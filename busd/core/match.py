@@ -48,6 +48,8 @@ class MatchEvent(Enum):
     """The next sample that goes to all is for the subscription, too."""
     ROUTE_AHEAD = "route ahead"
     """The same, but it has had that sample, and maybe more."""
+    CATCH_UP = "catch up"
+    """The subscription was lost and is back: it has missed what the publisher has kept for it."""
     ATTACH = "attach"
     """The subscription has found the ring (Attach)."""
     REROUTE = "reroute"
@@ -68,6 +70,7 @@ TRANSITIONS: Mapping[MatchState, Mapping[MatchEvent, MatchState]] = {
         _Event.BRIDGE: _State.BRIDGED,
         _Event.ROUTE: _State.ROUTED,
         _Event.ROUTE_AHEAD: _State.AHEAD,
+        _Event.CATCH_UP: _State.CATCHING_UP,
     },
     _State.OFFERED: {
         _Event.ATTACH: _State.ATTACHED,

@@ -26,7 +26,7 @@ from busd.core.bridging import are_for_each_other
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import ROUTE_OF, Match, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.work import MATCH, QUEUES_PER_UNIT, STAMPS_PER_UNIT
+from busd.core.work import LOOKS_PER_UNIT, MATCH, QUEUES_PER_UNIT, STAMPS_PER_UNIT
 
 _ACKED_SEQ = attrgetter("acked_seq")
 
@@ -59,9 +59,12 @@ def make_match(
         if not subscription.is_tap:
             _refuse(publisher, subscription, *reason, out)
         return MATCH
-    is_shared = can_share(publisher, subscription)
+    last_seq = None
+    if subscription.is_lossless and subscription.last_seqs:
+        last_seq = _repeated_from(publisher, subscription)
+    is_shared = last_seq is None and can_share(publisher, subscription)
     match = Match(publisher, subscription, now_ns)
-    graph.add_match(match, is_shared=is_shared)
+    graph.add_match(match, is_shared=is_shared, last_seq=last_seq)
     route = ROUTE_OF[match.state]
     ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
     offered, requested = publisher.qos, subscription.qos
@@ -69,6 +72,7 @@ def make_match(
         requested = _as_offered(requested, offered)
     ends: tuple[tuple[Any, Any, QoSProfile, tuple[Any, ...]], ...]
     ends = ((publisher, subscription, requested, ()), (subscription, publisher, offered, ring))
+    next_seq = publisher.next_seq if last_seq is None else last_seq + 1
     for mine, other, qos, brings in ends:
         message = Matched(
             endpoint=mine.id,
@@ -77,11 +81,12 @@ def make_match(
             gid=other.gid,
             qos=qos,
             route=route,
-            next_seq=publisher.next_seq,
+            next_seq=next_seq if mine is subscription else publisher.next_seq,
             at_ns=now_ns,
             descriptors=len(brings),
             stands_for=publisher.stands_for if other is publisher else b"",
             is_tap=other is subscription and subscription.is_tap,
+            last_seq=last_seq if mine is publisher else None,
         )
         out.append(Send(mine.node.peer.id, message, brings))
     if subscription.node.peer.is_silent and match.is_lossless:
@@ -92,8 +97,36 @@ def make_match(
         out.append(Send(subscription.node.peer.id, lost))
     if is_shared or subscription.is_mirror:
         return MATCH
-    last_seq = _replayed_from(match) if publisher.history is not None else None
-    return MATCH + _begin_routing(now_ns, match, last_seq, out)
+    replayed = _replayed_from(match) if publisher.history is not None else None
+    price = MATCH + _begin_routing(now_ns, match, replayed, out)
+    if last_seq is not None:
+        give_credit(publisher, out.append)  # it goes on from there, though the subscription may be silent
+        price += len(publisher.awaited) // LOOKS_PER_UNIT
+    return price
+
+
+def _repeated_from(publisher: Publisher, subscription: Subscription) -> int | None:
+    """The number after which the publisher is to repeat its samples to a subscription that is back.
+
+    None: the subscription has missed nothing, or the publisher keeps nothing for it. Samples that went by a
+    ring are still there. So, if there was one, busd must know that this subscription got its own by socket.
+    """
+    received_seq = subscription.last_seqs.get(publisher.gid)
+    if (
+        received_seq is None
+        or received_seq + 1 >= publisher.next_seq
+        or not publisher.is_lossless
+        or subscription.is_mirror
+        or publisher.history is not None
+        or not publisher.node.peer.keeps_places
+    ):
+        return None
+    may_have_shared = publisher.ring is not None or publisher.has_shared
+    if may_have_shared and publisher.node.peer.uid == subscription.node.peer.uid:
+        owed = subscription.owed.get(publisher.gid)
+        if owed is None or not owed.first_seq:
+            return None
+    return received_seq
 
 
 def _as_offered(qos: QoSProfile, offered: QoSProfile) -> QoSProfile:
@@ -132,15 +165,18 @@ def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
     _begin_routing(now_ns, match, None, out)
 
 
-def end_match(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False) -> None:
+def end_match(
+    graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False, keep_ns: int = 0
+) -> None:
     """End the match and tell both; samples in the queue are still delivered.
 
-    `is_lost`: the process of the end that leaves ended without a goodbye.
+    `is_lost`: the process of the end that leaves ended without a goodbye. The publisher keeps the place of a
+    subscription for `keep_ns`.
     """
     publisher, subscription = match.publisher, match.subscription
     was_awaited = match.acked_seq is not None
     last_seq = graph.remove_match(match)
-    told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost)
+    told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost, keep_s=keep_ns / 1e9)
     out.append(Send(publisher.node.peer.id, told))
     told = Unmatched(endpoint=subscription.id, other=publisher.id, lost=is_lost, last_seq=last_seq)
     out.append(Send(subscription.node.peer.id, told))

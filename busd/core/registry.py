@@ -39,6 +39,7 @@ from busd.core.limits import TopicRule, rules_for
 from busd.core.match import MatchState
 from busd.core.matching import end_match, make_match
 from busd.core.overload import Overload
+from busd.core.places import Places
 from busd.core.quotas import Quotas
 from busd.core.router import Router
 from busd.core.work import ENDPOINT, FRAME, RUNS_PER_UNIT, UNMATCH, Work
@@ -54,7 +55,7 @@ refusing."""
 class Registry:
     """Carries out Create..., Destroy... and DeclareType on the graph."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         graph: Graph,
         quotas: Quotas,
@@ -64,6 +65,7 @@ class Registry:
         overload: Overload,
         access_guard: AccessGuard,
         absentees: Absentees,
+        places: Places,
     ) -> None:
         self._graph = graph
         self._quotas = quotas
@@ -73,6 +75,7 @@ class Registry:
         self._overload = overload
         self._access_guard = access_guard
         self._absentees = absentees
+        self._places = places
 
     def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
         for text in (message.type_name, message.type_hash):
@@ -254,6 +257,10 @@ class Registry:
             for match in tuple(endpoint.matches.values()):
                 if not match.has_ended:
                     self._router.settle(now_ns, match)
+                    if is_lost:
+                        self._places.await_repeated(now_ns, match)
+                    else:
+                        self._router.give_up_repeated(now_ns, match)
                     if gap and match.state is MatchState.ROUTED:
                         self._router.miss(now_ns, endpoint, gap, (match.subscription,), is_loss=False)
                     end_match(self._graph, match, out, is_lost=is_lost)
@@ -264,12 +271,14 @@ class Registry:
             endpoint.node.peer.lapsed.discard(endpoint)
         else:
             if is_lost:
+                now_ns = yield 0
                 now_ns = yield from self._absentees.lose(now_ns, endpoint)
             self._absentees.forget(endpoint)
             for match in tuple(endpoint.matches.values()):
                 if not match.has_ended:
-                    end_match(self._graph, match, out, is_lost=is_lost)
-                    yield UNMATCH
+                    keep_ns = self._places.keep(now_ns, match) if is_lost else 0
+                    end_match(self._graph, match, out, is_lost=is_lost, keep_ns=keep_ns)
+                    now_ns = yield UNMATCH
             yield from _empty(endpoint.queue)
             endpoint.node.peer.perishable.discard(endpoint)
         if endpoint.id in endpoint.node.endpoints:

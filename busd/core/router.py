@@ -273,6 +273,9 @@ class Router:
                 f"the last one is {publisher.next_seq - 1}"
             )
         subscription.expected_besides += run.count
+        if match.is_repeated:
+            self._pass_over(now_ns, match, run.first_seq)
+            match.began_seq = max(match.began_seq, run.first_seq + run.count)
         if match.state is MatchState.CATCHING_UP:
             subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
@@ -284,6 +287,25 @@ class Router:
         if subscription.queue.append(run):
             self._overfull.append(subscription)
         out.append(subscription.flush)
+
+    def caught_up(self, now_ns: int, match: Match) -> None:
+        """The publisher has sent what the subscription has missed: from now on it gets what all get."""
+        self.give_up_repeated(now_ns, match)
+        match.begin_routing()
+
+    def give_up_repeated(self, now_ns: int, match: Match) -> None:
+        """The publisher sends nothing again any more: what did not come is lost."""
+        if match.is_repeated:
+            self._pass_over(now_ns, match, match.publisher.next_seq)
+
+    def _pass_over(self, now_ns: int, match: Match, next_seq: int) -> None:
+        """The publisher has kept nothing before `next_seq` any more of what it is to send again."""
+        if (lost := next_seq - match.began_seq) > 0:
+            match.began_seq = next_seq
+            subscription = match.subscription
+            subscription.expected_besides += lost
+            subscription.remember(match.publisher, next_seq - 1)
+            self._lose(now_ns, match, "disconnected", lost, next_seq - 1)
 
     def _admit(
         self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool

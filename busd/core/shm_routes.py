@@ -17,6 +17,7 @@ from busd.core.matching import release, reroute
 from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.registry import Registry
+from busd.core.router import Router
 from busd.core.work import LOOKS_PER_UNIT, MATCH, TELL, Work
 
 
@@ -26,10 +27,13 @@ class Routes:
     A message about a match that is gone, or that the other end has refused, is only late, and no mistake.
     """
 
-    def __init__(self, graph: Graph, quotas: Quotas, registry: Registry, overload: Overload) -> None:
+    def __init__(
+        self, graph: Graph, quotas: Quotas, registry: Registry, router: Router, overload: Overload
+    ) -> None:
         self._graph = graph
         self._quotas = quotas
         self._registry = registry
+        self._router = router
         self._overload = overload
 
     def share(
@@ -99,7 +103,7 @@ class Routes:
         publisher = self._registry.own_publisher(peer, message.publisher)
         match = publisher.matches.get(EndpointId(message.subscription))
         if match is not None and match.state is MatchState.CATCHING_UP:
-            match.begin_routing()
+            self._router.caught_up(now_ns, match)
 
     def replace_ring(
         self,

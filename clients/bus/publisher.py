@@ -331,6 +331,10 @@ class Publisher(Endpoint[M]):
                 if message.route != BRIDGE:
                     self._sender.matched(message)
                 super()._handle(message)
+            case m.Unmatched(other=other):
+                if message.keep_s or self._find_match(other) is None:
+                    self._sender.keep_place(other, message.keep_s)
+                super()._handle(message)
             case m.Attached(subscription=other) if (match := self._find_match(other)) is not None:
                 try:
                     self._sender.attach(match.gid, message, descriptors)

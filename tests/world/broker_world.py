@@ -93,7 +93,11 @@ class World:
         rules: tuple[TopicRule, ...] = (),
         access: tuple[AccessRule, ...] = (),
     ) -> None:
-        self.broker = Broker(limits, rules, Access(UID, access), uid=UID, pid=1)
+        self.alive: set[int] = set()
+        """Pids of processes that live, connected or not."""
+        self.broker = Broker(
+            limits, rules, Access(UID, access), uid=UID, pid=1, lives=self.alive.__contains__
+        )
         self.now_ns = 1_000 * SECOND
         self.processes: dict[PeerId, Process] = {}
         self.notes: list[str] = []
@@ -108,6 +112,7 @@ class World:
         self.passed_on = 0
         """Runs that went on as they were."""
         self.gids = count(1)
+        self.pids = count(100)
 
     def process(
         self,
@@ -218,8 +223,9 @@ class Process:
         self._from_broker = Session(Role.CLIENT)
         greeting = m.Hello(version=PROTOCOL_VERSION, capabilities=(SILENCE, *capabilities), program=program)
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
-        pid = 100 + len(world.processes) if key is None else 0
-        self.id = world.broker.attach(world.now_ns, hello, pid=pid, uid=uid, process=key)
+        self.pid = next(world.pids) if key is None else 0
+        world.alive.add(self.pid)
+        self.id = world.broker.attach(world.now_ns, hello, pid=self.pid, uid=uid, process=key)
         world.processes[self.id] = self
         self.outbox.put(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
         self.read()
@@ -291,6 +297,11 @@ class Process:
 
     def die(self) -> None:
         """The process is gone; its socket closes."""
+        self.world.alive.discard(self.pid)
+        self.lose()
+
+    def lose(self) -> None:
+        """Its socket closes, and it lives on."""
         del self.world.processes[self.id]
         self.world.refill()
         self.world.carry_out(self.world.broker.detach(self.world.now_ns, self.id))

@@ -43,7 +43,7 @@ from bus.shm import segments
 from bus.subscription import Subscription
 from bus.types.support import type_support
 from bus.wire import messages as m
-from bus.wire.layout import LEAVING, NAMESAKES
+from bus.wire.layout import LEAVING, NAMESAKES, PLACES
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Run
 from bus.wire.session import Carried
@@ -159,7 +159,7 @@ class Connection(broker_world.Process):
         self.arrived: deque[tuple[bytes, tuple[Descriptor, ...]]] = deque()
         self.sent_up: deque[tuple[bytes, tuple[Descriptor, ...]]] = deque()
         self.has_ended = False
-        super().__init__(world, program, broker_world.UID, (LEAVING, NAMESAKES))
+        super().__init__(world, program, broker_world.UID, (LEAVING, NAMESAKES, PLACES))
 
     def read(self) -> None:
         while (taken := self.outbox.take())[1]:
@@ -291,7 +291,7 @@ class Client(ListPort):
         assert connection is not None
         if not connection.has_ended:
             connection.has_ended = True
-            connection.die()
+            connection.lose()
         self._lost()
 
     def die(self) -> None:
@@ -524,7 +524,14 @@ class ClientWorld(broker_world.World):
                 client.connection.has_ended = True
         self.processes.clear()
         self.brokers += 1
-        self.broker = Broker(self._limits, (), self.broker._access_guard.access, uid=broker_world.UID, pid=1)
+        self.broker = Broker(
+            self._limits,
+            (),
+            self.broker._access_guard.access,
+            uid=broker_world.UID,
+            pid=1,
+            lives=self.alive.__contains__,
+        )
 
     def connect_all(self) -> None:
         """Whoever has lost its connection has another."""

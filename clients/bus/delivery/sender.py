@@ -85,6 +85,7 @@ class Sender:
         self._lent: memoryview | None = None  # what is not yet filled, where there is no ring
         self.refused = 0
         """Loans that found no room at their end, because other threads have published meanwhile."""
+        self._socket.on_place_gone = self._place_gone
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _no_quick_way
@@ -303,7 +304,7 @@ class Sender:
         """The broker is gone. Subscriptions read the ring on; what goes by socket waits."""
         if self._return is not None:
             self._return.cancel()
-        self._is_returning |= bool(self._by_socket)
+        self._is_returning |= bool(self._by_socket) or self._socket.has_places
         self._by_socket.clear()
         self._socket.disconnected()
         if self._ring is not None:
@@ -325,10 +326,16 @@ class Sender:
         self.release_waiters()
 
     def matched(self, matched: m.Matched) -> None:
-        self._socket.matched(matched.other, matched.gid, matched.qos, by_socket=matched.route == "socket")
+        self._socket.matched(
+            matched.other,
+            matched.gid,
+            matched.qos,
+            by_socket=matched.route == "socket",
+            last_seq=matched.last_seq,
+        )
         if self._ring is None:
-            return
-        if matched.route == "shm":
+            self.release_waiters()
+        elif matched.route == "shm":
             self._ring.expect(matched)
         else:
             # What the broker has not got yet goes to the new match, too: else it would see a gap.
@@ -359,6 +366,10 @@ class Sender:
             self._go_by_socket(rerouted.other, [])
             self.release_waiters()
 
+    def keep_place(self, other: int, keep_s: float) -> None:
+        """A lossless subscription by socket was lost, and may be back within `keep_s`; 0: it will not be."""
+        self._socket.keep_place(other, keep_s)
+
     def unmatched(self, other: int, gid: bytes, *, is_lost: bool) -> None:
         self._socket.unmatched(other)
         if self._ring is None:
@@ -376,7 +387,7 @@ class Sender:
         """Let go by socket only what some subscription reads there, and the history, which the broker
         keeps."""
         ring, socket = self._ring, self._socket
-        is_read = ring is None or bool(self._by_socket) or self._is_returning
+        is_read = ring is None or bool(self._by_socket) or self._is_returning or socket.has_places
         is_needed = is_read or socket.keeps_history
         socket.set_readers(are_there=is_read)
         if socket.is_active and not is_needed:
@@ -416,6 +427,12 @@ class Sender:
         if self.sends is not None:
             self.sends.publish = self.publish
             self.sends.spares_turns = spares_turns
+
+    def _place_gone(self) -> None:
+        """There may be room, and perhaps nobody needs the route socket any more."""
+        if self._totals is None:
+            self._choose_routes()
+            self.release_waiters()
 
     def _returned(self) -> None:
         self._is_returning = False

@@ -4,9 +4,10 @@ A sample leaves at once, but where the one before left a moment ago: then it is 
 follow into a run, which leaves when it is full or when the turn of the event loop ends. So a paced publisher
 has the latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
 
-What a lossless subscription may not have taken yet is kept, in case the broker dies with it. Then each
-subscription that comes back gets what is kept, sent to it alone, and nothing new is sent before all are back
-or time is up. Other reliable subscriptions are waited for, too, for a shorter time and while a depth has
+What a lossless subscription may not have taken yet is kept, in case its connection or the broker is lost.
+A lost subscription has a place here for a while: no credit beyond it is used until the subscription is back
+and was sent what it has missed, to it alone. After a restart of the broker nothing new is sent before all are
+back or time is up. Other reliable subscriptions are waited for, too, for a shorter time and while a depth has
 room: so nothing is lost when busd restarts and the publisher is back first.
 """
 
@@ -39,10 +40,28 @@ _SHORT_RETURN_S = 1.0
 _GATHER_NS = 100_000
 """A message that follows the last one so soon is gathered with others."""
 
+_GRACE_S = 0.1
+"""A loop that stood still reads what came meanwhile before a place is given up."""
+_MOST_PLACES = 64
+"""Subscriptions that have a place at a time. What they are sent again, together, must not fill the memory."""
+
 Sample: TypeAlias = tuple[int, int, bytes]
 """Number, stamp in ns, payload."""
 
 _pack_record = RECORD_HEAD.pack
+
+
+class _Place:
+    """Where a lossless subscription that was lost will go on."""
+
+    __slots__ = ("other", "seq", "timer")
+
+    def __init__(self, seq: int, other: int, timer: Timer | None) -> None:
+        self.seq = seq
+        """It has taken all up to there."""
+        self.other = other
+        """The number that the present broker gave it; 0: an earlier broker."""
+        self.timer = timer
 
 
 class SocketSender:
@@ -88,6 +107,10 @@ class SocketSender:
         self._window_samples = 0
         self._window_bytes = 0
         self._credited = 0
+        self._level = 0  # the broker's last word about credit; places may hold back what is above them
+        self._places: dict[bytes, _Place] = {}  # by the gid of the subscription
+        self.on_place_gone: Callable[[], object] = int
+        """Called when nothing is kept any more for a subscription that was lost."""
         self._flying_bytes = 0
         self._flying: deque[tuple[int, int]] = deque()
         # Handed over and perhaps not taken yet. With a history that alone serves a new broker.
@@ -226,10 +249,30 @@ class SocketSender:
 
     def credit(self, seq: int) -> None:
         """All that must acknowledge have taken everything up to `seq`."""
+        self._level = seq
+        if self._places:
+            seq = min(seq, *[place.seq for place in self._places.values()])
         kept = self._kept
         while kept is not None and kept.runs and kept.runs[0].first_seq + kept.runs[0].count - 1 <= seq:
             kept.forget_head()
         self._forget_flying(seq)
+
+    @property
+    def has_places(self) -> bool:
+        """Whether subscriptions that were lost may come back, and are to miss nothing."""
+        return bool(self._places)
+
+    def keep_place(self, other: int, keep_s: float) -> None:
+        """A subscription was lost, and may be back within `keep_s`; 0: it will not be."""
+        taker = self._takers.pop(other, None)
+        if not keep_s:
+            for gid in [gid for gid, place in self._places.items() if place.other == other]:
+                self._forget_place(gid, self._places[gid])
+        elif taker is not None and taker[1] and not self._is_matched(taker[0]):
+            gid = taker[0]
+            place = self._places[gid] = _Place(self._level, other, None)
+            place.timer = self._port.later(keep_s, self._time_is_up, gid, place)
+            self._bound_places()
 
     def _forget_flying(self, seq: int) -> None:
         """Take everything up to `seq` out of the window."""
@@ -255,21 +298,36 @@ class SocketSender:
                 self.queue.push(run)
             self.queue.account.limit = self._history.account.limit
         self._forget_flying(self.first_seq_to_send() - 1)
+        for gid, place in self._places.items():
+            place.timer = self._port.later(RETURN_S, self._time_is_up, gid, place)
         if self._awaited:
             self._return = self._port.later(_SHORT_RETURN_S, self._wait_for_lossless)
         elif self.queue.runs:
             self._port.make_ready(self.queue)
 
-    def matched(self, other: int, gid: bytes, qos: QoSProfile, *, by_socket: bool) -> None:
-        """A subscription is matched, by this route if it `by_socket`."""
+    def matched(
+        self, other: int, gid: bytes, qos: QoSProfile, *, by_socket: bool, last_seq: int | None = None
+    ) -> None:
+        """A subscription is matched, by this route if it `by_socket`.
+
+        `last_seq`: it was lost and is back, has had all up to there, and waits for what it has missed.
+        """
         if not self._is_awaiting or qos.reliability is not Reliability.RELIABLE:
             return
         is_lossless = self._is_windowed and qos.is_lossless
+        if last_seq is not None:
+            if gid in self._places or self._is_matched(gid):
+                self._repeat(other, last_seq)
+            self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner._id, subscription=other))
+            self._level = min(self._level, last_seq)  # the broker's credit, too, goes on from there
         if by_socket:
             self._takers[other] = gid, is_lossless
+        if (place := self._places.pop(gid, None)) is not None:
+            _cancel(place)
+            self.credit(self._level)
         if gid in self._awaited:
-            if by_socket and is_lossless:
-                self._repeat(other)
+            if by_socket and is_lossless and last_seq is None:
+                self._repeat(other, 0)
             del self._awaited[gid]
             if not self._awaited:
                 self._go_on()
@@ -284,8 +342,15 @@ class SocketSender:
 
     def disconnected(self) -> None:
         self.queue.is_ready = False  # the outbox that it stood in is gone
-        self._awaited |= dict(self._takers.values())
+        for place in self._places.values():
+            place.other = 0
+            _cancel(place)
+        for gid, is_lossless in self._takers.values():
+            self._awaited[gid] = is_lossless
+            if is_lossless:
+                self._places[gid] = _Place(self._level, 0, None)
         self._takers.clear()
+        self._bound_places()
         self._stop_waiting()
 
     def drop_queued(self) -> int:
@@ -298,6 +363,9 @@ class SocketSender:
         """Nothing more will be sent."""
         self.forget_open()
         self.queue.clear()
+        for place in self._places.values():
+            _cancel(place)
+        self._places.clear()
         self._stop_waiting()
 
     @property
@@ -314,15 +382,39 @@ class SocketSender:
         self.run.forget()
         self.run.begins_below = 0
 
-    def _repeat(self, subscription: int) -> None:
-        """Send it what the last broker had and perhaps did not pass on; it recognizes what it has had."""
+    def _is_matched(self, gid: bytes) -> bool:
+        """Whether a lossless subscription of that gid is matched, perhaps by its last connection."""
+        return (gid, True) in self._takers.values()
+
+    def _bound_places(self) -> None:
+        while len(self._places) > _MOST_PLACES:
+            oldest = next(iter(self._places))
+            self._forget_place(oldest, self._places[oldest])
+
+    def _time_is_up(self, gid: bytes, place: _Place) -> None:
+        place.timer = self._port.later(_GRACE_S, self._forget_place, gid, place)
+
+    def _forget_place(self, gid: bytes, place: _Place) -> None:
+        """The subscription was away too long, or will not be back."""
+        if self._places.get(gid) is place:
+            _cancel(place)
+            del self._places[gid]
+            self.credit(self._level)
+            self.on_place_gone()
+
+    def _repeat(self, subscription: int, last_seq: int) -> None:
+        """Send it what is kept behind `last_seq` and was sent before: perhaps it was not passed on."""
         assert self._kept is not None
         first_seq = self.first_seq_to_send()
         for run in self._kept.runs:
             if run.first_seq >= first_seq:
                 break
-            head = data_head(self._owner._id, run.first_seq, run.count, len(run.body), only_for=subscription)
-            self._port.send_about(self._owner, head + run.body)
+            if run.first_seq + run.count - 1 > last_seq:
+                rest = run if run.first_seq > last_seq else run.after(last_seq)
+                head = data_head(
+                    self._owner._id, rest.first_seq, rest.count, len(rest.body), only_for=subscription
+                )
+                self._port.send_about(self._owner, head + rest.body)
 
     def _wait_for_lossless(self) -> None:
         """The others were away too long."""
@@ -373,3 +465,8 @@ class SocketSender:
         if self._owner._id and not self._awaited:
             self._port.make_ready(self.queue)
             self._port.flush()
+
+
+def _cancel(place: _Place) -> None:
+    if place.timer is not None:
+        place.timer.cancel()

@@ -37,6 +37,7 @@ from bus.wire.layout import (
     LEAVING,
     MAX_CONTROL_BYTES,
     NAMESAKES,
+    PLACES,
     PROTOCOL_VERSION,
     SILENCE,
 )
@@ -132,7 +133,7 @@ class Connection:
         self.send(
             m.Hello(
                 version=PROTOCOL_VERSION,
-                capabilities=(LEAVING, NAMESAKES, SILENCE),
+                capabilities=(LEAVING, NAMESAKES, SILENCE, PLACES),
                 pid=os.getpid(),
                 program=_program(),
                 release=RELEASE,

@@ -37,6 +37,10 @@ NAMESAKES: Final = "namesakes"
 SILENCE: Final = "silence"
 """Capability, in the Hello of a client that understands the message Silence."""
 
+PLACES: Final = "places"
+"""Capability, in the Hello of a client whose reliable keep-all publishers keep the place of a subscription
+that was lost, and send again what it has missed."""
+
 BRIDGES: Final = "bridges"
 """Capability, in the Hello of a busd that knows origins, mirrors and taps."""
 

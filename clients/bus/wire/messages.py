@@ -266,7 +266,9 @@ class Matched(Message, frozen=True, tag="matched"):
     """`endpoint` (yours) and `other` now form a match, since `at_ns` of the monotonic clock.
 
     On the route shm it brings a subscription the publisher's ring and its process's doorbell. `stands_for`:
-    the gid to be shown for `other`. `is_tap`: `other` is one.
+    the gid to be shown for `other`. `is_tap`: `other` is one. `last_seq`, to a publisher with the
+    capability PLACES: the subscription was lost and is back, and has had all up to there. Send what it has
+    missed, to it alone, and then CaughtUp.
     """
 
     endpoint: int
@@ -280,19 +282,23 @@ class Matched(Message, frozen=True, tag="matched"):
     descriptors: Descriptors = 0
     stands_for: Gid = b""
     is_tap: bool = False
+    last_seq: Count | None = None
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
     """`lost`: the process of `other` did not take its leave, so that it may still run. (Busd 0.1.0 said so of
     subscriptions only.)
 
-    `last_seq`, to a subscription: the last number that it has had or that was routed to it.
+    `last_seq`, to a subscription: the last number that it has had or that was routed to it. `keep_s`, to a
+    lossless publisher: keep the place of the lossless subscription for so long, because it may come back. A
+    second Unmatched, with 0, says that it will not.
     """
 
     endpoint: int
     other: int
     lost: bool = False
     last_seq: Count = 0
+    keep_s: Lease = 0.0
 
 
 class Incompatible(Message, frozen=True, tag="incompatible"):

@@ -18,6 +18,7 @@ from broker_endpoints import Publisher, Subscription
 from broker_world import ALL_MAY, SECOND, TEXT, UID, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from bus.wire.layout import PLACES
 from busd.core.access import Access
 from busd.core.limits import Limits
 from busd.core.turns import BUDGET
@@ -475,6 +476,26 @@ def publishers_do_not_come_back(world: Big) -> Callable[[], object]:
     return lambda: world.advance(11)
 
 
+def the_killed_leave_many_places(world: Big) -> Callable[[], object]:
+    listener, talker = world.process(), world.process(capabilities=(PLACES,))
+    for _ in range(many() // 40):
+        listener.subscription("/t", KEEP_ALL)
+    for _ in range(10):
+        talker.publisher("/t", KEEP_ALL)
+    listener.die()
+    return lambda: world.advance(0.2)
+
+
+def publishers_do_not_come_back_to_repeat(world: Big) -> Callable[[], object]:
+    listener, talker = world.process(), world.process(capabilities=(PLACES,))
+    publishers = [talker.publisher("/t", KEEP_ALL) for _ in range(many() // 10)]
+    for one in publishers:
+        one.publish("x")
+    listener.node().subscription("/t", KEEP_ALL, last_seqs={one.gid: 0 for one in publishers})
+    talker.die()
+    return lambda: world.advance(11)
+
+
 TIMERS: dict[str, tuple[Scene, ...]] = {
     "report": (drops_of_many_are_reported,),
     "_check_publisher": (leases_end,),
@@ -482,7 +503,8 @@ TIMERS: dict[str, tuple[Scene, ...]] = {
     "_go_on": (leases_end, a_process_falls_silent),
     "_settle_at_last": (publishers_do_not_come_back,),
     "_go_on_settling": (publishers_do_not_come_back,),
-    "_look": (the_absent_are_given_up, a_process_falls_silent),
+    "_look": (the_absent_are_given_up, a_process_falls_silent, the_killed_leave_many_places),
+    "_miss": (publishers_do_not_come_back_to_repeat,),
 }
 
 
