@@ -13,8 +13,8 @@ all processes that live are awake. The accounts are closed from one scene to the
   back as another.
 
 So an ear's delivered + dropped lies between two bounds, which are the same where all of its pairs are steady.
-Of steady pairs that are lossless, nothing is dropped at all, unless the ear's process stood still for longer
-than its lease. By socket, what a busd that is killed had
+Of lossless pairs whose two ends lived through the storm, nothing is dropped at all, whichever was cut off,
+unless one of the two processes stood still for long. By socket, what a busd that is killed had
 dropped and not yet told nobody knows, and what it had told may be found missing once more: where an end of a
 pair by socket has lost busd in a storm in which that died, the ear's own account must close, and is not
 compared with the talkers'. And there may be more where a talker by shared memory was cut off by a busd that
@@ -170,7 +170,10 @@ def _streams(before: Scene, now: Scene) -> Iterator[str]:
         for said in now.talkers.values():
             talker = said.talker
             is_stream = talker.topic == ear.topic and talker.quality.is_lossless
-            if not is_stream or not _is_steady(before, now, said, actor):
+            lived = before.lives(talker.number) and now.lives(talker.number)
+            if not (is_stream and lived) or said.actor in now.sleepers:
+                continue
+            if not _is_steady(before, now, said, actor) and _may_lose_its_ring(before, now, said, actor):
                 continue
             heard = _heard(look, said)
             if missing := heard.missing - _heard(then, said).missing:

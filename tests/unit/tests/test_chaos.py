@@ -129,8 +129,18 @@ class TestJudge:
         assert judge.judge(scene(10, 10), scene(30, 25, dropped=5, deaths=1))
 
     def test_who_was_cut_off_may_miss_some(self) -> None:
-        now = scene(30, 25, dropped=5)
+        lossy = Quality(5)
+        now = scene(30, 25, dropped=5, quality=lossy)
         now.losses["ears"] = 1
+        assert judge.judge(scene(10, 10, quality=lossy), now) == []
+
+    @pytest.mark.parametrize("whose", ["ears", "mouth"])
+    def test_but_not_of_a_stream(self, whose: str) -> None:
+        now = scene(30, 25, dropped=5)
+        now.losses[whose] = 1
+        now.roles = {name: Role(name, (), by_socket=True) for name in now.roles}
+        assert judge.judge(scene(10, 10), now) == ["ears, ear 2 on /t: 5 of 1 (mouth) are missing"]
+        now.sleepers.add(whose)
         assert judge.judge(scene(10, 10), now) == []
 
     def test_what_still_waits(self) -> None:
