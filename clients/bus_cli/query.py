@@ -20,7 +20,7 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.graph import Graph, graph_of
-from bus.link.reach import NotNow, Patience, no_answer, try_to_connect
+from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet, try_to_connect
 from bus.process.address import socket_path
 from bus.wire import messages as m
 from bus.wire.answers import expect
@@ -153,7 +153,7 @@ class Query:
     def _receive(self) -> Any:
         while (message := next(self._items, None)) is None:
             try:
-                size = self._socket.recv_into(self._session.reader.get_buffer())
+                size = self._read()
             except TimeoutError:
                 raise BrokerUnavailable(no_answer(self.path, self._answer_s)) from None
             except OSError as error:
@@ -164,6 +164,21 @@ class Query:
         if isinstance(message, m.Fault):
             raise RemoteProtocolError(message.text)
         return message
+
+    def _read(self) -> int:
+        """Wait for bytes; after TELL_S say once that it waits. Raises TimeoutError."""
+        buffer = self._session.reader.get_buffer()
+        if self._answer_s <= TELL_S:
+            return self._socket.recv_into(buffer)
+        self._socket.settimeout(TELL_S)
+        try:
+            return self._socket.recv_into(buffer)
+        except TimeoutError:
+            complain(no_answer_yet(self.path))
+            self._socket.settimeout(self._answer_s - TELL_S)
+            return self._socket.recv_into(buffer)
+        finally:
+            self._socket.settimeout(self._answer_s)
 
 
 def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = True) -> Graph:

@@ -9,6 +9,7 @@ from bus.errors import BusError
 from bus.node import Node
 from bus_web.descriptions import Descriptions
 from bus_web.model import Model
+from bus_web.outbox import SharedBudget
 from bus_web.shared_subscriptions import SharedSubscriptions
 
 __all__ = ["Hub", "Watcher"]
@@ -42,6 +43,8 @@ class Hub:
         self._descriptions = Descriptions(node)
         self.model = Model(own=[pid], describe=self._descriptions)
         self.is_lost = False
+        self.waiting = SharedBudget()
+        """What waits for all clients."""
         self._watchers: dict[Watcher, None] = {}
         self._tasks: list[asyncio.Task[None]] = []
         self._changed = asyncio.Event()
@@ -76,13 +79,11 @@ class Hub:
         await self.subscriptions.close()
 
     async def _watch(self) -> None:
-        """Have changes of the graph seen at once."""
-        while True:
-            with suppress(BusError, TimeoutError):  # the looks say so
-                async with aclosing(self.node.watch_graph()) as graphs:
-                    async for _ in graphs:
-                        self._changed.set()
-            await asyncio.sleep(_LOOK_S)
+        """Have changes of the graph seen at once; if busd refuses that, with the next look."""
+        with suppress(BusError):
+            async with aclosing(self.node.watch_graph()) as graphs:
+                async for _ in graphs:
+                    self._changed.set()
 
     async def _look(self) -> None:
         loop = asyncio.get_running_loop()

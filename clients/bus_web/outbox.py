@@ -7,9 +7,10 @@ keeps its newest as long as that can be: so a client that falls behind sees all 
 from collections import Counter, OrderedDict, deque
 from typing import NamedTuple
 
-__all__ = ["MOST_BYTES", "Outbox"]
+__all__ = ["MOST_BYTES", "MOST_BYTES_OF_ALL", "Outbox", "SharedBudget"]
 
 MOST_BYTES = 8 << 20
+MOST_BYTES_OF_ALL = 32 << 20
 
 
 class _Frame(NamedTuple):
@@ -25,10 +26,50 @@ class _Queue:
         self.bytes = 0
 
 
-class Outbox:
-    """Frames in the order in which they are to go. `most_bytes` may wait, or one larger frame."""
+class SharedBudget:
+    """What may wait for all clients together. Over it, the client for which most waits loses its oldest."""
 
-    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, most_bytes: int = MOST_BYTES_OF_ALL) -> None:
+        self._most_bytes = most_bytes
+        self._outboxes: list[Outbox] = []
+
+    @property
+    def bytes(self) -> int:
+        """How much waits."""
+        return sum([outbox.bytes for outbox in self._outboxes])
+
+    def enter(self, outbox: "Outbox") -> None:
+        """A client has come."""
+        self._outboxes.append(outbox)
+
+    def leave(self, outbox: "Outbox") -> None:
+        """A client has gone; what waits for it is never sent."""
+        self._outboxes.remove(outbox)
+
+    def bound(self, growing: "Outbox", topic: str) -> None:
+        """`growing` has a new message of `topic`, which stays if nothing else can go."""
+        excess = self.bytes - self._most_bytes
+        while excess > 0:
+            largest_first = sorted(self._outboxes, key=lambda outbox: outbox.bytes, reverse=True)
+            for outbox in largest_first:
+                before = outbox.bytes
+                if outbox.drop_one(topic if outbox is growing else ""):
+                    excess -= before - outbox.bytes
+                    break
+            else:
+                return
+
+
+class Outbox:
+    """Frames in the order in which they are to go. `most_bytes` may wait, or one larger frame.
+
+    `shared`: and of all outboxes together as many as that allows, until `close`.
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES, shared: SharedBudget | None = None) -> None:
+        self._shared = shared
+        if shared is not None:
+            shared.enter(self)
         self._most_bytes = most_bytes
         self._frames: OrderedDict[int, _Frame] = OrderedDict()
         self._queues: dict[str, _Queue] = {}
@@ -57,8 +98,16 @@ class Outbox:
         queue.numbers.append(self._next)
         queue.bytes += len(data)
         self._append(topic, data)
-        while self.bytes > self._most_bytes and self._drop_one(topic):
+        while self.bytes > self._most_bytes and self.drop_one(topic):
             pass
+        if self._shared is not None:
+            self._shared.bound(self, topic)
+
+    def close(self) -> None:
+        """The client has gone."""
+        if self._shared is not None:
+            self._shared.leave(self)
+            self._shared = None
 
     def take(self) -> bytes | None:
         """The next to go; None where nothing waits."""
@@ -84,8 +133,11 @@ class Outbox:
         self._next += 1
         self.bytes += len(data)
 
-    def _drop_one(self, newest: str) -> bool:
-        """Returns whether there was one that may go."""
+    def drop_one(self, newest: str) -> bool:
+        """Drop the oldest message of the topic with most bytes; returns whether there was one that may go.
+
+        The last message of the topic `newest` stays.
+        """
         several = [topic for topic, queue in self._queues.items() if len(queue.numbers) > 1]
         if not several:  # of each topic there is its newest only; but for the last that came they can't stay
             several = [topic for topic in self._queues if topic != newest]

@@ -41,7 +41,7 @@ class PageSession(Watcher):
         self._socket = socket
         self._bus = bus
         self._loop = asyncio.get_running_loop()
-        self._sender = Sender(socket, Outbox(_MOST_WAITING))
+        self._sender = Sender(socket, Outbox(_MOST_WAITING, hub.waiting))
         self._sent = protocol.Sent()
         self._is_graph_due = self._is_first = True
         self._looks: dict[str, _Look] = {}
@@ -63,6 +63,7 @@ class PageSession(Watcher):
             sending.cancel()
             self._look_at({})
             self._log.show(on=False)
+            self._sender.close()
             await asyncio.gather(sending, return_exceptions=True)
 
     # --- of the hub

@@ -61,6 +61,10 @@ class Sender:
         """Its messages need not be sent any more."""
         self._outbox.forget(topic)
 
+    def close(self) -> None:
+        """The client has gone."""
+        self._outbox.close()
+
     def take_dropped(self) -> dict[str, int]:
         """How many messages of each topic were dropped since this was asked last."""
         dropped = dict(self._outbox.dropped)

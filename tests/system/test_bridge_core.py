@@ -1,8 +1,7 @@
 """Two buses and what crosses between them, over an engine without a network."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
-from contextlib import aclosing
+from collections.abc import Callable
 from itertools import combinations
 from typing import Any
 
@@ -10,9 +9,11 @@ import pytest
 
 import bus
 from bridging import KEPT, LATCHED, LOSSLESS, Made, received, world
+from bus.link.link import Link
 from bus.msg.std_msgs import Int32, String
 from bus.names import service_of_topic
 from bus.srv.example_interfaces import AddTwoInts
+from bus.wire.messages import Observe
 from bus_bridge.core.rules import TopicRule
 from bus_bridge.engine import LocalEndpoint
 from bus_bridge.errors import NotCarried
@@ -212,16 +213,14 @@ async def test_what_comes_while_busd_says_nothing_for_long_crosses(
 async def test_a_busd_that_says_nothing_for_long_at_the_beginning_ends_no_bridge(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    watch_graph, silences = bus.Node.watch_graph, iter(range(3))
+    request, silences = Link.request, iter(range(3))
 
-    async def watch_graph_late(node: bus.Node) -> AsyncIterator[bus.Graph]:
-        for _ in silences:
+    async def request_late(link: Link, make: Any, kind: Any) -> Any:
+        for _ in silences if isinstance(make(0), Observe) else ():
             raise TimeoutError
-        async with aclosing(watch_graph(node)) as graphs:
-            async for graph in graphs:
-                yield graph
+        return await request(link, make, kind)
 
-    monkeypatch.setattr(bus.Node, "watch_graph", watch_graph_late)
+    monkeypatch.setattr(Link, "request", request_late)
     async with world() as made:
         talk = await made.talk()
         async with asyncio.timeout(WAIT_S):

@@ -1,6 +1,7 @@
 """What Python knows of the threads in which zenoh calls back: kept from one message to the next."""
 
 import asyncio
+import os
 import threading
 from collections import defaultdict
 from typing import TypeAlias
@@ -10,9 +11,11 @@ import pytest
 pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs it")
 
 from bus import shm
+from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh.options import ZenohOptions
 from bus_bridge.zenoh.session import Session
 from conftest import WAIT_S
+from neighbours import descriptors_of
 from ports import free_port
 from thread_states import this_state
 
@@ -60,3 +63,15 @@ async def _meet(states: States) -> None:
         for one in ends:
             await one.close()
     assert not faults
+
+
+async def test_where_no_thread_can_start_nothing_stays_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    before = descriptors_of(os.getpid())
+    with monkeypatch.context() as exhausted:
+        exhausted.setattr(threading.Thread, "start", refuse)
+        with pytest.raises(BridgeError, match="zenoh needs a thread of its own: can't start new thread"):
+            await Session(ZenohOptions(), list[Exception]().append).open()
+    assert descriptors_of(os.getpid()) == before

@@ -185,6 +185,20 @@ class TestWaiting:
         await client.create(m.CreateNode, 2)
         await node.close()
 
+    async def test_the_log_says_once_that_it_waits(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        for module in ("bus.link.reach", "bus.link.connection"):
+            monkeypatch.setattr(f"{module}.TELL_S", 0.1)
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.4)
+        node, client = await opened(broker)
+        for _ in range(2):
+            with pytest.raises(TimeoutError):
+                await node.graph()
+        await node.close()
+        await client.close()
+        assert capfd.readouterr().err.count("has said nothing for 0.1 s; still waiting for its answer") == 1
+
     async def test_each_question_has_its_own_time(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:

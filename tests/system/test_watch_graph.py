@@ -68,11 +68,9 @@ async def test_it_asks_for_the_graph_once(node: bus.Node, monkeypatch: pytest.Mo
     assert len(asked) == 1
 
 
-async def test_who_asks_again_after_a_silence_is_given_the_graph_though_another_watches_still(
-    node: bus.Node, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_it_asks_a_silent_busd_again(node: bus.Node, monkeypatch: pytest.MonkeyPatch) -> None:
     link: Any = node._link
-    request, silences = link.request, iter(range(1))
+    request, silences = link.request, iter(range(3))
 
     async def request_late(*what: Any) -> Any:
         for _ in silences:
@@ -82,7 +80,25 @@ async def test_who_asks_again_after_a_silence_is_given_the_graph_though_another_
     monkeypatch.setattr(link, "request", request_late)
     async with aclosing(node.watch_graph()) as first, aclosing(node.watch_graph()) as second:
         waiting = asyncio.create_task(anext(second))
-        with pytest.raises(TimeoutError):
+        assert same(await anext(first), await waiting)
+    assert next(silences, None) is None
+
+
+async def test_who_asks_again_after_a_refusal_is_given_the_graph_though_another_watches_still(
+    node: bus.Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link: Any = node._link
+    request, refusals = link.request, iter(range(1))
+
+    async def refused_once(*what: Any) -> Any:
+        for _ in refusals:
+            raise bus.ConfigurationError("not now")
+        return await request(*what)
+
+    monkeypatch.setattr(link, "request", refused_once)
+    async with aclosing(node.watch_graph()) as first, aclosing(node.watch_graph()) as second:
+        waiting = asyncio.create_task(anext(second))
+        with pytest.raises(bus.ConfigurationError, match="not now"):
             await anext(first)
         async with aclosing(node.watch_graph()) as again:
             assert same(await anext(again), await waiting)

@@ -24,7 +24,7 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.link.autostart import open_socket
-from bus.link.reach import NotNow, Patience, no_answer
+from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
@@ -104,6 +104,8 @@ class Connection:
         self.late_ns = _NEVER_NS
         """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
         self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
+        self._told_ns = 0
+        """When the log last said that the broker is silent; 0: never."""
         self._requests: dict[int, _Request] = {}
         self.numbers = count(1)
         """For requests, one each."""
@@ -140,7 +142,7 @@ class Connection:
             )
         )
         self._requests[0] = _Request(self._greeted, monotonic_ns())
-        self._watch_in(ANSWER_S)
+        self._watch_in(min(TELL_S, ANSWER_S))
         try:
             hello = await self._greeted
         except TimeoutError:
@@ -210,7 +212,7 @@ class Connection:
         try:
             self.send(message, descriptors)
             if self._watch is None and self._stream is not None:
-                self._watch_in(ANSWER_S)
+                self._watch_in(min(TELL_S, ANSWER_S))
             return expect(await answer, kind)
         finally:
             self._requests.pop(number, None)
@@ -223,7 +225,8 @@ class Connection:
     def _look_for_late(self) -> None:
         """End the waits for answers where the broker has said nothing at all for ANSWER_S.
 
-        A broker that is only busy says something meanwhile, and is not given up.
+        A broker that is only busy says something meanwhile, and is not given up. After TELL_S the log says
+        that this process waits.
         """
         self._watch = None
         now_ns = monotonic_ns()
@@ -231,16 +234,23 @@ class Connection:
             self._stood_still_ns = now_ns
         heard_ns = max(self.heard_ns, self._stood_still_ns)
         due_s = []
+        longest_s = 0.0
         for request in self._requests.values():
             left_s = ANSWER_S - (now_ns - max(request.since_ns, heard_ns)) / 1e9
             if request.answer.done():
                 continue
+            longest_s = max(longest_s, ANSWER_S - left_s)
             if left_s > 0:
-                due_s.append(left_s)
+                tell_s = left_s - ANSWER_S + TELL_S
+                due_s.append(tell_s if 0 < tell_s < left_s else left_s)
             elif self.is_quiet:
                 request.answer.set_exception(TimeoutError(no_answer(self._path, ANSWER_S)))
             else:
                 due_s.append(_UNREAD_S)
+        is_news = not self._told_ns or self._told_ns < self.heard_ns
+        if is_news and due_s and longest_s >= TELL_S and self.is_quiet:
+            self._told_ns = now_ns
+            _log.warning(no_answer_yet(self._path))
         if due_s:
             self._watch_in(min(due_s))
 

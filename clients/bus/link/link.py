@@ -249,10 +249,14 @@ class Link:
             self._mirroring = None
 
     async def _ask_for_graph(self, mirror: "GraphMirror") -> None:
-        try:
-            mirror.begin(await self.request(lambda number: m.Observe(request=number), m.GraphSnapshot))
-        except (BusError, TimeoutError) as error:
-            mirror.failure = error
+        """Ask until busd answers; the log says if it is silent."""
+        while mirror.graph is None and mirror.failure is None:
+            try:
+                mirror.begin(await self.request(lambda number: m.Observe(request=number), m.GraphSnapshot))
+            except TimeoutError:
+                continue
+            except BusError as error:
+                mirror.failure = error
         self._tell_observers()
 
     def _tell_observers(self) -> None:

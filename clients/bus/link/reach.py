@@ -13,10 +13,22 @@ from time import monotonic
 from bus.errors import BrokerUnavailable
 from bus.link.socket_owner import check_server
 
-__all__ = ["CONNECT_S", "BacklogFull", "NotNow", "Patience", "no_answer", "try_to_connect"]
+__all__ = [
+    "CONNECT_S",
+    "TELL_S",
+    "BacklogFull",
+    "NotNow",
+    "Patience",
+    "no_answer",
+    "no_answer_yet",
+    "try_to_connect",
+]
 
 CONNECT_S = 10.0
 """How long a client goes on trying, counted from when it last got further."""
+
+TELL_S = 5.0
+"""After so long without a word of the broker a client that waits for an answer says so."""
 
 _FIRST_PAUSE_S = 0.001
 _LONGEST_PAUSE_S = 0.05
@@ -72,6 +84,11 @@ class Patience:
 def no_answer(path: str | os.PathLike[str], seconds: float) -> str:
     """The text for a broker at `path` that took the connection and has said nothing for so long."""
     return f"busd at {os.fspath(path)} does not answer: it has said nothing for {seconds:g} s"
+
+
+def no_answer_yet(path: str | os.PathLike[str]) -> str:
+    """The text after TELL_S, while the client goes on waiting."""
+    return f"busd at {os.fspath(path)} has said nothing for {TELL_S:g} s; still waiting for its answer"
 
 
 def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:

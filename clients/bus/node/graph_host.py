@@ -59,9 +59,9 @@ class GraphHost:
         """The graph now, and again after every change, until the node is closed.
 
         busd sends only what has changed, so that a large graph costs little too. Several changes while the
-        body of the loop works come as one: the next graph is the newest. It goes on over a restart of busd.
-        Raises ConnectionClosed where the node is not open. Cancellation, or leaving the loop, leaves nothing
-        behind.
+        body of the loop works come as one: the next graph is the newest. It goes on over a restart of busd,
+        and waits for a busd that is silent. Raises ConnectionClosed where the node is not open. Cancellation,
+        or leaving the loop, leaves nothing behind.
 
             async for graph in node.watch_graph():
                 if "/chatter" in graph.topics():

@@ -186,7 +186,7 @@ class Recorder:
 
     async def _discover(self) -> None:
         try:
-            await _patiently(self._follow)
+            await self._follow()
         except BusError as error:
             self._log.error(f"no more topics can be found: {error}")
 

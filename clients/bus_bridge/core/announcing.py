@@ -76,13 +76,10 @@ class Announcing:
             watching.cancel()
 
     async def _watch(self) -> None:
-        while True:
-            with suppress(TimeoutError):  # busd says nothing for long: ask again
-                async with aclosing(self._node.watch_graph()) as graphs:
-                    async for graph in graphs:
-                        self._newest = graph
-                        self._has_news.set()
-                return
+        async with aclosing(self._node.watch_graph()) as graphs:
+            async for graph in graphs:
+                self._newest = graph
+                self._has_news.set()
 
     async def _look(self, graph: Graph) -> None:
         now_s = self._loop.time()

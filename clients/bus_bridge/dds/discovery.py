@@ -38,6 +38,8 @@ NO_SERVICES: Final = (
 )
 _ALIVE: Final = 16
 _BATCH: Final = 256
+_MOST_UNKNOWN: Final = 1000
+"""Endpoints of unknown types that are kept, because their types may become known."""
 
 
 class Discovery:
@@ -214,7 +216,13 @@ class Discovery:
             schema = self._types.find(type_name, type_hash).schema
             profile = qos.profile_of(policies_of(sample.qos))
         except BridgeError as error:
-            self._unknown[gid] = handle, participant, sample, kind
+            if gid in self._unknown or len(self._unknown) < _MOST_UNKNOWN:
+                self._unknown[gid] = handle, participant, sample, kind
+            else:
+                self._far.warn(
+                    f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
+                    "further ones stay left out until they are made anew"
+                )
             self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
             return None
         except ConfigurationError as error:

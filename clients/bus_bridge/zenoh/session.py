@@ -296,7 +296,11 @@ class Session:
         keep_freed_memory()  # zenoh takes and gives back much with each message
         opened: asyncio.Future[None] = self._loop.create_future()
         self._inbox.open()
-        threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
+        try:
+            threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
+        except RuntimeError as error:
+            self._inbox.close()
+            raise BridgeError(f"zenoh needs a thread of its own: {error}") from None
         self._jobs.put(lambda: self._open(opened))
         try:
             if self._options.router:

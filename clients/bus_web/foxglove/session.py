@@ -65,7 +65,7 @@ class Session(Watcher):
         self._id = id
         self._may = permissions
         self._loop = asyncio.get_running_loop()
-        self._client = client = Client(socket, Outbox())
+        self._client = client = Client(socket, Outbox(shared=hub.waiting))
         self._news = asyncio.Event()
         self._has_looked = asyncio.Event()
         """Since it came: what was seen of the bus before may be long ago."""
@@ -103,6 +103,7 @@ class Session(Watcher):
                 task.cancel()
             await asyncio.gather(*tasks, *self._tasks, return_exceptions=True)
             self._looks.close()
+            self._client.close()
             for part in (self._publishing, self._calls):
                 if part is not None:
                     with suppress(BusError):

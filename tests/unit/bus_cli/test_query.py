@@ -86,6 +86,18 @@ def test_one_that_says_nothing(broker: socket.socket) -> None:
         Query(Path("x"), answer_s=0.01)
 
 
+def test_after_a_while_it_says_that_it_waits(
+    broker: socket.socket, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for place in ("bus.link.reach", "bus_cli.query"):
+        monkeypatch.setattr(f"{place}.TELL_S", 0.01)
+    say(broker, HELLO)
+    with Query(Path("x"), answer_s=0.03) as query, pytest.raises(BrokerUnavailable):
+        query.graph()
+    said = capsys.readouterr().err
+    assert said == "busd at x has said nothing for 0.01 s; still waiting for its answer\n"
+
+
 def test_one_that_greets_and_says_nothing_more(broker: socket.socket) -> None:
     say(broker, HELLO)
     with (

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus_web.outbox import Outbox
+from bus_web.outbox import Outbox, SharedBudget
 
 
 def drain(outbox: Outbox) -> list[bytes]:
@@ -84,3 +84,44 @@ def test_it_never_holds_more_and_the_account_closes(puts: list[tuple[str, int]],
     assert taken + len(rest) + outbox.dropped.total() == len(puts)
     if puts and not (each and (len(puts) - 1) % each == 0):
         assert len(rest[-1]) == newest[puts[-1][0]]
+
+
+class TestAllClients:
+    def test_the_one_for_which_most_waits_loses(self) -> None:
+        shared = SharedBudget(100)
+        deaf, slow, quick = (Outbox(80, shared) for _ in range(3))
+        for number in range(7):
+            deaf.put("/a", b"%d" % number * 10)
+        slow.put("/a", b"s" * 20)
+        quick.put("/a", b"q" * 10)
+        assert not deaf.dropped
+        quick.put("/b", b"Q" * 10)
+        assert (shared.bytes, deaf.dropped) == (100, {"/a": 1})
+        assert not slow.dropped
+        assert drain(quick) == [b"q" * 10, b"Q" * 10]
+        assert drain(slow) == [b"s" * 20]
+
+    def test_one_large_message_each_is_too_much(self) -> None:
+        shared = SharedBudget(100)
+        outboxes = [Outbox(80, shared) for _ in range(4)]
+        for outbox in outboxes:
+            outbox.put("/image", b"x" * 70)
+        assert [len(outbox) for outbox in outboxes] == [0, 0, 0, 1]
+        outboxes[3].put("/image", b"y" * 1000)  # nothing else may go
+        assert drain(outboxes[3]) == [b"y" * 1000]
+
+    def test_what_is_of_no_topic_stays(self) -> None:
+        shared = SharedBudget(10)
+        first, second = Outbox(80, shared), Outbox(80, shared)
+        first.notify(b"n" * 50)
+        second.put("/a", b"a")
+        assert (len(first), len(second)) == (1, 1)
+
+    def test_one_that_has_gone_takes_no_room(self) -> None:
+        shared = SharedBudget(100)
+        gone, there = Outbox(100, shared), Outbox(100, shared)
+        gone.put("/a", b"a" * 90)
+        gone.close()
+        gone.close()
+        there.put("/a", b"b" * 90)
+        assert (shared.bytes, len(there)) == (90, 1)
