@@ -461,7 +461,10 @@ class TestEnd:
                 silent.say("look", topics={"/image": []})
                 half.sendall(b"GET")
                 viewer.hear("value")
-                assert server.running.end(number) == ("", "", -number)
+                out, err, status = server.running.end(number)
+                # Beside much other work it may have been held up, and says so.
+                lines = [line for line in err.splitlines() if "held up the event loop" not in line]
+                assert (out, lines, status) == ("", [], -number)
 
     def test_another_start_has_another_token(self, daemon: Daemon) -> None:
         with serving() as server:

@@ -104,8 +104,11 @@ class LocalGraph:
                     changes.gone.append(gone)
             changes.gone_nodes += [node for nodes in self._absent.values() for node in nodes]
             self._absent.clear()
-        for gid in tuple(present) if looks_at_all else present.keys() - self._seen.keys():
-            self._look_at(present[gid], changes)
+        for gid, endpoint in present.items():
+            seen = self._seen.get(gid)
+            # One of another node may have taken its place between two looks: a mirror that comes another way.
+            if looks_at_all or seen is None or seen.id != endpoint.id:
+                self._look_at(endpoint, changes)
         return changes
 
     def look_at_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:

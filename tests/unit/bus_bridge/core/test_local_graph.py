@@ -104,6 +104,17 @@ def test_what_was_brought_from_the_only_far_bus_does_not_go_back_there_in_transi
     assert {one.topic for one in changes.publishers} == {"/b", "/c"}
 
 
+def test_a_mirror_that_has_come_another_way_between_two_looks_is_shown_as_such() -> None:
+    """Or the bus that it comes from now would take it for a way of its own."""
+    seen = local(topics=[TopicRule(pattern="/a", transit=True)])
+    direct = node(1, "far", origin=Origin("bridge", "c"))
+    around = node(2, "far", origin=Origin("bridge", "b", ("c",)))
+    seen.look(graph(endpoint("publisher", 1, direct, "/a", number=10)))
+    changes = seen.look(graph(endpoint("publisher", 1, around, "/a", number=11), revision=2))
+    assert [one.local.node.via for one in changes.gone] == [("c",)]
+    assert [one.local.node.via for one in changes.publishers] == [("c", "b")]
+
+
 def test_a_bridge_itself_is_not_shown_in_transit() -> None:
     bridge = node(1, "bridge_zenoh", origin=Origin("zenoh", "b"))
     asked = endpoint("subscription", 1, bridge, "/bridge_zenoh/get_status/_request")
