@@ -15,6 +15,7 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import Any
 
+from bus.base.time_namespace import monotonic_offset_ns
 from bus.base.version import RELEASE
 from bus.errors import ConfigurationError
 from bus.process.address import socket_path
@@ -163,7 +164,15 @@ async def _serve(
     gc.set_threshold(*_THRESHOLDS)
     own = os.getuid()
     access = Access(own, config.access)
-    broker = Broker(config.limits, config.topics, access, uid=own, pid=os.getpid(), lives=lives)
+    broker = Broker(
+        config.limits,
+        config.topics,
+        access,
+        uid=own,
+        pid=os.getpid(),
+        clock_ns=monotonic_offset_ns(),
+        lives=lives,
+    )
     server = Server(
         listener,
         broker,

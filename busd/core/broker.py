@@ -58,7 +58,8 @@ _LONGEST_NAME = 64
 
 
 class Broker:
-    """`uid` is the daemon's user, who may stop it; `pid` goes with each answer about the graph.
+    """`uid` is the daemon's user, who may stop it; `pid` goes with each answer about the graph;
+    `clock_ns` is as in Hello.
 
     `lives` says whether a pid still has a process.
     """
@@ -71,6 +72,7 @@ class Broker:
         *,
         uid: int = 0,
         pid: int = 0,
+        clock_ns: int = 0,
         lives: Callable[[int], bool] = lambda pid: True,
     ) -> None:
         self.limits = limits or Limits()
@@ -83,6 +85,7 @@ class Broker:
         self._withheld: dict[PeerId, list[Effect]] = {}
         self.is_overfull = False
         self._uid = uid
+        self._clock_ns = clock_ns
         self._peers: dict[PeerId, Peer] = {}
         self._peer_ids = count(1)
         self.timers = Timers()
@@ -193,6 +196,7 @@ class Broker:
             is_guest=not self._access_guard.access.is_free(uid),
             hears_of_namesakes=NAMESAKES in hello.capabilities,
             hears_of_silence=SILENCE in hello.capabilities,
+            clock_ns=hello.clock_ns - self._clock_ns,
             keeps_places=PLACES in hello.capabilities,
             user=user,
             program=_printable(hello.program),

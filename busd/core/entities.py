@@ -100,6 +100,8 @@ class Peer(Holder):
     last_heard_ns: int
     lease_ns: int = 0
     """After so long without a sign of life it counts as hung; Hello said so."""
+    clock_ns: int = 0
+    """What its monotonic clock is ahead of busd's."""
     version: str = ""
     """The release of busd that the process has."""
     questions: TokenBucket
@@ -144,6 +146,10 @@ class Peer(Holder):
 
     def __post_init__(self) -> None:
         self.subject = Subject(self.uid, self.gids)
+
+    def by_its_clock(self, at_ns: int) -> int:
+        """A time of busd's clock, by that of the process."""
+        return min(max(at_ns + self.clock_ns, 0), MAX_COUNT)
 
     def subscriptions(self) -> "list[Subscription]":
         return [one for one in self.endpoints.values() if isinstance(one, Subscription)]

@@ -82,11 +82,12 @@ def make_match(
             qos=qos,
             route=route,
             next_seq=next_seq if mine is subscription else publisher.next_seq,
-            at_ns=now_ns,
+            at_ns=mine.node.peer.by_its_clock(now_ns) if mine.node.peer.clock_ns else now_ns,
             descriptors=len(brings),
             stands_for=publisher.stands_for if other is publisher else b"",
             is_tap=other is subscription and subscription.is_tap,
             last_seq=last_seq if mine is publisher else None,
+            clock_ns=other.node.peer.clock_ns - mine.node.peer.clock_ns,
         )
         out.append(Send(mine.node.peer.id, message, brings))
     if subscription.node.peer.is_silent and match.is_lossless:
@@ -160,7 +161,8 @@ def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
     """
     publisher, subscription = match.publisher, match.subscription
     graph.reroute(match)
-    told = Rerouted(endpoint=subscription.id, other=publisher.id, route=match.route, at_ns=match.at_ns)
+    at_ns = subscription.node.peer.by_its_clock(match.at_ns)
+    told = Rerouted(endpoint=subscription.id, other=publisher.id, route=match.route, at_ns=at_ns)
     out.append(Send(subscription.node.peer.id, told))
     _begin_routing(now_ns, match, None, out)
 

@@ -154,7 +154,8 @@ class Registry:
             qos=qos,
             max_message_bytes=max_message_bytes,
             next_seq=message.next_seq,
-            lifespan_ns=qos.lifespan_ns,
+            # Its samples are stamped by its own clock.
+            lifespan_ns=qos.lifespan_ns and (qos.lifespan_ns - peer.clock_ns or 1),
             lease_ns=qos.lease_ns,
             is_manual=is_manual(qos),
             last_sign_ns=now_ns,

@@ -94,7 +94,7 @@ class Routes:
                 endpoint=publisher.id,
                 other=subscription.id,
                 route=SOCKET,
-                at_ns=match.at_ns,
+                at_ns=publisher.node.peer.by_its_clock(match.at_ns),
                 last_seq=message.seq,
             )
             out.append(Send(publisher.node.peer.id, told))

@@ -122,12 +122,13 @@ class World:
         shares: bool = False,
         capabilities: tuple[str, ...] = (),
         key: str | None = None,
+        clock_ns: int = 0,
     ) -> "Process":
         """A process that has connected and said Hello, and perhaps Share.
 
-        `key`: it has no pid in busd's pid namespace, and this tells it from others.
+        `key`: it has no pid in busd's pid namespace, and this tells it from others. `clock_ns`: as in Hello.
         """
-        process = Process(self, program, uid, capabilities, key)
+        process = Process(self, program, uid, capabilities, key, clock_ns)
         if shares:
             process.share()
         return process
@@ -203,6 +204,7 @@ class Process:
         uid: int,
         capabilities: tuple[str, ...] = (),
         key: str | None = None,
+        clock_ns: int = 0,
     ) -> None:
         self.world = world
         self.outbox = Outbox()
@@ -221,7 +223,12 @@ class Process:
         self._node: Node | None = None
         self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.limits.message_bytes)
         self._from_broker = Session(Role.CLIENT)
-        greeting = m.Hello(version=PROTOCOL_VERSION, capabilities=(SILENCE, *capabilities), program=program)
+        greeting = m.Hello(
+            version=PROTOCOL_VERSION,
+            capabilities=(SILENCE, *capabilities),
+            program=program,
+            clock_ns=clock_ns,
+        )
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
         self.pid = next(world.pids) if key is None else 0
         world.alive.add(self.pid)

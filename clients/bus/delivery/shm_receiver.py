@@ -243,9 +243,9 @@ class ShmReceiver:
                 slot,
                 start=next_seq or int(is_new),
                 # What the publisher that is new here wrote while the broker was away is for us, too.
-                since_ns=min(matched.at_ns, self._lost_ns),
+                since_ns=max(min(matched.at_ns, self._lost_ns) + matched.clock_ns, 0),
                 history=history,
-                lifespan_ns=matched.qos.lifespan_ns,
+                lifespan_ns=matched.qos.lifespan_ns and max(matched.qos.lifespan_ns - matched.clock_ns, 1),
                 doorbell=-1 if keep is None else keep.number,
             )
         except BaseException:

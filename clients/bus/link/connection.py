@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from bus.base.descriptor import Descriptor
+from bus.base.time_namespace import monotonic_offset_ns
 from bus.base.version import RELEASE
 from bus.errors import (
     BrokerUnavailable,
@@ -139,6 +140,7 @@ class Connection:
                 pid=os.getpid(),
                 program=_program(),
                 release=RELEASE,
+                clock_ns=monotonic_offset_ns(),
             )
         )
         self._requests[0] = _Request(self._greeted, monotonic_ns())

@@ -28,6 +28,8 @@ Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]
 """Of a node or an endpoint: data frames have 32 bits for it."""
 Pid = Annotated[int, Meta(ge=0, le=(1 << 31) - 1)]
 Lease = Annotated[float, Meta(ge=0, le=1e9)]
+ClockOffset = Annotated[int, Meta(ge=-MAX_COUNT, le=MAX_COUNT)]
+"""Between two monotonic clocks, in ns."""
 Slot = Annotated[int, Meta(ge=0, le=65535)]
 BusId = Annotated[str, Meta(min_length=1, max_length=100)]
 """Of a bus, or the kind of a bridge."""

@@ -13,6 +13,7 @@ from msgspec import field
 from bus.qos import QoSProfile
 from bus.wire.bounds import (
     Capabilities,
+    ClockOffset,
     Count,
     Descriptors,
     Drops,
@@ -56,7 +57,8 @@ class Hello(Message, frozen=True, tag="hello"):
 
     The broker sets `lease_s`: a client that is silent for longer counts as hung; `background`: a client has
     started this broker and it ends when it is idle, so that a client may start the next one; `began_ns`: when
-    it began, which tells it from an earlier one with the same process id.
+    it began, which tells it from an earlier one with the same process id. `clock_ns`, from a client: what its
+    monotonic clock is ahead of that of the machine's first time namespace.
     """
 
     version: int
@@ -67,6 +69,7 @@ class Hello(Message, frozen=True, tag="hello"):
     background: bool = False
     release: Text = ""
     began_ns: Count = 0
+    clock_ns: ClockOffset = 0
 
 
 class Ping(Message, frozen=True, tag="ping"):
@@ -268,7 +271,8 @@ class Matched(Message, frozen=True, tag="matched"):
     On the route shm it brings a subscription the publisher's ring and its process's doorbell. `stands_for`:
     the gid to be shown for `other`. `is_tap`: `other` is one. `last_seq`, to a publisher with the
     capability PLACES: the subscription was lost and is back, and has had all up to there. Send what it has
-    missed, to it alone, and then CaughtUp.
+    missed, to it alone, and then CaughtUp. `at_ns` is of your clock; `clock_ns`, to a subscription: what the
+    clock of the publisher's process, by which its samples are stamped, is ahead of yours.
     """
 
     endpoint: int
@@ -283,6 +287,7 @@ class Matched(Message, frozen=True, tag="matched"):
     stands_for: Gid = b""
     is_tap: bool = False
     last_seq: Count | None = None
+    clock_ns: ClockOffset = 0
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):

@@ -3,7 +3,7 @@
 import pytest
 
 from broker_endpoints import Publisher, Subscription
-from broker_world import NUMBER, TEXT, Process, World
+from broker_world import NUMBER, SECOND, TEXT, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from rows import for_each
@@ -246,3 +246,35 @@ class TestUnmatching:
         talker.die()
         assert [told.last_seq for told in by_socket.got(m.Unmatched)] == [2]
         assert [told.last_seq for told in by_ring.got(m.Unmatched)] == [0]
+
+
+class TestClocks:
+    """Of processes in other time namespaces: each is told times by its own clock."""
+
+    def test_when_it_was_matched(self) -> None:
+        world = World()
+        ahead, behind = world.process(clock_ns=5 * SECOND), world.process(clock_ns=-3 * SECOND)
+        subscription, publisher = behind.subscription("/topic"), ahead.publisher("/topic")
+        (told,) = subscription.got(m.Matched)
+        assert (told.at_ns, told.clock_ns) == (world.now_ns - 3 * SECOND, 8 * SECOND)
+        (told,) = publisher.got(m.Matched)
+        assert (told.at_ns, told.clock_ns) == (world.now_ns + 5 * SECOND, -8 * SECOND)
+
+    def test_a_time_that_can_not_be_is_none_below_zero(self) -> None:
+        world = World()
+        subscription = world.process(clock_ns=-(1 << 60)).subscription("/topic")
+        world.process().publisher("/topic")
+        assert [one.at_ns for one in subscription.got(m.Matched)] == [0]
+
+    def test_a_lifespan_is_by_the_clock_that_stamps(self) -> None:
+        world = World()
+        listener, talker = world.process(), world.process(clock_ns=-100 * SECOND)
+        subscription = listener.subscription("/topic")
+        publisher = talker.publisher("/topic", QoSProfile(lifespan=5.0))
+        listener.is_blocked = True
+        publisher.publish("old", stamp_ns=world.now_ns - 100 * SECOND)
+        world.advance(4)
+        publisher.publish("new", stamp_ns=world.now_ns - 100 * SECOND)
+        world.advance(2)
+        listener.unblock()
+        assert subscription.payloads == ["new"]
