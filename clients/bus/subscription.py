@@ -129,6 +129,7 @@ class Subscription(Endpoint[M]):
         self._lost_reported = 0
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
+        self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them
         self._ack_bytes = self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
         self._held_back: frozenset[bytes] = frozenset()
@@ -334,9 +335,13 @@ class Subscription(Endpoint[M]):
         if self._rings is not None:
             self._rings.disconnected()
         super()._disconnected()
-        self._counters.disconnected(self._link.broker)
+        tracker, broker = self._receiver.tracker, self._link.broker
+        met = dict.fromkeys((proxy.gid for proxy in tracker.values()), broker)
+        self._counters.disconnected(broker)
         self._id = 0
-        self._left_broker = self._link.broker
+        self._left_broker = broker
+        known = self._left_brokers | met
+        self._left_brokers = {gid: known[gid] for gid in tracker.last_seqs if gid in known}
 
     def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
         tracker, rings = self._receiver.tracker, self._rings
@@ -349,7 +354,8 @@ class Subscription(Endpoint[M]):
                 if proxy is None and (proxy := tracker.take_back(message)) is not None:
                     received_seq = proxy.last_seq
                 if proxy is None:
-                    is_new_broker = self._link.broker != self._left_broker
+                    left = self._left_brokers.pop(message.gid, self._left_broker)
+                    is_new_broker = self._link.broker != left
                     proxy = tracker.meet(message, received_seq, self.qos, is_new_broker=is_new_broker)
                 tracker[other] = proxy
                 super()._handle(message)

@@ -8,6 +8,7 @@ match leaves its ring, and when busd is another one. So every order of things ca
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import product
 from typing import Any, TypeAlias
 
 import pytest
@@ -421,3 +422,25 @@ def test_what_is_on_its_way_when_a_connection_is_lost(whose: str, limits: Limits
         story.play([("publish", 0, 3, ""), hang_up, ("publish", 0, 6, "")])
         (subscription,) = story.subscriptions
         assert subscription.statistics().dropped == {}
+
+
+EVENTS: list[Step] = [
+    ("hang_up", 0),
+    ("hang_up", 2),
+    ("restart",),
+    ("connect", 0),
+    ("serve", 2),
+    ("publish", 0, 2, ""),
+]
+
+
+@pytest.mark.parametrize("shares", [(False, False, False), (False, False, True), (False, True, True)])
+def test_all_short_stories_of_cuts(shares: tuple[bool, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a lossless publisher and two subscriptions; of two events in any order, or of three with stories."""
+    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
+    beginning: Beginning = [*shares], [(0, LOSSLESS), (1, LOSSLESS)], [(2, LOSSLESS)]
+    for events in product(EVENTS, repeat=3 if STORIES else 2):
+        for end in ([], [("publish", 0, 3, ""), ("hang_up", 0), ("publish", 0, 2, "")]):
+            story = LastingStory(beginning, limits=NARROW)
+            with told(story):
+                story.play([("publish", 0, 3, ""), *events, *end])

@@ -322,12 +322,15 @@ class SocketSender:
             self._level = min(self._level, last_seq)  # the broker's credit, too, goes on from there
         if by_socket:
             self._takers[other] = gid, is_lossless
-        if (place := self._places.pop(gid, None)) is not None:
+        place = self._places.pop(gid, None)
+        if gid in self._awaited and by_socket and is_lossless and last_seq is None:
+            self._repeat(other, 0)
+            if place is not None:  # until the new broker gives credit, what was sent again may not have come
+                self._level = min(self._level, place.seq)
+        if place is not None:
             _cancel(place)
             self.credit(self._level)
         if gid in self._awaited:
-            if by_socket and is_lossless and last_seq is None:
-                self._repeat(other, 0)
             del self._awaited[gid]
             if not self._awaited:
                 self._go_on()
@@ -342,7 +345,8 @@ class SocketSender:
 
     def disconnected(self) -> None:
         self.queue.is_ready = False  # the outbox that it stood in is gone
-        for place in self._places.values():
+        for gid, place in self._places.items():
+            self._awaited[gid] = True
             place.other = 0
             _cancel(place)
         for gid, is_lossless in self._takers.values():

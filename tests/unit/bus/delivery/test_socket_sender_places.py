@@ -140,6 +140,20 @@ class TestHowLong:
         way.sender.keep_place(OTHER, 0)
         assert repeated(way, 2) == [[3], [4], [5], "caught up"]
 
+    def test_a_next_broker_that_does_not_ask_is_given_what_was_missed(self) -> None:
+        """It does not know whether that went by a ring; until it has come nothing new is sent."""
+        way = lost(3, credit=1)
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        assert way.left()[3:] == []
+        way.match(other=BACK)
+        found = [(numbers(one), one.only_for) for one in way.port.runs()]
+        assert found == [([2], BACK), ([3], BACK), ([4], 0)]
+        way.lose()
+        way.declare()
+        assert repeated(way, 1, BACK + 1) == [[2], [3], [4], "caught up"], "it may not have come"
+
     def test_who_was_matched_when_the_connection_was_lost_has_a_place_too(self) -> None:
         way = Way(KEEP_ALL, window=10)
         way.match()
