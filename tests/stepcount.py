@@ -152,6 +152,8 @@ def system_calls(role: Role, folder: Path, loop: str = "uvloop", **options: bool
         if _MARK in line:
             counts.append(since - 1)
             since = 0
+    if role == "subscriber":  # beside other work some come together with the one before, and take none
+        return median(filter(None, counts[1:]))
     return _of_one(role, counts[1:])
 
 
