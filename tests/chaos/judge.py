@@ -19,6 +19,9 @@ dropped and not yet told nobody knows, and what it had told may be found missing
 pair by socket has lost busd in a storm in which that died, the ear's own account must close, and is not
 compared with the talkers'. And there may be more where a talker by shared memory was cut off by a busd that
 lived: if it comes back without its ring, what its ear had read there may be dropped for that once more.
+
+Always, also by socket where busd died: an ear has counted as dropped what is missing between two numbers that
+it got of one talker, unless one of the two was cut off by a busd that lived.
 """
 
 from collections import Counter
@@ -94,7 +97,7 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
         if number not in before.ears or now.roles[actor].is_limited:
             continue
         then = before.ears[number][2]
-        least = most = 0
+        least = most = gaps = 0
         is_unsure = may_be_more = False
         parts = []
         for said in now.talkers.values():
@@ -104,6 +107,8 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
             known = before.talkers.get(said.talker.number)
             upper = said.most - (known.most if known else 0)
             is_steady = _is_steady(before, now, said, actor)
+            if is_steady:
+                gaps += _heard(look, said).missing - _heard(then, said).missing
             least += upper if is_steady or actor in said.witnesses else got
             most += upper
             may_be_more |= _may_lose_its_ring(before, now, said, actor)
@@ -117,6 +122,11 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
             if count != then.dropped.get(reason, 0)
         }
         total = got + sum(dropped.values())
+        if gaps > sum(dropped.values()):
+            yield (
+                f"{_ear(number, ear, actor)}: {gaps} missing between others, dropped {dropped}: "
+                f"{', '.join(parts)}"
+            )
         if not (is_unsure or (least <= total and (may_be_more or total <= most))):
             owed = f"{least}" if least == most else f"{least} to {most}"
             yield (

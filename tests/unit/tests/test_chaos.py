@@ -128,6 +128,21 @@ class TestJudge:
         assert judge.judge(scene(10, 10), scene(30, 30, deaths=1)) == []
         assert judge.judge(scene(10, 10), scene(30, 25, dropped=5, deaths=1))
 
+    @for_each(("dropped", "is_wrong"), [(4, True), (5, False), (6, False)])
+    def test_a_gap_is_counted_also_by_socket_when_busd_died(self, dropped: int, is_wrong: bool) -> None:
+        lossy = Quality(5)
+        before, now = scene(10, 10, quality=lossy), scene(30, 25, dropped=5, quality=lossy, deaths=1)
+        look = now.ears[2][2]
+        look.dropped = {"disconnected": dropped}
+        look.expected = 25 + dropped
+        for one in (before, now):
+            one.roles = {name: Role(name, (), by_socket=True) for name in one.roles}
+        complaints = judge.judge(before, now)
+        assert len(complaints) == is_wrong
+        assert not is_wrong or "ears, ear 2 on /t: 5 missing between others" in complaints[0]
+        now.losses["ears"] = 2  # cut off once more, while busd lived: what it missed then it does not owe
+        assert judge.judge(before, now) == []
+
     def test_who_was_cut_off_may_miss_some(self) -> None:
         lossy = Quality(5)
         now = scene(30, 25, dropped=5, quality=lossy)
