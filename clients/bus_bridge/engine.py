@@ -205,6 +205,8 @@ class Engine(Protocol):
 
     name: str
     """As the user calls it: `zenoh`, `ros2`."""
+    has_numbers: bool
+    """Whether the messages of far publishers have numbers, by which losses on the way are counted."""
     only_bus: str
     """The id of the far bus where it reaches one only, whatever happens; "" otherwise. What was brought from
     there never goes back there."""

@@ -172,6 +172,7 @@ class PairEngine:
     """The engine of the bus `bus`. Without links it is a wire that nobody is on."""
 
     name = "pair"
+    has_numbers = True
     only_bus = ""
 
     def __init__(self, bus: str) -> None:

@@ -142,6 +142,7 @@ class Bridge:
             links=self._engine.links(),
             buses=self._far.buses,
             shown_there=self._announcing.counts,
+            has_numbers=self._engine.has_numbers,
         )
 
     # --- what the engine tells

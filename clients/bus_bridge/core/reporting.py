@@ -70,8 +70,9 @@ class Reporting:
         links: Sequence[LinkStatus],
         buses: list[str],
         shown_there: tuple[int, int, int],
+        has_numbers: bool,
     ) -> GetStatus.Response:
-        routes = [*self._ways_out(), *self._ways_in()]
+        routes = [*self._ways_out(), *self._ways_in(has_numbers=has_numbers)]
         routes.sort(key=lambda one: (one.topic, one.direction, one.node))
         return GetStatus.Response(
             engine=engine,
@@ -111,7 +112,7 @@ class Reporting:
             )
         return found
 
-    def _ways_in(self) -> list[RouteState]:
+    def _ways_in(self, *, has_numbers: bool) -> list[RouteState]:
         found = []
         for mirror in self._mirrors:
             way, far = mirror.way, mirror.far
@@ -131,6 +132,7 @@ class Reporting:
                     sent=way.account.sent,
                     bytes=way.account.bytes,
                     waiting=way.waiting,
+                    counts_lost=has_numbers,
                     dropped=way.losses,
                 )
             )

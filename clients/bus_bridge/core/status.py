@@ -66,6 +66,8 @@ class RouteState(msgspec.Struct, kw_only=True):
     bytes: _Count = 0
     """Of payload, of those that were sent."""
     waiting: _Count = 0
+    counts_lost: bool = True
+    """Whether `lost_on_the_way` can be counted. Messages of DDS have no numbers that a bridge could read."""
     dropped: dict[str, int] = {}
     """By reason. Of those that come in `lost_on_the_way` is none of `taken`: they never came."""
 

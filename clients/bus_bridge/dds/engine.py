@@ -56,6 +56,7 @@ class DdsEngine:
     """
 
     name = "ros2"
+    has_numbers = False
 
     def __init__(self, bus: str, options: DdsOptions) -> None:
         self._options = options

@@ -39,6 +39,7 @@ class ZenohEngine:
     can't be, or may not."""
 
     name = "zenoh"
+    has_numbers = True
     only_bus = ""
 
     def __init__(self, bus: str, options: ZenohOptions) -> None:

@@ -82,6 +82,9 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
     else:
         for _, group in groupby(routes, lambda one: (one.topic, one.direction)):
             yield from _rows([*group])
+    if not all(one.counts_lost for one in routes):
+        yield ""
+        yield "lost -: not counted by DDS, which shows a bridge no numbers of messages"
     if idle:
         yield ""
         yield f"and {len(idle)} route{'s' if len(idle) > 1 else ''} that nobody wants (-v shows them)"
@@ -101,7 +104,7 @@ def _rows(routes: list[RouteState]) -> Iterator[str]:
         routes[0].direction,
         *(sum(getattr(one, name) for one in routes) for name in ("taken", "sent", "waiting")),
         dropped.total(),
-        lost,
+        lost if all(one.counts_lost for one in routes) else "-",
     )
     yield _row(*cells, routes[0].topic)
     if dropped:

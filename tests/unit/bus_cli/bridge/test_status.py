@@ -76,6 +76,14 @@ def test_one_topic_of_several_publishers_is_one_row() -> None:
     assert shown.endswith("     dropped: rate: 2, replaced: 9")
 
 
+def test_a_loss_that_can_not_be_counted_is_not_said_to_be_none() -> None:
+    of_ros = RouteState(topic="/scan", direction="in", taken=5, sent=5, counts_lost=False)
+    shown = text(Answer(routes=[CAMERA, of_ros]))
+    assert "in            5           5        0         0         -  /scan\n" in shown
+    assert shown.endswith("\n\nlost -: not counted by DDS, which shows a bridge no numbers of messages")
+    assert "DDS" not in text(Answer(routes=[CAMERA, COMMANDS]))
+
+
 def test_what_is_wrong_is_said() -> None:
     stuck = RouteState(topic="/a", waiting=7, is_flowing=True, is_stuck=True)
     shown = text(Answer(routes=[stuck], repeated=2))
