@@ -75,12 +75,13 @@ def run(main: Coroutine[Any, Any, T]) -> T:
                 loop.remove_signal_handler(signal.SIGPIPE)
                 signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as Python has it; the loop leaves SIG_DFL
 
-    # Python gives signals to the main thread alone.
-    is_main = threading.current_thread() is threading.main_thread()
-    handles_term = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    handles_pipe = is_main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
-    is_frozen = gc.get_freeze_count() > _PYTHONS_OWN  # by the program, and that is to stay so
-    try:
+    handles_term = handles_pipe = is_frozen = False
+    try:  # from the first call on: a Ctrl-C may come at each
+        # Python gives signals to the main thread alone.
+        is_main = threading.current_thread() is threading.main_thread()
+        handles_term = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+        handles_pipe = is_main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
+        is_frozen = gc.get_freeze_count() > _PYTHONS_OWN  # by the program, and that is to stay so
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
             if not is_frozen:
                 gc.freeze()  # what was imported stays: no collection need look at it
