@@ -107,8 +107,8 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
             known = before.talkers.get(said.talker.number)
             upper = said.most - (known.most if known else 0)
             is_steady = _is_steady(before, now, said, actor)
-            if is_steady:
-                gaps += _heard(look, said).missing - _heard(then, said).missing
+            if is_steady and known is not None:
+                gaps += _new_gaps(_heard(then, said), _heard(look, said), known.most)
             least += upper if is_steady or actor in said.witnesses else got
             most += upper
             may_be_more |= _may_lose_its_ring(before, now, said, actor)
@@ -133,6 +133,16 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
                 f"{_ear(number, ear, actor)}: {got} delivered + dropped {dropped} = {total}, "
                 f"published {owed}: {', '.join(parts)}"
             )
+
+
+def _new_gaps(then: Heard, now: Heard, published: int) -> int:
+    """How many of the numbers behind `published`, which was the last one `then`, are missing between others.
+
+    What was lost at the end of the scene before was counted there.
+    """
+    if not then.messages or now.last == then.last:
+        return 0
+    return now.missing - then.missing - (published - then.last)
 
 
 def _is_steady(before: Scene, now: Scene, said: Said, actor: str) -> bool:

@@ -143,6 +143,21 @@ class TestJudge:
         now.losses["ears"] = 2  # cut off once more, while busd lived: what it missed then it does not owe
         assert judge.judge(before, now) == []
 
+    def test_a_gap_that_was_counted_at_the_end_of_the_scene_before_is_not_owed_twice(self) -> None:
+        lossy = Quality(5)
+        before, now = scene(12, 10, quality=lossy), scene(30, 25, dropped=5, quality=lossy, deaths=1)
+        for one in (before, now):
+            one.roles = {name: Role(name, (), by_socket=True) for name in one.roles}
+        then = before.ears[2][2]
+        then.dropped, then.expected = {"expired": 2}, 12  # 11 and 12
+        look = now.ears[2][2]
+        look.dropped = {"expired": 2, "replaced": 3}
+        assert judge.judge(before, now) == []
+        look.dropped = {"expired": 2, "replaced": 2}
+        look.expected -= 1
+        (complaint,) = judge.judge(before, now)
+        assert "3 missing between others, dropped {'replaced': 2}" in complaint
+
     def test_who_was_cut_off_may_miss_some(self) -> None:
         lossy = Quality(5)
         now = scene(30, 25, dropped=5, quality=lossy)
