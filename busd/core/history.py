@@ -29,10 +29,11 @@ class GatheredRuns(RunQueue):
     def append(self, run: Run) -> bool:
         """Append the samples of `run`; returns whether there are more now than may be."""
         # A larger one is not worth the copy; behind one that is malformed, no sample would be found.
-        if 2 * len(run.body) > self._most_bytes or run.count > _FEW_SAMPLES or not run.is_whole:
+        most_bytes = self._most_bytes
+        if 2 * len(run.body) > most_bytes or run.count > _FEW_SAMPLES or not run.is_whole:
             self._growing = None
             return super().append(run)
-        if self._join(run):
+        if self._join(run, most_bytes):
             return self.is_overfull
         self._growing = bytearray(run.body)
         own = Run(0, run.source, run.first_seq, run.count, self._growing, lifespan_ns=run.lifespan_ns)
@@ -49,14 +50,14 @@ class GatheredRuns(RunQueue):
         """The runs that are there grow no more: others may hold them."""
         self._growing = None
 
-    def _join(self, run: Run) -> bool:
+    def _join(self, run: Run, most_bytes: int) -> bool:
         """Add the samples to the newest run; False if they don't fit or don't follow."""
         body, size = self._growing, len(run.body)
         newest = self.runs[-1] if self.runs else None
         if body is None or newest is None or newest.body is not body:
             return False
         if (
-            len(body) + size > self._most_bytes
+            len(body) + size > most_bytes
             or newest.count + run.count > MAX_RUN_SAMPLES
             or newest.first_seq + newest.count != run.first_seq
         ):

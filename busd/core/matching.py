@@ -187,7 +187,7 @@ def end_match(
 
 
 def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
-    """Tell a keep-all publisher up to where all that must acknowledge have, where that has grown."""
+    """Tell a lossless publisher the number that all it waits for have acknowledged, if that has grown."""
     last_seq = publisher.next_seq - 1
     seq: int = min(map(_ACKED_SEQ, publisher.awaited.values()), default=last_seq)
     publisher.is_credit_ahead = seq > last_seq

@@ -16,12 +16,11 @@ from busd.core.drops import Drops
 from busd.core.effects import Effect
 from busd.core.entities import Holder, Peer, Publisher, Subscription
 from busd.core.quotas import Quotas
-from busd.core.work import RUNS_PER_UNIT, Work
+from busd.core.work import RUNS_AT_ONCE, RUNS_PER_UNIT, Work
 
 _MANY_QUEUES = 64
 _MOST_DROPPED = 1024
 """Runs that a queue drops one by one for its quota: so no more than a millisecond is spent on that."""
-_FREED_AT_ONCE = 128
 
 _T = TypeVar("_T")
 
@@ -98,9 +97,9 @@ class Overload:
 
 def _free(runs: deque[Run]) -> Work:
     while runs:
-        for _ in range(min(len(runs), _FREED_AT_ONCE)):
+        for _ in range(min(len(runs), RUNS_AT_ONCE)):
             runs.popleft()
-        yield _FREED_AT_ONCE // RUNS_PER_UNIT
+        yield RUNS_AT_ONCE // RUNS_PER_UNIT
 
 
 def _relieve(

@@ -42,11 +42,10 @@ from busd.core.overload import Overload
 from busd.core.places import Places
 from busd.core.quotas import Quotas
 from busd.core.router import Router
-from busd.core.work import ENDPOINT, FRAME, RUNS_PER_UNIT, UNMATCH, Work
+from busd.core.work import ENDPOINT, FRAME, RUNS_AT_ONCE, RUNS_PER_UNIT, UNMATCH, Work
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
-_DROPPED_AT_ONCE = 128
 _OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
 """No program chooses their depth, as that of parameter services: a lower limit caps it instead of
 refusing."""
@@ -382,5 +381,5 @@ def _depth(qos: QoSProfile) -> int:
 
 def _empty(queue: RunQueue) -> Work:
     """Drop the queue of an endpoint that is gone. It may have a million runs of one sample."""
-    while queue.drop(_DROPPED_AT_ONCE):
-        yield _DROPPED_AT_ONCE // RUNS_PER_UNIT
+    while queue.drop(RUNS_AT_ONCE):
+        yield RUNS_AT_ONCE // RUNS_PER_UNIT

@@ -30,6 +30,8 @@ STAMPS_PER_UNIT = 8
 """Samples whose age is looked at."""
 RUNS_PER_UNIT = 2
 """Runs that are dropped."""
+RUNS_AT_ONCE = 128
+"""Runs that are dropped between two looks at other work."""
 QUEUES_PER_UNIT = 2
 """Queues that a run is appended to."""
 LOOKS_PER_UNIT = 16
