@@ -197,6 +197,7 @@ class Director:
 
         self._until_right("accounts and streams", wrong)
         self._count(scene)
+        judge.note_unsettled(self._scene, scene)
         self._scene = scene
         self._check_history(scene)
         for name in tuple(self._stage.actors):
@@ -242,7 +243,7 @@ class Director:
 
     def _look(self) -> judge.Scene:
         sleepers = {name for name, time_s in self._asleep_s.items() if time_s > deeds.LEASE_S / 2}
-        scene = judge.Scene(deaths=self._deaths, sleepers=sleepers)
+        scene = judge.Scene(deaths=self._deaths, sleepers=sleepers, at_s=time.monotonic())
         for name, actor in tuple(self._stage.actors.items()):
             look = self._told(actor)
             scene.losses[name] = look.losses

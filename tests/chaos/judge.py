@@ -20,6 +20,9 @@ pair by socket has lost busd in a storm in which that died, the ear's own accoun
 compared with the talkers'. And there may be more where a talker by shared memory was cut off by a busd that
 lived: if it comes back without its ring, what its ear had read there may be dropped for that once more.
 
+What an ear that was cut off has missed of a talker that was killed, busd may count later: the talker could
+come back with its history. So such an ear may have more in the scenes of the next SETTLE_S.
+
 Always, also by socket where busd died: an ear has counted as dropped what is missing between two numbers that
 it got of one talker, unless one of the two was cut off by a busd that lived.
 """
@@ -28,7 +31,11 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from busd.core.absent import RETURN_NS
 from chaos.roles import Ear, EarLook, Heard, Role, Talker
+
+SETTLE_S = RETURN_NS / 1e9 + 5.0
+"""As long as busd waits for a killed talker, and then a while: the machine may be busy."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,9 @@ class Scene:
     sleepers: set[str] = field(default_factory=set)
     """Actors that were stopped or asleep so long in the storm that others may have gone on without them."""
     roles: dict[str, Role] = field(default_factory=dict)
+    at_s: float = field(default=0.0, compare=False)
+    unsettled: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
+    """By ear, up to when so many messages more may be counted as dropped: see `note_unsettled`."""
 
     def lives(self, number: int) -> bool:
         """Whether a talker is alive."""
@@ -91,48 +101,82 @@ def _waiting(now: Scene) -> Iterator[str]:
             yield f"{_ear(number, ear, actor)}: {look.expected} expected, {accounted} accounted for"
 
 
+def note_unsettled(before: Scene, now: Scene) -> None:
+    """Have `now` know how many messages each ear may have missed that busd counts later."""
+    for number, (_, actor, _) in now.ears.items():
+        late = [(until_s, count) for until_s, count in before.unsettled.get(number, ()) if until_s > now.at_s]
+        if number in before.ears and _was_cut_off(before, now, actor):
+            account = _add_up(before, now, number)
+            if account.has_dead:
+                late.append((now.at_s + SETTLE_S, max(0, account.most - account.total)))
+        if late:
+            now.unsettled[number] = late
+
+
+@dataclass
+class _Account:
+    """What is known of one ear, from one scene to the next."""
+
+    got: int
+    dropped: dict[str, int]
+    least: int = 0
+    most: int = 0
+    gaps: int = 0
+    is_unsure: bool = False
+    may_be_more: bool = False
+    has_dead: bool = False
+    """Whether there is a talker that was killed."""
+    parts: list[str] = field(default_factory=list)
+
+    @property
+    def total(self) -> int:
+        return self.got + sum(self.dropped.values())
+
+
 def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
-    has_died = now.deaths > before.deaths
-    for number, (ear, actor, look) in now.ears.items():
+    for number, (ear, actor, _) in now.ears.items():
         if number not in before.ears or now.roles[actor].is_limited:
             continue
-        then = before.ears[number][2]
-        least = most = gaps = 0
-        is_unsure = may_be_more = False
-        parts = []
-        for said in now.talkers.values():
-            if said.talker.topic != ear.topic or not said.talker.quality.serves(ear.quality):
-                continue
-            got = _heard(look, said).messages - _heard(then, said).messages
-            known = before.talkers.get(said.talker.number)
-            upper = said.most - (known.most if known else 0)
-            is_steady = _is_steady(before, now, said, actor)
-            if is_steady and known is not None:
-                gaps += _new_gaps(_heard(then, said), _heard(look, said), known.most)
-            least += upper if is_steady or actor in said.witnesses else got
-            most += upper
-            may_be_more |= _may_lose_its_ring(before, now, said, actor)
-            if (has_died or not trusts_cut_off) and _is_by_socket(now, said, actor):
-                is_unsure |= any(_losses(before, now, name) for name in (said.actor, actor))
-            parts.append(f"{_name(said)}{'' if is_steady else ' (not steady)'}: {got} of {upper}")
-        got = look.delivered - then.delivered
-        dropped = {
-            reason: count - then.dropped.get(reason, 0)
-            for reason, count in look.dropped.items()
-            if count != then.dropped.get(reason, 0)
-        }
-        total = got + sum(dropped.values())
-        if gaps > sum(dropped.values()):
-            yield (
-                f"{_ear(number, ear, actor)}: {gaps} missing between others, dropped {dropped}: "
-                f"{', '.join(parts)}"
-            )
-        if not (is_unsure or (least <= total and (may_be_more or total <= most))):
+        account = _add_up(before, now, number, trusts_cut_off=trusts_cut_off)
+        least, total, dropped = account.least, account.total, account.dropped
+        most = account.most + sum(count for _, count in before.unsettled.get(number, ()))
+        name, parts = _ear(number, ear, actor), ", ".join(account.parts)
+        if account.gaps > sum(dropped.values()):
+            yield f"{name}: {account.gaps} missing between others, dropped {dropped}: {parts}"
+        if not (account.is_unsure or (least <= total and (account.may_be_more or total <= most))):
             owed = f"{least}" if least == most else f"{least} to {most}"
             yield (
-                f"{_ear(number, ear, actor)}: {got} delivered + dropped {dropped} = {total}, "
-                f"published {owed}: {', '.join(parts)}"
+                f"{name}: {account.got} delivered + dropped {dropped} = {total}, published {owed}: {parts}"
             )
+
+
+def _add_up(before: Scene, now: Scene, number: int, *, trusts_cut_off: bool = True) -> _Account:
+    has_died = now.deaths > before.deaths
+    ear, actor, look = now.ears[number]
+    then = before.ears[number][2]
+    dropped = {
+        reason: count - then.dropped.get(reason, 0)
+        for reason, count in look.dropped.items()
+        if count != then.dropped.get(reason, 0)
+    }
+    account = _Account(look.delivered - then.delivered, dropped)
+    for said in now.talkers.values():
+        if said.talker.topic != ear.topic or not said.talker.quality.serves(ear.quality):
+            continue
+        got = _heard(look, said).messages - _heard(then, said).messages
+        known = before.talkers.get(said.talker.number)
+        upper = said.most - (known.most if known else 0)
+        is_steady = _is_steady(before, now, said, actor)
+        if is_steady and known is not None:
+            account.gaps += _new_gaps(_heard(then, said), _heard(look, said), known.most)
+        account.least += upper if is_steady or actor in said.witnesses else got
+        account.most += upper
+        account.has_dead |= not said.lives and not said.witnesses
+        account.may_be_more |= _may_lose_its_ring(before, now, said, actor)
+        if (has_died or not trusts_cut_off) and _is_by_socket(now, said, actor):
+            account.is_unsure |= any(_losses(before, now, name) for name in (said.actor, actor))
+        account.parts.append(f"{_name(said)}{'' if is_steady else ' (not steady)'}: {got} of {upper}")
+    return account
 
 
 def _new_gaps(then: Heard, now: Heard, published: int) -> int:

@@ -120,6 +120,24 @@ class TestJudge:
         )
         assert f"= {heard - 10 + dropped}, published 20" in complaint
 
+    @for_each(("late_s", "count", "is_wrong"), [(14, 5, False), (14, 6, True), (16, 5, True)])
+    def test_a_killed_talker_may_be_accounted_for_later(
+        self, late_s: float, count: int, is_wrong: bool
+    ) -> None:
+        begin, killed = scene(10, 10, quality=LATCHED), scene(30, 25, quality=LATCHED)
+        killed.talkers[1] = replace(killed.talkers[1], lives=False)
+        killed.losses["ears"] = 1
+        later = deepcopy(killed)
+        later.at_s = late_s
+        judge.note_unsettled(begin, killed)
+        judge.note_unsettled(killed, later)
+        now = deepcopy(later)
+        now.ears[2][2].dropped["disconnected"] = count
+        now.ears[2][2].expected += count
+        del now.talkers[1]
+        assert [*map(judge.judge, (begin, killed), (killed, later))] == [[], []]
+        assert bool(judge.judge(later, now)) is is_wrong
+
     def test_a_stream_with_a_hole(self) -> None:
         complaints = judge.judge(scene(10, 10), scene(30, 25, dropped=5))
         assert complaints == ["ears, ear 2 on /t: 5 of 1 (mouth) are missing"]
