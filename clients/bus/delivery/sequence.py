@@ -28,6 +28,7 @@ class PublisherProxy:
         "is_rerouted",
         "last_seq",
         "lifespan_ns",
+        "may_repeat",
         "needs_ack",
         "number",
         "received_seq",
@@ -45,6 +46,7 @@ class PublisherProxy:
         self.last_seq = last_seq
         self.lifespan_ns = lifespan_ns
         self.needs_ack = needs_ack
+        self.may_repeat = needs_ack  # whether what we miss may come once more, out of what it keeps
         self.received_seq = 0  # by ring, or from an earlier broker: not even a replay brings these again
         self.is_new = True  # until its first run that is no replay
         # Up to where its history has come, until its first new sample: the rest of the history may follow.
@@ -90,6 +92,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._perhaps_skipped = 0  # it has, or they went to others only, by their rings
         self._rerouted = 0  # it has, or the ring had given them up before
         self._reported_ahead = 0  # dropped by the last broker, of what would have come next
+        self._reported_at_end: dict[bytes, int] = {}  # the same, of publishers that had gone, by gid
         # By gid, how many of `_perhaps_skipped` are missing before the first sample that came, and its
         # number; and the same of the last broker, until the present one says from where on samples were for
         # us:
@@ -127,13 +130,14 @@ class SequenceTracker(dict[int, PublisherProxy]):
             return proxy
         has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
         is_volatile = not has_history or qos.durability is Durability.VOLATILE
+        proxy.may_repeat |= not is_volatile
         if received_seq is None:
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0
         elif matched.next_seq - 1 > received_seq:
             # What was lost with a broker, a lossless publisher sends once more; histories come anyway.
             if is_volatile and not (needs_ack and (has_history or is_new_broker)):
-                self.lose_while_away(matched.next_seq - 1 - received_seq)
+                self.lose_while_away(matched.next_seq - 1 - received_seq, matched.gid)
                 proxy.last_seq = matched.next_seq - 1
             else:
                 proxy.comes_back(received_seq, matched.next_seq)
@@ -156,6 +160,11 @@ class SequenceTracker(dict[int, PublisherProxy]):
         What it dropped and had no time to report counts as lost with it.
         """
         gone = set(self._gone)
+        ends = {
+            proxy.gid: proxy.routed_seq - proxy.last_seq
+            for proxy in self.values()
+            if proxy.number in gone and proxy.routed_seq > proxy.last_seq and not proxy.may_repeat
+        }
         # Matched publishers come last, so that the bound forgets departed ones first.
         self._remember(sorted(self.values(), key=lambda proxy: proxy.number not in gone))
         self.clear()
@@ -168,7 +177,16 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._unexplained = 0
         self._unsure, self._beginnings = self._beginnings, {}
         self._unsure_count, self._perhaps_skipped = self._perhaps_skipped, 0
-        self._reported_besides = max(0, -unreported - self._rerouted)
+        besides = max(0, -unreported - self._rerouted)
+        # Of a publisher that has gone nothing comes next: what was dropped at its end is missing there, and
+        # not with another one.
+        for gid, count in ends.items():
+            if at_end := min(count, besides):
+                self._reported_at_end[gid] = self._reported_at_end.pop(gid, 0) + at_end
+                besides -= at_end
+        for gid in [*self._reported_at_end][:-MOST_REMEMBERED]:
+            del self._reported_at_end[gid]
+        self._reported_besides = besides
         if unreported > 0:
             self._unexplained = self.lose_while_away(unreported)
         else:
@@ -185,11 +203,14 @@ class SequenceTracker(dict[int, PublisherProxy]):
         socket."""
         return min(self._rerouted, max(0, self.missing - reported))
 
-    def lose_while_away(self, count: int) -> int:
-        """Count `count` samples as lost between two connections, without those that the last broker reported.
+    def lose_while_away(self, count: int, gid: bytes | None = None) -> int:
+        """Count `count` samples, of the publisher `gid`, as lost between two connections, without those that
+        the last broker reported.
 
         Returns how many that are.
         """
+        if gid is not None:
+            count -= min(count, self._reported_at_end.pop(gid, 0))
         lost = count - min(self._reported_ahead, count)
         self._reported_ahead -= count - lost
         if not lost:
@@ -239,7 +260,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             # has an earlier number of the publisher, has missed all after that; without one it can't tell.
             received_seq = max(self.last_seqs.get(gid, 0 if first_seq else last_seq), first_seq - 1)
             self.last_seqs[gid] = max(received_seq, last_seq)
-            self.lose_while_away(max(0, last_seq - received_seq))
+            self.lose_while_away(max(0, last_seq - received_seq), gid)
         self._forget_oldest()
 
     def explain(self, dropped: dict[str, int]) -> None:
@@ -294,7 +315,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         for routed_seq, returned_seq in proxy.gaps:
             gone += max(0, min(returned_seq, first_seq) - max(routed_seq, proxy.last_seq) - 1)
         proxy.gaps = tuple(gap for gap in proxy.gaps if first_seq < gap[1])
-        self.lose_while_away(gone)
+        self.lose_while_away(gone, proxy.gid)
         return gone
 
     def _cut_repeated(self, run: Run, received_seq: int) -> bool:

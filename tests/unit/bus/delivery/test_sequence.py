@@ -84,6 +84,25 @@ class TestBrokerThatDies:
         heard.tracker.lose_while_away(7)
         assert heard.lost == [("disconnected", 3)]
 
+    def test_what_it_had_told_of_one_that_had_gone_is_not_missing_with_another(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        other = heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
+        heard.tracker.forget(8, 9)
+        heard.tracker.disconnected(6, "replaced")  # 6 to 9 of the other one were dropped, and then 2 and 3
+        heard.tracker.lose_while_away(5, GID)
+        assert heard.lost == [("disconnected", 3)]
+        heard.tracker.miss({other.gid: (0, 12)})
+        assert heard.lost == [("disconnected", 3), ("disconnected", 3)]
+
+    def test_what_one_that_had_gone_may_repeat_may_also_be_missing_with_it(self) -> None:
+        heard = Heard()
+        heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=True)
+        heard.tracker.forget(8, 9)
+        heard.tracker.disconnected(4, "replaced")
+        heard.tracker.lose_while_away(5, GID)
+        assert heard.lost == [("disconnected", 1)]
+
     def test_the_replay_of_the_next_one_fills_a_part(self) -> None:
         heard = Heard()
         heard.source.last_seq = 4
