@@ -114,7 +114,7 @@ async def compare(server: Serving, subprotocol: str) -> dict[str, int]:
         ) as socket,
     ):
         channels: dict[str, Any] = {}
-        while channels.keys() < TOPICS:
+        while not channels.keys() >= TOPICS:
             told = json.loads(await socket.recv())
             channels.update({one["topic"]: one for one in told.get("channels", ())})
         codecs: dict[str, Any] = {}
