@@ -81,6 +81,7 @@ ends = [
     st.tuples(st.just("close_publisher"), numbers),
     st.tuples(st.just("close_subscription"), numbers),
 ]
+restarts = [st.tuples(st.just("restart")), st.tuples(st.just("return_all")), st.tuples(st.just("return_all"))]
 holds = [st.tuples(st.just("hold"), numbers, numbers)]
 
 
@@ -105,6 +106,8 @@ class Story:
         self.subscriptions: dict[Any, Client] = {}
         self.publishers: dict[Any, Client] = {}
         self.heard: dict[Any, list[tuple[int, int]]] = {}
+        self.is_cut_off = False
+        """Whether somebody was cut off by a busd that lived."""
         self.late: set[Any] = set()
         """Subscriptions that were away, or not heard, for longer than the lease."""
         self._absent_s: dict[Client, float] = {}
@@ -205,6 +208,7 @@ class Story:
     def hang_up(self, at: int) -> None:
         client = pick(self.clients, at)
         if client.connection is not None:
+            self.is_cut_off = True
             client.hang_up()
 
     def connect(self, at: int) -> None:
@@ -215,6 +219,9 @@ class Story:
 
     def restart(self) -> None:
         self.world.restart_broker()
+
+    def return_all(self) -> None:
+        self.world.connect_all()
 
     def die(self, at: int) -> None:
         """A bridge comes back: what it brings has the gids that it had."""
@@ -311,6 +318,16 @@ class Story:
             assert found is not None
             told = found.samples, found.expected, found.dropped
             assert told == (totals.delivered, totals.expected, totals.dropped), (told, totals)
+            if not self.is_cut_off:
+                assert self.gaps(heard) <= sum(totals.dropped.values()), (heard, totals)
+
+    def gaps(self, heard: list[tuple[int, int]]) -> int:
+        """How many numbers of the publishers that are there are missing between others."""
+        found = 0
+        for number in map(self.world.number_of, self.publishers):
+            its = [one for publisher, one in heard if publisher == number]
+            found += its[-1] + 1 - its[0] - len(its) if its else 0
+        return found
 
 
 class LastingStory(Story):
@@ -359,8 +376,13 @@ def told(story: Story) -> Iterator[None]:
 
 @pytest.mark.parametrize(
     ("kind", "steps"),
-    [(CalmStory, calm), (LastingStory, calm + cuts), (Story, calm + cuts + ends)],
-    ids=["calm", "cuts", "everything"],
+    [
+        (CalmStory, calm),
+        (LastingStory, calm + restarts),
+        (LastingStory, calm + cuts),
+        (Story, calm + cuts + ends),
+    ],
+    ids=["calm", "restarts", "cuts", "everything"],
 )
 def test_each_message_is_accounted_for_once(
     kind: type[Story], steps: list[Any], monkeypatch: pytest.MonkeyPatch
@@ -422,6 +444,21 @@ def test_what_is_on_its_way_when_a_connection_is_lost(whose: str, limits: Limits
         story.play([("publish", 0, 3, ""), hang_up, ("publish", 0, 6, "")])
         (subscription,) = story.subscriptions
         assert subscription.statistics().dropped == {}
+
+
+@pytest.mark.parametrize("depth", [1, 2])
+def test_what_a_publisher_replaced_when_busd_is_lost_before_it_says_so(depth: int) -> None:
+    """The subscription was there before, so all that is missing was for it."""
+    story = LastingStory(([False, False], [(0, QoSProfile(100))], [(1, QoSProfile(depth))]))
+    with told(story):
+        story.play([("publish", 0, 1, ""), ("settle",), ("restart",), ("return_all",)])
+        flood: list[Step] = [("publish", 0, 3, ""), ("step", 1)] * 3
+        for word, *more in [("choke", 1), *flood, ("choke", 1), ("step", 1)]:
+            getattr(story, word)(*more)
+        story.play([("serve", 1), ("step", 0), ("take", 0, 9), ("restart",), ("return_all",)])
+        (subscription,) = story.subscriptions
+        assert subscription.statistics().dropped == {"disconnected": story.gaps(story.heard[subscription])}
+        assert story.gaps(story.heard[subscription])
 
 
 EVENTS: list[Step] = [

@@ -134,7 +134,11 @@ class SequenceTracker(dict[int, PublisherProxy]):
         if received_seq is None:
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0
-        elif matched.next_seq - 1 > received_seq:
+            return proxy
+        # Whatever is missing from now on, the broker counts as dropped, too: we were there before. So it is lost
+        # even if the broker has no time to say so.
+        proxy.is_new = False
+        if matched.next_seq - 1 > received_seq:
             # What was lost with a broker, a lossless publisher sends once more; histories come anyway.
             if is_volatile and not (needs_ack and (has_history or is_new_broker)):
                 self.lose_while_away(matched.next_seq - 1 - received_seq, matched.gid)
