@@ -135,7 +135,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0
             return proxy
-        # Whatever is missing from now on, the broker counts as dropped, too: we were there before. So it is lost
+        # We were there before. So the broker counts all that is missing from now on as dropped, and it is lost
         # even if the broker has no time to say so.
         proxy.is_new = False
         if matched.next_seq - 1 > received_seq:
