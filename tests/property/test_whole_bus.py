@@ -451,11 +451,16 @@ def test_what_a_publisher_replaced_when_busd_is_lost_before_it_says_so(depth: in
     """The subscription was there before, so all that is missing was for it."""
     story = LastingStory(([False, False], [(0, QoSProfile(100))], [(1, QoSProfile(depth))]))
     with told(story):
-        story.play([("publish", 0, 1, ""), ("settle",), ("restart",), ("return_all",)])
-        flood: list[Step] = [("publish", 0, 3, ""), ("step", 1)] * 3
-        for word, *more in [("choke", 1), *flood, ("choke", 1), ("step", 1)]:
-            getattr(story, word)(*more)
-        story.play([("serve", 1), ("step", 0), ("take", 0, 9), ("restart",), ("return_all",)])
+        begin: list[Step] = [
+            ("publish", 0, 1, ""),
+            ("settle",),
+            ("take", 0, 9),
+            ("restart",),
+            ("return_all",),
+        ]
+        flood: list[Step] = [("choke", 1), *[("publish", 0, 3, ""), ("step", 1)] * 3, ("choke", 1)]
+        pass_on: list[Step] = [("step", 1), ("serve", 1), ("step", 0), ("take", 0, 9)]
+        story.play([*begin, *flood, *pass_on, ("restart",), ("return_all",)])
         (subscription,) = story.subscriptions
         assert subscription.statistics().dropped == {"disconnected": story.gaps(story.heard[subscription])}
         assert story.gaps(story.heard[subscription])

@@ -135,8 +135,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0
             return proxy
-        # We were there before, so the broker counts all that is missing from now on as dropped. It is lost even
-        # if the broker has no time to say so.
+        # We were there before: the broker counts all that is missing from now on as dropped. So it is lost,
+        # even if the broker has no time to report it.
         proxy.is_new = False
         if matched.next_seq - 1 > received_seq:
             # What was lost with a broker, a lossless publisher sends once more; histories come anyway.
