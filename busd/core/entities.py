@@ -261,6 +261,9 @@ class Publisher(Endpoint):
     awaited: "dict[EndpointId, Match]" = field(default_factory=dict)
     ring: object | None = None
     """A descriptor, opaque here; None where all goes by socket."""
+    places: set[_Bytes] = field(default_factory=set)
+    """Of lossless subscriptions that were lost before it was declared: it keeps what they have missed by
+    socket."""
     has_shared: bool = False
     """Whether a match is, or was, on the route shm: subscriptions may have samples that did not come through
     here."""
@@ -488,6 +491,7 @@ class Match:
         """From now on the subscription gets its samples from the ring."""
         self.on(MatchEvent.SHARE)
         self.publisher.has_shared = True
+        self.publisher.places.discard(self.subscription.gid)
         self.subscription.owed.pop(self.publisher.gid, None)
 
     def begin_routing(self) -> None:

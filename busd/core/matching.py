@@ -110,7 +110,8 @@ def _repeated_from(publisher: Publisher, subscription: Subscription) -> int | No
     """The number after which the publisher is to repeat its samples to a subscription that is back.
 
     None: the subscription has missed nothing, or the publisher keeps nothing for it. Samples that went by a
-    ring are still there. So, if there was one, busd must know that this subscription got its own by socket.
+    ring are still there. So, if there was one, busd must know that this subscription got its own by socket:
+    busd has seen that, or the publisher has said so.
     """
     received_seq = subscription.last_seqs.get(publisher.gid)
     if (
@@ -125,7 +126,7 @@ def _repeated_from(publisher: Publisher, subscription: Subscription) -> int | No
     may_have_shared = publisher.ring is not None or publisher.has_shared
     if may_have_shared and publisher.node.peer.uid == subscription.node.peer.uid:
         owed = subscription.owed.get(publisher.gid)
-        if owed is None or not owed.first_seq:
+        if (owed is None or not owed.first_seq) and subscription.gid not in publisher.places:
             return None
     return received_seq
 

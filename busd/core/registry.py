@@ -161,6 +161,7 @@ class Registry:
             history=PublisherHistory(depth, peer.history) if keeps_history(qos) else None,
             credited=message.next_seq - 1,
             ring=ring,
+            places=set(message.places),
             stands_for=self._access_guard.gid(peer, message.stands_for) if message.stands_for else b"",
         )
         if message.descriptors and ring is None:

@@ -8,7 +8,7 @@ match leaves its ring, and when busd is another one. So every order of things ca
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import product
+from itertools import cycle, islice, product
 from typing import Any, TypeAlias
 
 import pytest
@@ -82,6 +82,17 @@ ends = [
     st.tuples(st.just("close_subscription"), numbers),
 ]
 restarts = [st.tuples(st.just("restart")), st.tuples(st.just("return_all")), st.tuples(st.just("return_all"))]
+turns = st.lists(
+    st.sampled_from([(word, at) for word in ("serve", "step") for at in (0, 1, 2)] + [("take", 0, 2)]),
+    max_size=25,
+)
+returns = [
+    st.tuples(st.just("publish"), st.just(0), st.integers(1, 3), st.just("")),
+    st.tuples(st.just("take_turns"), turns),
+    st.tuples(st.just("restart_all"), st.permutations([0, 1, 2])),
+    st.tuples(st.just("cut"), st.sampled_from([0, 2]), turns.map(lambda some: some[:3])),
+]
+"""What happens while a bus comes back: with few turns between two cuts."""
 holds = [st.tuples(st.just("hold"), numbers, numbers)]
 
 
@@ -213,6 +224,7 @@ class Story:
 
     def connect(self, at: int) -> None:
         client = pick(self.clients, at)
+        client.notice_end()
         if client.connection is None:
             client.is_choked = False
             client.connect()
@@ -222,6 +234,20 @@ class Story:
 
     def return_all(self) -> None:
         self.world.connect_all()
+
+    def take_turns(self, turns: list[Step]) -> None:
+        for word, *more in turns:
+            getattr(self, word)(*more)
+
+    def restart_all(self, order: list[int]) -> None:
+        self.restart()
+        for at in order:
+            self.connect(at)
+
+    def cut(self, at: int, turns: list[Step]) -> None:
+        self.hang_up(at)
+        self.take_turns(turns)
+        self.connect(at)
 
     def die(self, at: int) -> None:
         """A bridge comes back: what it brings has the gids that it had."""
@@ -432,6 +458,43 @@ def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch
             played.check_matches()
 
     play()
+
+
+def test_lossless_streams_by_both_routes_when_the_bus_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of the two subscriptions has its samples by socket, the other perhaps by the publisher's ring."""
+    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
+    subscriptions = [(0, LOSSLESS), (1, LOSSLESS)]
+
+    @settings(
+        max_examples=STORIES or 60,
+        derandomize=not STORIES,
+        database=None,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+    @given(
+        st.sampled_from([[False, True, True], [False, False, True], [False, False, False]]),
+        st.sampled_from([None, NARROW]),
+        st.lists(st.one_of(returns), min_size=2, max_size=12),
+    )
+    def play(shares: list[bool], limits: Limits | None, story: list[Step]) -> None:
+        played = LastingStory((shares, subscriptions, [(2, LOSSLESS)]), limits=limits)
+        with told(played):
+            played.play(story)
+
+    play()
+
+
+@pytest.mark.parametrize("shares", [(False, False, True), (False, True, True)])
+@pytest.mark.parametrize("whose", [0, 2], ids=["subscription", "publisher"])
+def test_a_cut_at_each_turn_of_a_return(shares: tuple[bool, ...], whose: int) -> None:
+    """busd was killed, and one end is cut off while it comes back: nothing of a lossless stream is lost."""
+    order: list[Step] = [("serve", 2), ("serve", 0), ("step", 2), ("step", 0)]
+    for number in range(32):
+        turns = [*islice(cycle(order), number)]
+        story = LastingStory(([*shares], [(0, LOSSLESS), (1, LOSSLESS)], [(2, LOSSLESS)]), limits=NARROW)
+        with told(story):
+            begin: list[Step] = [("publish", 0, 2, ""), ("settle",), ("publish", 0, 3, ""), ("step", 2)]
+            story.play([*begin, ("restart_all", [0, 1, 2]), ("take_turns", turns), ("cut", whose, [])])
 
 
 @pytest.mark.parametrize("whose", ["subscription", "publisher"])

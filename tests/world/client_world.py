@@ -285,6 +285,11 @@ class Client(ListPort):
         )
         self.later(_BEAT_S, self._beat, self.connection)
 
+    def notice_end(self) -> None:
+        """If the connection has ended, read all that came before the end, and the end."""
+        while self.connection is not None and self.connection.has_ended:
+            self.step()
+
     def hang_up(self) -> None:
         """The connection ends, and the broker hears of that first."""
         connection = self.connection

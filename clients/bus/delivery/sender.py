@@ -291,6 +291,11 @@ class Sender:
             return self._socket.first_seq_to_send()
         return self._ring.writer.latest + 1
 
+    @property
+    def places(self) -> tuple[bytes, ...]:
+        """The gids of the subscriptions by socket that were lost and have a place here."""
+        return self._socket.places
+
     def declared(self, answer: m.Created) -> None:
         self._depth = answer.depth
         self._socket.declared(answer)
@@ -304,7 +309,7 @@ class Sender:
         """The broker is gone. Subscriptions read the ring on; what goes by socket waits."""
         if self._return is not None:
             self._return.cancel()
-        self._is_returning |= bool(self._by_socket) or self._socket.has_places
+        self._is_returning |= bool(self._by_socket) or bool(self._socket.places)
         self._by_socket.clear()
         self._socket.disconnected()
         if self._ring is not None:
@@ -387,7 +392,7 @@ class Sender:
         """Let go by socket only what some subscription reads there, and the history, which the broker
         keeps."""
         ring, socket = self._ring, self._socket
-        is_read = ring is None or bool(self._by_socket) or self._is_returning or socket.has_places
+        is_read = ring is None or bool(self._by_socket) or self._is_returning or bool(socket.places)
         is_needed = is_read or socket.keeps_history
         socket.set_readers(are_there=is_read)
         if socket.is_active and not is_needed:

@@ -21,6 +21,7 @@ from bus.delivery.port import RETURN_S, Owner, Port, Timer
 from bus.delivery.thread_queue import ThreadQueue
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.wire import messages as m
+from bus.wire.bounds import MOST_PLACES
 from bus.wire.layout import (
     DATA_HEAD_BYTES,
     MAX_MESSAGE_BYTES,
@@ -42,8 +43,6 @@ _GATHER_NS = 100_000
 
 _GRACE_S = 0.1
 """A loop that stood still reads what came meanwhile before a place is given up."""
-_MOST_PLACES = 64
-"""Subscriptions that have a place at a time. What they are sent again, together, must not fill the memory."""
 
 Sample: TypeAlias = tuple[int, int, bytes]
 """Number, stamp in ns, payload."""
@@ -258,9 +257,9 @@ class SocketSender:
         self._forget_flying(seq)
 
     @property
-    def has_places(self) -> bool:
-        """Whether subscriptions that were lost may come back, and are to miss nothing."""
-        return bool(self._places)
+    def places(self) -> tuple[bytes, ...]:
+        """The gids of subscriptions that were lost, may come back, and are to miss nothing."""
+        return tuple(self._places)
 
     def keep_place(self, other: int, keep_s: float) -> None:
         """A subscription was lost, and may be back within `keep_s`; 0: it will not be."""
@@ -391,7 +390,7 @@ class SocketSender:
         return (gid, True) in self._takers.values()
 
     def _bound_places(self) -> None:
-        while len(self._places) > _MOST_PLACES:
+        while len(self._places) > MOST_PLACES:
             oldest = next(iter(self._places))
             self._forget_place(oldest, self._places[oldest])
 

@@ -36,6 +36,11 @@ BusId = Annotated[str, Meta(min_length=1, max_length=100)]
 Buses = Annotated[tuple[BusId, ...], Meta(max_length=16)]
 Gid = Annotated[bytes, Meta(max_length=16)]
 """16 bytes, or none."""
+MOST_PLACES = 64
+"""Subscriptions that have a place at a publisher at a time. What they are all sent again must not fill the
+memory."""
+Places = Annotated[tuple[Annotated[bytes, Meta(max_length=16)], ...], Meta(max_length=MOST_PLACES)]
+"""Gids of subscriptions."""
 Text = Annotated[str, Meta(max_length=1000)]
 """For people to read."""
 Capabilities = Annotated[tuple[Annotated[str, Meta(max_length=64)], ...], Meta(max_length=64)]

@@ -24,6 +24,7 @@ from bus.wire.bounds import (
     Missed,
     NextSeq,
     Pid,
+    Places,
     Seq,
     Text,
 )
@@ -110,7 +111,8 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
     """`next_seq` is the number of the first sample that will come; `gid` names the endpoint for life.
 
     `stands_for`: the gid of a publisher of another bus, which the graph shows in place of `gid`. Brings the
-    publisher's ring where it has one.
+    publisher's ring where it has one. `places`: the gids of the subscriptions that were lost and have a place
+    there; each of them had its samples by socket.
     """
 
     request: int
@@ -123,6 +125,7 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
     next_seq: Seq = 1
     descriptors: Descriptors = 0
     stands_for: Gid = b""
+    places: Places = ()
 
 
 class CreateSubscription(Message, frozen=True, tag="sub+"):

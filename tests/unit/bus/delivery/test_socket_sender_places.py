@@ -1,8 +1,8 @@
 """bus.delivery.socket_sender: what is kept for a lossless subscription that was lost, and for how long."""
 
-from bus.delivery import socket_sender
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from bus.wire.bounds import MOST_PLACES
 from bus.wire.runs import Run
 from one_way import GID, KEEP_ALL, OTHER, Way, numbers
 
@@ -77,7 +77,7 @@ class TestItIsBack:
         way.put_apart(3)
         assert repeated(way, 1) == [[2], [3], "caught up"]
         way.sender.keep_place(OTHER, 10)
-        assert not way.sender.has_places, "it is there"
+        assert not way.sender.places, "it is there"
 
     def test_one_that_was_never_there_gets_nothing(self) -> None:
         """Or any process could have a publisher send a window full, again and again."""
@@ -113,17 +113,17 @@ class TestHowLong:
         way, gone = lost(5, credit=0, window=5), list[bool]()
         way.sender.on_place_gone = lambda: gone.append(way.sender.can_take(1))
         way.port.advance(9.9)
-        assert way.sender.has_places and not gone
+        assert way.sender.places and not gone
         way.port.advance(0.3)
-        assert not way.sender.has_places and gone == [True]
+        assert not way.sender.places and gone == [True]
         assert repeated(way, 2) == ["caught up"]
 
     def test_until_the_broker_says_that_the_process_has_ended(self) -> None:
         way = lost(5, credit=0, window=5)
         way.sender.keep_place(OTHER + 5, 0)
-        assert way.sender.has_places
+        assert way.sender.places
         way.sender.keep_place(OTHER, 0)
-        assert way.sender.can_take(1) and not way.sender.has_places
+        assert way.sender.can_take(1) and not way.sender.places
 
     def test_after_a_lost_connection_time_begins_when_it_is_back(self) -> None:
         way = lost()
@@ -167,7 +167,7 @@ class TestHowLong:
 
     def test_how_many_is_bounded(self) -> None:
         way = Way(KEEP_ALL, window=10)
-        gids = [number.to_bytes(16, "big") for number in range(socket_sender._MOST_PLACES + 1)]
+        gids = [number.to_bytes(16, "big") for number in range(MOST_PLACES + 1)]
         for number, gid in enumerate(gids, 100):
             way.match(gid=gid, other=number)
         way.put_apart(1)
@@ -180,10 +180,10 @@ class TestHowLong:
         way = Way(KEEP_ALL)
         way.match(QoSProfile(10))
         way.sender.keep_place(OTHER, 10)
-        assert not way.sender.has_places
+        assert not way.sender.places
 
     def test_nothing_is_kept_after_the_end(self) -> None:
         way = lost()
         way.sender.end()
-        assert not way.sender.has_places
+        assert not way.sender.places
         way.port.advance(11)
