@@ -98,6 +98,8 @@ class _Absentee:
 class Absentees:
     """`come` and `go` are for publishers; `find`, `settle`, `lose` and `forget` for subscriptions.
 
+    `matched` is for both.
+
     `farewell` is for the end of the daemon.
     """
 
@@ -176,6 +178,11 @@ class Absentees:
         if missed or explained:
             out.append(_dropped(subscription, missed, explained))
         return now_ns
+
+    def matched(self, publisher: Publisher, subscription: Subscription) -> None:
+        """The two may have been lost both: with the match comes what the subscription has missed."""
+        if subscription.id in self._open and publisher.id in subscription.matches:
+            self._open[subscription.id].pop(publisher.gid, None)
 
     def settle(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """It is matched with all publishers that are there: what it has missed of others will not come.

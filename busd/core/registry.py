@@ -177,7 +177,9 @@ class Registry:
         now_ns = yield ENDPOINT
         for subscription in there:
             if subscription.id in subscriptions:
-                now_ns = yield make_match(now_ns, self._graph, publisher, subscription, out)
+                price = make_match(now_ns, self._graph, publisher, subscription, out)
+                self._absentees.matched(publisher, subscription)
+                now_ns = yield price
 
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]

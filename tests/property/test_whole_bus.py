@@ -509,6 +509,20 @@ def test_what_is_on_its_way_when_a_connection_is_lost(whose: str, limits: Limits
         assert subscription.statistics().dropped == {}
 
 
+@pytest.mark.parametrize("qos", [LOSSLESS, QoSProfile(10, durability="transient_local")])
+def test_a_publisher_that_was_lost_too_comes_back_and_leaves(qos: QoSProfile) -> None:
+    """What it publishes between the two is received, and not lost, though its return was waited for."""
+    story = Story(([False, False], [(0, qos)], [(1, qos)]))
+    with told(story):
+        begin: list[Step] = [("publish", 0, 1, ""), ("settle",), ("take", 0, 1)]
+        cuts: list[Step] = [("hang_up", 0), ("hang_up", 1), ("connect", 0), ("settle",), ("connect", 1)]
+        end: list[Step] = [("settle",), ("publish", 0, 3, ""), ("settle",), ("take", 0, 3)]
+        story.play([*begin, *cuts, *end, ("close_publisher", 0), ("advance", 11.0)])
+        (subscription,) = story.subscriptions
+        totals = subscription.statistics()
+        assert (totals.delivered, totals.dropped) == (4, {})
+
+
 @pytest.mark.parametrize("depth", [1, 2])
 def test_what_a_publisher_replaced_when_busd_is_lost_before_it_says_so(depth: int) -> None:
     """The subscription was there before, so all that is missing was for it."""
