@@ -98,9 +98,7 @@ class _Absentee:
 class Absentees:
     """`come` and `go` are for publishers; `find`, `settle`, `lose` and `forget` for subscriptions.
 
-    `matched` is for both.
-
-    `farewell` is for the end of the daemon.
+    `matched` is for both, `farewell` for the end of the daemon.
     """
 
     def __init__(self, timers: Timers, emit: Callable[[Effect], None], meter: Meter) -> None:

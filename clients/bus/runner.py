@@ -46,8 +46,11 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     """
     _check(main)
     end: type[KeyboardInterrupt] | None = None
+    is_over = False
 
     async def until_signal() -> T:
+        if is_over:
+            raise asyncio.CancelledError
         loop, task = asyncio.get_running_loop(), asyncio.current_task()
         assert task is not None
 
@@ -85,7 +88,13 @@ def run(main: Coroutine[Any, Any, T]) -> T:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
             if not is_frozen:
                 gc.freeze()  # what was imported stays: no collection need look at it
-            return runner.run(until_signal())
+            try:
+                return runner.run(until_signal())
+            except KeyboardInterrupt:
+                # Perhaps in the moment in which its task was made, and asyncio does not know that one yet: it
+                # must not begin while the loop is closed.
+                is_over = True
+                raise
     except KeyboardInterrupt:
         say_nothing_of_signals()
         raise

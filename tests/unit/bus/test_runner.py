@@ -49,3 +49,35 @@ bus.run(main())
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
+
+
+def test_a_ctrl_c_while_the_task_is_made_is_silent() -> None:
+    """The task may be scheduled and not yet known to asyncio, which then does not cancel it."""
+    program = """
+import asyncio
+import bus, bus.runner
+
+class Loop(asyncio.SelectorEventLoop):
+    is_first = True
+
+    def create_task(self, coro, **more):
+        task = super().create_task(coro, **more)
+        if self.is_first:
+            self.is_first = False
+            asyncio.tasks._unregister_task(task)
+            raise KeyboardInterrupt
+        return task
+
+bus.runner.loop_factory = lambda: Loop
+
+async def main():
+    print("main begins")
+    try:
+        await asyncio.sleep(1)
+    finally:
+        await asyncio.sleep(1)
+
+bus.run(main())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
