@@ -169,7 +169,8 @@ class Broker:
             window_samples=limits.keep_all_window_messages,
         )
         self._overload.bound_all(now_ns, self._peers.values())
-        self._renew_access(now_ns, access)
+        if access.rules != self._access_guard.access.rules:  # that asks for each endpoint of each guest
+            self._renew_access(now_ns, access)
         return self._take_effects()
 
     def attach(

@@ -209,6 +209,15 @@ class TestOtherRules:
         renew(world, rule("/a", PUBLISH, BOB))
         assert [one.cut_reason for one in (own, root, bob)] == [None] * 3
 
+    def test_the_same_rules_ask_for_no_endpoint(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Which takes half a second where guests have many."""
+        world = World(access=(rule("/a", PUBLISH),))
+        world.process(uid=ALICE).publisher("/a")
+        asked: list[tuple[object, ...]] = []
+        monkeypatch.setattr(Access, "decide", lambda *what: asked.append(what))
+        renew(world, rule("/a", PUBLISH))
+        assert asked == []
+
     def test_what_is_seen_changes_with_the_rules(self) -> None:
         world = World(access=(rule("/a", OBSERVE),))
         own, alice = world.process(), world.process(uid=ALICE)
