@@ -18,6 +18,7 @@ import os
 import socket
 import stat
 from collections.abc import MutableMapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
@@ -313,8 +314,9 @@ class _Lock:
                 raise AlreadyRunning(path, _read_pid(fd)) from None
             is_ours = self._is_in_place(fd)
             if is_ours:
-                os.ftruncate(fd, 0)
-                os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
+                with suppress(OSError):  # a full disk: errors of others will not name our pid
+                    os.ftruncate(fd, 0)
+                    os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
         except BaseException:
             os.close(fd)
             raise

@@ -1,6 +1,7 @@
 """busd.server.listener with real sockets, files and processes."""
 
 import asyncio
+import errno
 import fcntl
 import os
 import socket
@@ -136,6 +137,21 @@ async def test_asyncio_may_close_the_socket_first(path: Path) -> None:
     server.close()
     listener.close()
     assert not list(path.parent.iterdir())
+
+
+def test_on_a_full_disk_the_lock_is_held_without_a_pid(
+    path: Path, lock: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pwrite(fd: int, content: bytes, offset: int) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    with open_listener(path, environ={}):
+        assert lock.read_text() == ""
+        with pytest.raises(AlreadyRunning) as caught:
+            open_listener(path, environ={})
+        assert caught.value.pid is None
+    assert list(path.parent.iterdir()) == []
 
 
 def test_files_that_are_not_ours_any_more_stay(path: Path, lock: Path) -> None:
