@@ -23,6 +23,7 @@ from bus.wire.messages import Fault, Hello, encode_frame
 from busd.core.anteroom import Anteroom
 from busd.core.rate_limit import TokenBucket
 from busd.server.credentials import Credentials, peer_credentials
+from busd.server.strangers import strangers
 
 __all__ = ["Admission", "AdmissionHost"]
 
@@ -37,11 +38,8 @@ _RETRY_S = 0.5
 _LOG_AGAIN_NS = 1_000_000_000
 _NO_PLACE = "busd has no place left for another connection that waits to be let in; try again"
 _HELD = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
-_SCRAP_READS = 16
 _MOST_TURNED_AWAY = 1024
 """Users that were turned away and that the log has named."""
-
-_scrap = bytearray(64 << 10)
 
 
 class AdmissionHost(Protocol):
@@ -86,7 +84,7 @@ class _Newcomer:
         """Read what has come of its Hello; False where it has closed. Raises RemoteProtocolError."""
         try:
             while self.hello is None:
-                more = self.sock.recv(self.greeting.wanted, socket.MSG_DONTWAIT)
+                more = strangers.receive(self.sock, self.greeting.wanted)
                 if not more:
                     return False
                 self.hello = self.greeting.received(more)
@@ -95,6 +93,12 @@ class _Newcomer:
         except OSError:
             return False
         return True
+
+    def close(self) -> None:
+        """What it has sent is read: it may have brought descriptors, and where something unread is left, the
+        other side's libuv would perhaps not see the end."""
+        strangers.empty(self.sock)
+        self.sock.close()
 
 
 class Admission:
@@ -152,7 +156,7 @@ class Admission:
             self._stop_listening()
         self._epoll.close()
         for newcomer in self._by_number.values():
-            newcomer.sock.close()
+            newcomer.close()
         self._by_number.clear()
 
     # --- readiness
@@ -222,7 +226,7 @@ class Admission:
         now_ns = monotonic_ns()
         if not is_there:
             self._take_out(newcomer)
-            newcomer.sock.close()
+            newcomer.close()
         elif newcomer.hello is None:
             if newcomer.number < 0:
                 self._give_place(newcomer, now_ns)
@@ -284,7 +288,7 @@ class Admission:
                 self._listen_to(newcomer)
             else:  # its end is the only news now
                 self._take_out(newcomer)
-                newcomer.sock.close()
+                newcomer.close()
 
     def _take_out(self, newcomer: _Newcomer) -> None:
         """It has no place any more. To be called before its descriptor is closed or handed over."""
@@ -308,14 +312,10 @@ class Admission:
         self, newcomer: _Newcomer, reason: str, *, is_news: bool, again: bool = False, more: str = ""
     ) -> None:
         """Tell it why, and close. `more` is for the log alone."""
-        with suppress(OSError), newcomer.sock as sock:
-            last_words = self._host.greeting() + encode_frame(Fault(text=reason, again=again))
-            sock.send(last_words, socket.MSG_DONTWAIT)
-            # Nothing unread may be left: the other side's libuv would perhaps not see the end.
-            sock.shutdown(socket.SHUT_RDWR)
-            for _ in range(_SCRAP_READS):
-                if not sock.recv_into(_scrap):
-                    break
+        last_words = self._host.greeting() + encode_frame(Fault(text=reason, again=again))
+        with suppress(OSError):
+            newcomer.sock.send(last_words, socket.MSG_DONTWAIT)
+        newcomer.close()
         level = logging.WARNING if is_news else logging.DEBUG
         pid = newcomer.who.pid
         _log.log(level, "turned away pid %d: %s%s", pid, reason, more, extra={"peer": pid})

@@ -38,6 +38,7 @@ from busd.core.anteroom import PLACES
 from busd.core.limits import Limits
 from busd.core.turns import Party
 from busd.server.credentials import Credentials
+from busd.server.strangers import strangers
 
 _FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
     Share: (doorbell_fault, readers_fault),
@@ -140,6 +141,7 @@ class PeerConnection:
             on_bytes=partial(host.receive, self),
             on_lost=self._lost,
             takes_descriptors=True,
+            taker=strangers,
             may_read=partial(host.may_read, self),
             may_write=partial(host.may_write, self),
         )

@@ -5,6 +5,7 @@ import fcntl
 import mmap
 import os
 import resource
+import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -14,8 +15,10 @@ import pytest
 
 from bus.base.descriptor import Descriptor
 from bus.wire import messages as m
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import MAX_BATCHES
 from conftest import Daemon
+from lingering import lingering_socket
 from neighbours import descriptors_of, wait_until
 from raw_peer import RawPeer
 from raw_sharing import FUTURE_WRITE, SEALS, SIZE, create_publisher, eventfd, memfd, share
@@ -147,6 +150,32 @@ class TestBad:
             ring = memfd()
             peer.hello()
             socket.send_fds(peer.socket, [m.encode_frame(m.ReplaceRing(publisher=1))[:-1]], [ring.fileno()])
+
+
+class TestStrange:
+    """Of files whose closing takes long, wherever busd comes by them."""
+
+    @pytest.mark.parametrize(
+        "way", ["claimed", "unclaimed", "many", "before Hello", "behind a fault", "behind garbage"]
+    )
+    def test_a_socket_that_lingers_holds_up_nobody(self, daemon: Daemon, other: RawPeer, way: str) -> None:
+        with lingering_socket() as strange, RawPeer(daemon.path) as peer:
+            node = 0 if way in ("before Hello", "behind garbage") else peer.hello().node()
+            daemon.process.send_signal(signal.SIGSTOP)  # else the test could be the last that closes it
+            match way:
+                case "claimed":
+                    create_publisher(peer, node, strange)
+                case "many":
+                    peer.carry(m.Ping(), *[strange] * 100)
+                case "before Hello":
+                    peer.carry(m.Hello(version=PROTOCOL_VERSION), strange)
+                case _:  # "unclaimed", and where what comes first ends the connection
+                    peer.write(b"" if way == "unclaimed" else b"\xff" * 64)
+                    peer.carry(m.Ping(), strange)
+            strange.close()
+            peer.close()
+            daemon.process.send_signal(signal.SIGCONT)
+            other.barrier()
 
 
 @pytest.mark.usefixtures("nothing_left")

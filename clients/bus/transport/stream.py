@@ -12,9 +12,9 @@ import errno
 import select
 import socket
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, Protocol
 
 from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
@@ -36,9 +36,37 @@ _MOST_WORK = 512
 _DESCRIPTORS_WORK = 8
 _RETRY_S = 0.05
 _INT = struct.Struct("i")
-_ANCILLARY_BYTES = socket.CMSG_SPACE(2 * _INT.size)
+_MOST_DESCRIPTORS = 2
+"""That a message brings."""
+_ANCILLARY_BYTES = socket.CMSG_SPACE(_MOST_DESCRIPTORS * _INT.size)
 _CLOSE_ON_EXEC = int(getattr(socket, "MSG_CMSG_CLOEXEC", 0))  # Linux
 _CUT_OFF = int(socket.MSG_CTRUNC)  # as a number: socket's own flags are ten times as slow
+
+
+class Taker(Protocol):
+    """Takes the descriptors that come."""
+
+    room: int
+    """How many bytes the kernel may fill with them at one read; what has no room there, it closes."""
+
+    def adopt(self, number: int) -> Descriptor:
+        """The owner of one that a message may claim."""
+
+    def drop(self, numbers: Sequence[int]) -> None:
+        """Close these, which no message can claim."""
+
+
+class _Trusting:
+    """For a side that sends nothing strange."""
+
+    room = _ANCILLARY_BYTES
+
+    def adopt(self, number: int) -> Descriptor:
+        return Descriptor(number)
+
+    def drop(self, numbers: Sequence[int]) -> None:
+        for number in numbers:
+            Descriptor(number).close()
 
 
 class Stream:
@@ -49,7 +77,7 @@ class Stream:
     called once when the connection ends for any reason but `close`; None means that the peer closed it. With
     `on_bytes(count)` in its place the owner learns how many bytes have come, and takes the items out of the
     session itself. Descriptors that come are given to the session where it `takes_descriptors`; else the
-    kernel closes them.
+    kernel closes them. Who can't trust the other side says by `taker` what becomes of them.
 
     `may_read` and `may_write`, where they are given, are asked each time the event loop finds the socket
     readable or writable again. Where they say no, the stream waits for `read_on` or `write_on`.
@@ -65,6 +93,7 @@ class Stream:
         on_lost: Callable[[Exception | None], None],
         on_bytes: Callable[[int], None] | None = None,
         takes_descriptors: bool = False,
+        taker: Taker | None = None,
         may_read: Callable[[], bool] | None = None,
         may_write: Callable[[], bool] | None = None,
     ) -> None:
@@ -92,6 +121,7 @@ class Stream:
         self._on_bytes = on_bytes
         self._on_lost = on_lost
         self._takes_descriptors = takes_descriptors
+        self._taker = taker or _Trusting()
         self._rest: list[Buffer] = []
         self._rest_descriptors: tuple[Descriptor, ...] = ()
         self._before_write: Callable[[], None] | None = None
@@ -269,11 +299,14 @@ class Stream:
 
     def _receive(self, buffer: memoryview) -> int:
         """Bytes into the buffer, and a batch of descriptors, where one came with them, to the session."""
-        count, ancillary, flags, _ = self._sock.recvmsg_into([buffer], _ANCILLARY_BYTES, _CLOSE_ON_EXEC)
+        count, ancillary, flags, _ = self._sock.recvmsg_into([buffer], self._taker.room, _CLOSE_ON_EXEC)
         if ancillary or flags & _CUT_OFF:
-            batch = _descriptors(ancillary)
+            numbers = _numbers(ancillary)
             # What was cut off is of no use in part. An empty batch keeps the place of the message's own.
-            self.session.descriptors.append(() if flags & _CUT_OFF else batch)
+            if flags & _CUT_OFF or len(numbers) > _MOST_DESCRIPTORS:
+                self._taker.drop(numbers)
+                numbers.clear()
+            self.session.descriptors.append(tuple(map(self._taker.adopt, numbers)))
         return count
 
     def _send(self, buffers: list[Buffer], size: int, descriptors: tuple[Descriptor, ...] = ()) -> None:
@@ -395,9 +428,21 @@ class Stream:
         with suppress(OSError), self._sock:
             # Nothing unread may be left: the other side's libuv would perhaps not see the end (`_read_rest`).
             self._sock.shutdown(socket.SHUT_RDWR)
-            while self._sock.recv(BUFFER_BYTES):
+            while self._drop_some():
                 pass
         self._drop_descriptors()
+
+    def _drop_some(self) -> bool:
+        """Read what nobody wants any more; returns whether there may be more."""
+        try:
+            if not self._takes_descriptors:
+                return bool(self._sock.recv(BUFFER_BYTES))
+            content, ancillary, _, _ = self._sock.recvmsg(BUFFER_BYTES, self._taker.room, _CLOSE_ON_EXEC)
+        except ConnectionResetError:  # is told once, before what there is to read
+            return True
+        if ancillary:
+            self._taker.drop(_numbers(ancillary))
+        return bool(content)
 
     def _drop_descriptors(self) -> None:
         """Close those that came; those that were to go may have other owners."""
@@ -424,10 +469,11 @@ def _rights(descriptors: tuple[Descriptor, ...]) -> tuple[int, int, bytes]:
     return socket.SOL_SOCKET, socket.SCM_RIGHTS, numbers
 
 
-def _descriptors(ancillary: list[tuple[int, int, bytes]]) -> tuple[Descriptor, ...]:
-    return tuple(
-        Descriptor(number)
+def _numbers(ancillary: list[tuple[int, int, bytes]]) -> list[int]:
+    """Of the descriptors that came."""
+    return [
+        number
         for level, kind, content in ancillary
         if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS
         for (number,) in _INT.iter_unpack(content[: len(content) // _INT.size * _INT.size])
-    )
+    ]
