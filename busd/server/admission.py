@@ -97,8 +97,7 @@ class _Newcomer:
     def close(self) -> None:
         """What it has sent is read: it may have brought descriptors, and where something unread is left, the
         other side's libuv would perhaps not see the end."""
-        strangers.empty(self.sock)
-        self.sock.close()
+        strangers.finish(self.sock)
 
 
 class Admission:

@@ -3,8 +3,8 @@
 To close a file can take as long as its owner likes: a file of a file system in a user's process (FUSE), a TCP
 socket with SO_LINGER and bytes that nobody reads. That holds, too, where the kernel closes what was not
 received or not read. So busd receives all descriptors that come with what it reads, and empties a connection
-before it closes it. Owns which files are strange, and the threads. Must not know which messages bring
-descriptors.
+before it closes it. What is known to close at once is closed at once: a thread costs this process more. Owns
+which files are strange, and the threads. Must not know which messages bring descriptors.
 
 No more than `_MOST` wait to be closed. Where that many do, and none of them is closed within `_PATIENCE_S`,
 the kernel closes what comes: it does not wait for file systems then, but for sockets that linger.
@@ -31,11 +31,13 @@ _MOST_AT_ONCE = 253  # SCM_MAX_FD: the kernel passes no more with one message
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_MOST_AT_ONCE * array("i").itemsize)
 _CLOSE_ON_EXEC = int(getattr(socket, "MSG_CMSG_CLOEXEC", 0))  # Linux
 _GET_SEALS = 1034  # Linux's number; the module fcntl has it there only
-_EVENTFD = "anon_inode:[eventfd]"
+_QUICK = ("anon_inode:", "pipe:", "/memfd:")
+"""How the kernel calls files that nobody else has a say in."""
 _NO_LINGER = struct.pack("ii", 0, 0)
 _SCRAP_BYTES = 64 << 10
+_FEW = 2
 _MOST = 1024
-"""Descriptors that wait to be closed, or are being closed."""
+"""Files that wait to be closed, or are being closed."""
 _MOST_THREADS = 32
 _PATIENCE_S = 0.005
 
@@ -48,38 +50,57 @@ class Stranger(Descriptor):
     def close(self) -> None:
         number, self.number = self.number, -1
         if number >= 0:
-            strangers.drop((number,))
+            strangers.hand_over((number,))
 
 
 class Strangers:
-    """Takes descriptors (`bus.transport.stream.Taker`). Threads close them: one more where all are busy, and
-    none while there is nothing to do."""
+    """Takes descriptors (`bus.transport.stream.Taker`).
+
+    Threads close the strange: one more where all are busy, and none while there is nothing to do.
+    """
 
     def __init__(self) -> None:
         self.room = _ANCILLARY_BYTES
         self.waiting = 0
-        """Descriptors that are yet to be closed."""
+        """Files that are yet to be closed."""
         self._threads = 0
-        self._numbers: deque[int] = deque()
+        self._queue: deque[Sequence[int] | socket.socket] = deque()
         self._changed = Condition()
 
     def adopt(self, number: int) -> Descriptor:
         """The owner of a descriptor that has just come."""
-        try:
-            fcntl.fcntl(number, _GET_SEALS)
-            return Descriptor(number)  # a memfd, or another file that is in memory
-        except OSError:
-            pass
-        with suppress(OSError):
-            if os.readlink(f"/proc/self/fd/{number}") == _EVENTFD:  # noqa: PTH115
-                return Descriptor(number)
-        return Stranger(number)
+        return Stranger(number) if _is_strange(number) else Descriptor(number)
 
     def drop(self, numbers: Sequence[int]) -> None:
-        """Close descriptors that have come, soon. Where too many wait for that, wait a moment for one."""
+        """Close descriptors that have come. Many at a time are not looked at first: a thread does that."""
+        if len(numbers) > _FEW:
+            self.hand_over(numbers)
+        else:
+            for number in numbers:
+                self.adopt(number).close()
+
+    def receive(self, sock: socket.socket, count: int) -> bytes:
+        """Up to `count` bytes, without waiting; closes descriptors that come with them. Raises OSError."""
+        received, numbers = self._receive(sock, count)
+        self.drop(numbers)
+        return received
+
+    def finish(self, sock: socket.socket) -> None:
+        """Read all that is left, and close `sock`; the other side can send no more from now on."""
+        with suppress(OSError):
+            sock.shutdown(socket.SHUT_RDWR)
+        numbers = self._next_numbers(sock)
+        if numbers is None:
+            sock.close()
+        else:
+            self.drop(numbers)
+            self.hand_over(sock)
+
+    def hand_over(self, files: Sequence[int] | socket.socket) -> None:
+        """Have a thread close these. Where too many wait for that, wait a moment for one."""
         with self._changed:
-            self.waiting += len(numbers)
-            self._numbers.extend(numbers)
+            self.waiting += _count(files)
+            self._queue.append(files)
             is_thread_needed = self._threads < min(self.waiting, _MOST_THREADS)
             self._threads += is_thread_needed
         if is_thread_needed:
@@ -91,28 +112,25 @@ class Strangers:
         if self.waiting >= _MOST and self.room:
             self._wait_for_room()
 
-    def receive(self, sock: socket.socket, count: int) -> bytes:
-        """Up to `count` bytes, without waiting; closes descriptors that come with them. Raises OSError."""
+    def _receive(self, sock: socket.socket, count: int) -> tuple[bytes, Sequence[int]]:
         received, ancillary, _, _ = sock.recvmsg(count, self.room, socket.MSG_DONTWAIT | _CLOSE_ON_EXEC)
+        numbers = array("i")
         for level, kind, content in ancillary:
             if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS:
-                numbers = array("i")
                 numbers.frombytes(content[: len(content) // numbers.itemsize * numbers.itemsize])
-                self.drop(numbers)
-        return received
+        return received, numbers
 
-    def empty(self, sock: socket.socket) -> None:
-        """Read all that is left, before `sock` is closed; the other side can send no more from now on."""
-        with suppress(OSError):
-            sock.shutdown(socket.SHUT_RDWR)
+    def _next_numbers(self, sock: socket.socket) -> Sequence[int] | None:
+        """Read `sock` up to a piece that brings descriptors; None: that was all."""
         while True:
             try:
-                if not self.receive(sock, _SCRAP_BYTES):
-                    return
+                received, numbers = self._receive(sock, _SCRAP_BYTES)
             except ConnectionResetError:
-                pass  # is told once, before what there is to read
+                continue  # is told once, before what there is to read
             except OSError:
-                return
+                return None
+            if numbers or not received:
+                return numbers or None
 
     def _wait_for_room(self) -> None:
         with self._changed:
@@ -126,27 +144,57 @@ class Strangers:
     def _work(self) -> None:
         while True:
             with self._changed:
-                if not self._numbers:
+                if not self._queue:
                     self._threads -= 1
                     return
-                number = self._numbers.popleft()
-            _close(number)
+                files = self._queue.popleft()
+            if isinstance(files, socket.socket):
+                while numbers := self._next_numbers(files):
+                    _close(numbers)
+                files.close()
+            else:
+                _close(files)
             with self._changed:
-                self.waiting -= 1
+                self.waiting -= _count(files)
                 if self.waiting < _MOST:
                     self.room = _ANCILLARY_BYTES
                 self._changed.notify()
 
 
-def _close(number: int) -> None:
-    """A socket does not linger."""
-    with suppress(OSError):
-        sock = socket.socket(fileno=number)
+def _is_strange(number: int) -> bool:
+    """Whether others may have a say in how long it takes to close that file."""
+    try:
+        kind = os.readlink(f"/proc/self/fd/{number}")  # noqa: PTH115
+        if kind.startswith("/memfd:"):
+            fcntl.fcntl(number, _GET_SEALS)  # no file of that name
+        elif kind.startswith("socket:"):
+            sock = socket.socket(fileno=number)
+            sock.detach()
+            return sock.family != socket.AF_UNIX
+    except OSError:
+        return True
+    return not kind.startswith(_QUICK)
+
+
+def _count(files: Sequence[int] | socket.socket) -> int:
+    return 1 if isinstance(files, socket.socket) else len(files)
+
+
+def _close(numbers: Sequence[int]) -> None:
+    """Sockets do not linger. Neighbours are closed in one call: another thread waits for the end of each."""
+    rows: list[list[int]] = []
+    for number in sorted(numbers):
         with suppress(OSError):
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
-        sock.detach()
-    with suppress(OSError):
-        os.close(number)
+            sock = socket.socket(fileno=number)
+            with suppress(OSError):
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+            sock.detach()
+        if rows and number == rows[-1][1]:
+            rows[-1][1] += 1
+        else:
+            rows.append([number, number + 1])
+    for first, end in rows:
+        os.closerange(first, end)
 
 
 strangers = Strangers()

@@ -140,6 +140,11 @@ class TestBad:
             assert peer.fault() == "descriptors that no message claims"
         other.barrier()
 
+    def test_far_too_many(self, daemon: Daemon) -> None:
+        with RawPeer(daemon.path) as peer:
+            peer.hello().carry(m.Ping(), *[memfd()] * 100)
+            assert peer.fault() == "100 descriptors at once, a message brings 2 at most"
+
     def test_before_hello(self, daemon: Daemon) -> None:
         with RawPeer(daemon.path) as peer:
             share(peer)

@@ -38,6 +38,7 @@ _RETRY_S = 0.05
 _INT = struct.Struct("i")
 _MOST_DESCRIPTORS = 2
 """That a message brings."""
+_TOO_MANY_DESCRIPTORS = 16
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_MOST_DESCRIPTORS * _INT.size)
 _CLOSE_ON_EXEC = int(getattr(socket, "MSG_CMSG_CLOEXEC", 0))  # Linux
 _CUT_OFF = int(socket.MSG_CTRUNC)  # as a number: socket's own flags are ten times as slow
@@ -55,6 +56,9 @@ class Taker(Protocol):
     def drop(self, numbers: Sequence[int]) -> None:
         """Close these, which no message can claim."""
 
+    def finish(self, sock: socket.socket) -> None:
+        """Read what is left, which nobody wants any more, and close it."""
+
 
 class _Trusting:
     """For a side that sends nothing strange."""
@@ -67,6 +71,12 @@ class _Trusting:
     def drop(self, numbers: Sequence[int]) -> None:
         for number in numbers:
             Descriptor(number).close()
+
+    def finish(self, sock: socket.socket) -> None:
+        with suppress(OSError), sock:
+            sock.shutdown(socket.SHUT_RDWR)
+            while sock.recv(BUFFER_BYTES):
+                pass
 
 
 class Stream:
@@ -305,6 +315,9 @@ class Stream:
             # What was cut off is of no use in part. An empty batch keeps the place of the message's own.
             if flags & _CUT_OFF or len(numbers) > _MOST_DESCRIPTORS:
                 self._taker.drop(numbers)
+                if len(numbers) > _TOO_MANY_DESCRIPTORS:  # to drop them costs more than to send them
+                    text = f"{len(numbers)} descriptors at once, a message brings {_MOST_DESCRIPTORS} at most"
+                    self.session.reader.fault = RemoteProtocolError(text)
                 numbers.clear()
             self.session.descriptors.append(tuple(map(self._taker.adopt, numbers)))
         return count
@@ -425,24 +438,9 @@ class Stream:
             self._loop.remove_writer(self._sock.fileno())
         if self._hang_ups is not None:
             self._hang_ups.forget(self._sock.fileno())
-        with suppress(OSError), self._sock:
-            # Nothing unread may be left: the other side's libuv would perhaps not see the end (`_read_rest`).
-            self._sock.shutdown(socket.SHUT_RDWR)
-            while self._drop_some():
-                pass
+        # Nothing unread may be left: the other side's libuv would perhaps not see the end (`_read_rest`).
+        self._taker.finish(self._sock)
         self._drop_descriptors()
-
-    def _drop_some(self) -> bool:
-        """Read what nobody wants any more; returns whether there may be more."""
-        try:
-            if not self._takes_descriptors:
-                return bool(self._sock.recv(BUFFER_BYTES))
-            content, ancillary, _, _ = self._sock.recvmsg(BUFFER_BYTES, self._taker.room, _CLOSE_ON_EXEC)
-        except ConnectionResetError:  # is told once, before what there is to read
-            return True
-        if ancillary:
-            self._taker.drop(_numbers(ancillary))
-        return bool(content)
 
     def _drop_descriptors(self) -> None:
         """Close those that came; those that were to go may have other owners."""

@@ -233,7 +233,7 @@ def _stories(draw: st.DrawFn) -> list[tuple[str, int]]:
     return draw(st.lists(st.tuples(deeds, st.integers(0, 80)), min_size=3, max_size=25))
 
 
-@settings(max_examples=examples(600))
+@settings(max_examples=examples(200))
 @given(story=_stories(), depth=st.sampled_from([0, 1, 4, 50]), budget=st.sampled_from([10, TENTH, 1000]))
 def test_every_sample_comes_once_and_in_order_or_is_counted(
     story: list[tuple[str, int]], depth: int, budget: int

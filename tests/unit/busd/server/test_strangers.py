@@ -18,12 +18,9 @@ from neighbours import wait_until
 from raw_sharing import eventfd, memfd
 
 
-def pipes(number: int) -> list[int]:
-    """Descriptors of files that are none of ours."""
-    made: list[int] = []
-    while len(made) < number:
-        made += os.pipe()
-    return made
+def files(number: int) -> list[int]:
+    """Descriptors of files that somebody else may own."""
+    return [os.open(__file__, os.O_RDONLY) for _ in range(number)]
 
 
 def _open() -> int:
@@ -36,16 +33,15 @@ class Owner:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self._may = threading.Event()
-        self._close = os.close
-        monkeypatch.setattr(module.os, "close", self._wait)  # type: ignore[attr-defined]
+        self._close = os.closerange
+        monkeypatch.setattr(module.os, "closerange", self._wait)  # type: ignore[attr-defined]
 
     def let_go(self) -> None:
         self._may.set()
 
-    def _wait(self, number: int) -> None:
-        if threading.current_thread().name == "busd-closer":
-            self._may.wait()
-        self._close(number)
+    def _wait(self, first: int, end: int) -> None:
+        self._may.wait()
+        self._close(first, end)
 
 
 @pytest.fixture
@@ -65,15 +61,18 @@ def nothing_left() -> Iterator[None]:
 
 
 class TestAdopt:
-    def test_what_is_shared_is_no_stranger(self) -> None:
+    def test_what_closes_at_once_is_no_stranger(self) -> None:
         with nothing_left():
             for one in (memfd(), memfd(seals=0), eventfd()):
                 assert type(strangers.adopt(os.dup(one.fileno()))) is Descriptor
             del one
+            for number in (*os.pipe(), socket.socket(socket.AF_UNIX).detach()):
+                assert type(strangers.adopt(number)) is Descriptor
 
-    def test_all_else_is(self, owner: Owner) -> None:
-        """Also without a seal, or where nothing can be asked of it."""
-        numbers = [*pipes(2), os.open("/", os.O_PATH), socket.socket().detach()]
+    def test_all_else_is(self, owner: Owner, tmp_path: Path) -> None:
+        false = tmp_path / "memfd:ring"
+        false.touch()
+        numbers = [*files(1), os.open("/", os.O_PATH), os.open(false, os.O_RDWR), socket.socket().detach()]
         for number in numbers:
             adopted = strangers.adopt(number)
             assert type(adopted) is Stranger
@@ -86,7 +85,7 @@ class TestAdopt:
 class TestDrop:
     def test_all_are_closed(self) -> None:
         with nothing_left():
-            strangers.drop(pipes(100))
+            strangers.drop(files(100))
 
     def test_a_socket_does_not_linger(self) -> None:
         with nothing_left(), lingering_socket() as lingering:
@@ -96,7 +95,7 @@ class TestDrop:
 
     def test_the_slow_hold_up_neither_the_caller_nor_others(self, owner: Owner) -> None:
         with nothing_left():
-            strangers.drop(pipes(10))
+            strangers.drop(files(10))
             assert strangers.waiting == 10
             assert strangers.room
             owner.let_go()
@@ -106,9 +105,9 @@ class TestDrop:
     ) -> None:
         monkeypatch.setattr(module, "_MOST", 20)
         with nothing_left():
-            strangers.drop(pipes(20))
+            strangers.drop(files(20))
             assert strangers.room == 0
-            strangers.drop(pipes(2))
+            strangers.drop(files(2))
             assert [one.message for one in caplog.records] == [
                 "20 descriptors of strange files can't be closed: no more are taken"
             ]
@@ -129,18 +128,33 @@ class TestReceive:
             assert os.read(reading, 1) == b""
             os.close(reading)
 
-    def test_all_that_is_left_is_read(self) -> None:
+    @pytest.mark.parametrize("messages", [0, 3, 50])
+    def test_a_connection_that_ends_is_emptied(self, messages: int) -> None:
+        """By a thread where there is much."""
         mine, other = socket.socketpair()
-        with nothing_left(), mine, other:
-            for _ in range(50):
+        with nothing_left(), other:
+            ends = []
+            for _ in range(messages):
                 reading, writing = os.pipe()
+                socket.send_fds(other, [b"x"], [writing])
+                os.close(writing)
+                ends.append(reading)
+            strangers.finish(mine)
+            for reading in ends:
+                assert os.read(reading, 1) == b""
+                os.close(reading)
+            assert other.recv(1) == b""
+
+    def test_also_after_a_reset(self) -> None:
+        mine, other = socket.socketpair()
+        with nothing_left():
+            for reading, writing in (os.pipe() for _ in range(50)):
                 socket.send_fds(other, [b"x"], [reading, writing])
                 os.close(reading)
                 os.close(writing)
-            mine.send(b"unread: its end will be a reset")
+            mine.send(b"unread")
             other.close()
-            strangers.empty(mine)
-            assert mine.recv(1) == b""
+            strangers.finish(mine)
 
 
 def test_the_room_is_for_all_that_the_kernel_passes_at_once() -> None:
