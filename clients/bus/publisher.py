@@ -306,7 +306,7 @@ class Publisher(Endpoint[M]):
             next_seq=self._sender.first_seq_to_send(),
             descriptors=len(self._shared),
             stands_for=b"" if self.gid == self._own_gid else self.gid,
-            places=self._sender.places,
+            places=self._sender.places if self._total_matches else (),
         )
 
     def _declared(self, answer: m.Created) -> None:
