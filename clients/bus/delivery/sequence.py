@@ -92,7 +92,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._perhaps_skipped = 0  # it has, or they went to others only, by their rings
         self._rerouted = 0  # it has, or the ring had given them up before
         self._reported_ahead = 0  # dropped by the last broker, of what would have come next
-        self._reported_at_end: dict[bytes, int] = {}  # the same, of publishers that had gone, by gid
+        self._lost_at_end: dict[bytes, int] = {}  # of publishers that had gone, by gid
         # By gid, how many of `_perhaps_skipped` are missing before the first sample that came, and its
         # number; and the same of the last broker, until the present one says from where on samples were for
         # us:
@@ -174,6 +174,13 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self.clear()
         self._gone.clear()
         self._reasons.clear()
+        # Of a publisher that has gone nothing comes next. So what did not come of its end is lost now, and
+        # neither explains what is missing of another one nor is it counted once more.
+        for gid, count in ends.items():
+            self._skipped += count
+            self._lost_at_end[gid] = self._lost_at_end.pop(gid, 0) + count
+        for gid in [*self._lost_at_end][:-MOST_REMEMBERED]:
+            del self._lost_at_end[gid]
         if lapped := self.lapped(reported):
             self.lost_between += lapped
             self._on_lost(lapped_reason, lapped)
@@ -181,16 +188,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._unexplained = 0
         self._unsure, self._beginnings = self._beginnings, {}
         self._unsure_count, self._perhaps_skipped = self._perhaps_skipped, 0
-        besides = max(0, -unreported - self._rerouted)
-        # Of a publisher that has gone nothing comes next: what was dropped at its end is missing there, and
-        # not with another one.
-        for gid, count in ends.items():
-            if at_end := min(count, besides):
-                self._reported_at_end[gid] = self._reported_at_end.pop(gid, 0) + at_end
-                besides -= at_end
-        for gid in [*self._reported_at_end][:-MOST_REMEMBERED]:
-            del self._reported_at_end[gid]
-        self._reported_besides = besides
+        self._reported_besides = max(0, -unreported - self._rerouted)
         if unreported > 0:
             self._unexplained = self.lose_while_away(unreported)
         else:
@@ -209,12 +207,12 @@ class SequenceTracker(dict[int, PublisherProxy]):
 
     def lose_while_away(self, count: int, gid: bytes | None = None) -> int:
         """Count `count` samples, of the publisher `gid`, as lost between two connections, without those that
-        the last broker reported.
+        the last broker reported, or that were counted as lost when it was lost.
 
         Returns how many that are.
         """
         if gid is not None:
-            count -= min(count, self._reported_at_end.pop(gid, 0))
+            count -= min(count, self._lost_at_end.pop(gid, 0))
         lost = count - min(self._reported_ahead, count)
         self._reported_ahead -= count - lost
         if not lost:

@@ -95,6 +95,15 @@ class TestBrokerThatDies:
         heard.tracker.miss({other.gid: (0, 12)})
         assert heard.lost == [("disconnected", 3), ("disconnected", 3)]
 
+    def test_what_it_had_told_of_one_that_had_gone_does_not_hide_what_it_had_no_time_to_tell(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.get(6)  # 2 to 5 were dropped, and it has told of none of them
+        heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
+        heard.tracker.forget(8, 9)
+        heard.tracker.disconnected(4, "replaced")
+        assert heard.lost == [("disconnected", 4)]
+
     def test_what_one_that_had_gone_may_repeat_may_also_be_missing_with_it(self) -> None:
         heard = Heard()
         heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=True)
