@@ -14,6 +14,7 @@ _ROSOUT = "/rosout"
 _PERIOD_S = 0.2
 _MOST_LINES = 200
 _MOST_TEXT = 2000
+_MOST_NAME = 200
 
 
 class PageLog:
@@ -44,7 +45,7 @@ class PageLog:
         try:
             line = heard.message
             at_s = line.stamp.sec + line.stamp.nanosec / 1e9
-            text = [round(at_s * 1000), line.level, line.name, line.msg[:_MOST_TEXT]]
+            text = [round(at_s * 1000), line.level, line.name[:_MOST_NAME], line.msg[:_MOST_TEXT]]
         except Exception:  # /rosout of some other type
             return
         if len(self._lines) == _MOST_LINES:

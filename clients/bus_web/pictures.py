@@ -21,6 +21,8 @@ _CHANNELS = {
 }
 """Of encodings with a byte for each channel: bytes of a pixel, and where red, green and blue are."""
 _WIDE = ("mono16", "16UC1", "16SC1")
+_MOST_SEGMENTS = 1000
+"""Of a JPEG, before its size is told; a byte that fills up counts as one."""
 _KINDS = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG\r\n", "image/png"))
 
 
@@ -75,7 +77,9 @@ def _sides(data: bytes) -> tuple[int, int]:
     if data.startswith(b"\x89PNG"):
         return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
     at = 2
-    while data[at : at + 1] == b"\xff" and len(data) >= at + 9:  # its segments, each with its length
+    for _ in range(_MOST_SEGMENTS):  # each with its length
+        if data[at : at + 1] != b"\xff" or len(data) < at + 9:
+            break
         kind = data[at + 1]
         if kind == 0xFF:  # which fills up
             at += 1

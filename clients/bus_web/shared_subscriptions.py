@@ -5,7 +5,6 @@ that it shows.
 """
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
@@ -16,6 +15,7 @@ from bus.node import Node
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema, support_of
 from bus.subscription import MessageInfo, Subscription
+from bus_web.kept import Kept, One
 
 __all__ = ["Heard", "Listener", "SharedSubscriptions", "TypeKind"]
 
@@ -74,15 +74,17 @@ class Listener(Protocol):
 class _Shared:
     """The subscription of one topic, of the type that this has just now; `close` it in the end."""
 
-    def __init__(self, node: Node, topic: str) -> None:
+    def __init__(self, node: Node, topic: str, kept: Kept) -> None:
         self.listeners: dict[Listener, None] = {}
         self._node = node
         self._topic = topic
+        self._kept = kept
+        """What publishers have published last, for those who look later than others."""
         self._kind: TypeKind | None = None
         self._depths: Mapping[bytes, int] = {}
         """Of publishers that keep messages for late joiners, by gid."""
-        self._kept: dict[bytes, deque[Heard]] = {}
-        """What they have published last, for those who look later than others."""
+        self._make: Callable[[One], Heard] | None = None
+        """Of a message of the type that the subscription has."""
         self._last: Heard | None = None
         self._count = 0
         self._is_other_type = asyncio.Event()
@@ -91,20 +93,22 @@ class _Shared:
     def follow(self, kind: TypeKind | None, depths: Mapping[bytes, int]) -> None:
         """The type of the topic now, None where nobody has it; and how much which publishers keep."""
         self._depths = depths
-        self._kept = {gid: kept for gid, kept in self._kept.items() if gid in depths}
+        self._kept.retain(self._topic, depths)
         if kind != self._kind:
             self._kind = kind
             self._is_other_type.set()
 
     def recent(self, *, is_last_wanted: bool) -> list[Heard]:
         """For one who looks later than others."""
-        kept = sorted((one for those in self._kept.values() for one in those), key=lambda one: one.number)
+        kept = self._kept.of_topic(self._topic) if self._make is not None else []
         if not kept and is_last_wanted and self._last is not None:
             return [self._last]
-        return kept
+        return [self._make(one) for one in kept] if self._make is not None else []
 
     def close(self) -> asyncio.Task[None]:
         """Returns what is done once the subscription has ended."""
+        self._depths = {}  # what still comes is not kept
+        self._kept.retain(self._topic, ())
         self._task.cancel()
         return self._task
 
@@ -120,7 +124,8 @@ class _Shared:
                         await subscription.close()
                         subscription = None
                         self._last = None
-                        self._kept.clear()
+                        self._make = None
+                        self._kept.retain(self._topic, ())
                     kind = wanted
                     try:
                         subscription = await self._subscribe(kind)
@@ -139,14 +144,19 @@ class _Shared:
         schema = await self._node.get_schema(*kind)
         decode = _decoder(schema)
 
+        def make(one: One) -> Heard:
+            return Heard(schema, decode, one.payload, one.info, one.number)
+
         def hear(payload: bytes, info: MessageInfo) -> None:
             self._count += 1
-            heard = self._last = Heard(schema, decode, payload, info, self._count)
+            one = One(payload, info, self._count)
+            heard = self._last = make(one)
             if depth := self._depths.get(info.publisher_gid):
-                self._kept.setdefault(info.publisher_gid, deque(maxlen=depth)).append(heard)
+                self._kept.put(self._topic, info.publisher_gid, one, depth)
             for listener in [*self.listeners]:
                 listener.hear(self._topic, heard)
 
+        self._make = make
         at_once = sum(self._depths.values())  # of all at the beginning
         profile = QoSProfile(
             max(_depth_of(self._topic), min(at_once, _MOST_AT_ONCE)),
@@ -162,6 +172,7 @@ class SharedSubscriptions:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._shared: dict[str, _Shared] = {}
+        self._kept = Kept()
         self._kinds: dict[str, TypeKind] = {}
         self._depths: dict[str, dict[bytes, int]] = {}
         self._ending: set[asyncio.Task[None]] = set()
@@ -188,7 +199,7 @@ class SharedSubscriptions:
         """From now on it hears; first, what publishers keep for late joiners, or the last message, where
         others have had one and it `is_last_wanted`."""
         if topic not in self._shared:
-            self._shared[topic] = _Shared(self._node, topic)
+            self._shared[topic] = _Shared(self._node, topic, self._kept)
             self._follow(topic)
         shared = self._shared[topic]
         shared.listeners[listener] = None

@@ -16,8 +16,8 @@ from web_world import WebWorld, turns
 LOG: Any = message_class("rcl_interfaces/msg/Log")
 
 
-def line(text: str) -> Any:
-    return LOG(stamp=Time(sec=2, nanosec=500_000_000), level=30, name="arm", msg=text)
+def line(text: str, name: str = "arm") -> Any:
+    return LOG(stamp=Time(sec=2, nanosec=500_000_000), level=30, name=name, msg=text)
 
 
 async def test_as_long_as_it_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,11 +32,11 @@ async def test_as_long_as_it_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     log.show(on=True)
     await turns()
     for text in ("one", "two", "<b>" + "x" * 5000):
-        world.publish(rosout, line(text))
+        world.publish(rosout, line(text, name="arm" if text != "two" else "arm" * 1000))
     await until(lambda: world.socket.sent)
     (told,) = world.socket.texts()
     assert told["left_out"] == 1
-    assert [one[:3] for one in told["lines"]] == [[2500, 30, "arm"]] * 2
+    assert [one[:3] for one in told["lines"]] == [[2500, 30, ("arm" * 67)[:200]], [2500, 30, "arm"]]
     assert [len(one[3]) for one in told["lines"]] == [3, 2000]
     world.publish(rosout, line("never"))
     log.show(on=False)

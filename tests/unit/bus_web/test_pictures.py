@@ -108,3 +108,19 @@ def test_fields_of_another_type_that_has_these_names(values: list[Any], encoding
     named = dict(zip(("width", "height", "step", "is_bigendian", "format"), values, strict=True))
     message = ANY_IMAGE(**named, encoding=encoding, data=bytes(30))
     assert picture_of(message) is None or {type(named[one]) for one in ("width", "height", "step")} == {int}
+
+
+def test_a_jpeg_that_does_not_come_to_its_size_is_not_searched_for_long() -> None:
+    """Half a megabyte of bytes that fill up cost as many steps, and the server half a second."""
+
+    class Counted(bytes):
+        steps = 0
+
+        def __getitem__(self, key: Any) -> Any:
+            Counted.steps += 1
+            return super().__getitem__(key)
+
+    for filler in (b"\xff", b"\xff\xe0\x00\x00"):
+        Counted.steps = 0
+        assert pictures._sides(Counted(b"\xff\xd8" + filler * 20_000)) == (0, 0)
+        assert Counted.steps < 10_000
