@@ -87,7 +87,7 @@ class Stream:
     called once when the connection ends for any reason but `close`; None means that the peer closed it. With
     `on_bytes(count)` in its place the owner learns how many bytes have come, and takes the items out of the
     session itself. Descriptors that come are given to the session where it `takes_descriptors`; else the
-    kernel closes them. Who can't trust the other side says by `taker` what becomes of them.
+    kernel closes them. `taker`: for a side that can't trust the other.
 
     `may_read` and `may_write`, where they are given, are asked each time the event loop finds the socket
     readable or writable again. Where they say no, the stream waits for `read_on` or `write_on`.
