@@ -44,7 +44,18 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
         bus.run(main())
     """
-    _check(main)
+    try:  # from the first call on: a Ctrl-C may come at each
+        _check(main)
+        return _run(main)
+    except KeyboardInterrupt:
+        say_nothing_of_signals()
+        raise
+    finally:
+        if asyncio.iscoroutine(main):
+            main.close()  # it has not begun if a Ctrl-C came first; Python would warn of that
+
+
+def _run(main: Coroutine[Any, Any, T]) -> T:
     end: type[KeyboardInterrupt] | None = None
     is_over = False
 
@@ -79,7 +90,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
                 signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as Python has it; the loop leaves SIG_DFL
 
     handles_term = handles_pipe = is_frozen = False
-    try:  # from the first call on: a Ctrl-C may come at each
+    try:
         # Python gives signals to the main thread alone.
         is_main = threading.current_thread() is threading.main_thread()
         handles_term = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
@@ -95,18 +106,13 @@ def run(main: Coroutine[Any, Any, T]) -> T:
                 # must not begin while the loop is closed.
                 is_over = True
                 raise
-    except KeyboardInterrupt:
-        say_nothing_of_signals()
-        raise
     except asyncio.CancelledError:
         if end is None:
             raise
-        say_nothing_of_signals()
         raise end from None
     except BrokenPipeError:  # of a print, in `main` or a callback, before the signal's turn came
         if not handles_pipe or (end is not ReaderGone and not drop_unread_output()):
             raise
-        say_nothing_of_signals()
         raise ReaderGone from None
     except TypeError as error:
         from bus.base.missing_names import explain_unknown_field
@@ -116,13 +122,12 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     except START_ERRORS as error:
         sys.exit(text_of(error))
     finally:
-        main.close()  # it has not begun if a Ctrl-C came first; Python would warn of that
         if not is_frozen:
             gc.unfreeze()  # else Python would not find files that were left open, to write what they hold
 
 
 def _check(main: Any) -> None:
-    """Say what is wrong with a call that can't work, without warnings of a coroutine that nobody awaits."""
+    """Say what is wrong with a call that can't work."""
     if not asyncio.iscoroutine(main):
         from bus.process.mistakes import no_coroutine
 
@@ -130,5 +135,4 @@ def _check(main: Any) -> None:
     if asyncio._get_running_loop() is not None:
         from bus.process.mistakes import nested_run
 
-        main.close()
         raise nested_run()
