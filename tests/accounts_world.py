@@ -18,6 +18,7 @@ import accounts_model as model
 import bus
 from accounts_process import Process
 from broker_world import whole_graph
+from bus.base.time_namespace import monotonic_offset_ns
 from bus.errors import ConnectionClosed
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -68,7 +69,8 @@ class World:
 
     def start_busd(self) -> None:
         self.listener = open_listener(self.path)
-        self.broker = Broker(self._limits, uid=os.getuid(), pid=os.getpid())
+        clock_ns = monotonic_offset_ns()
+        self.broker = Broker(self._limits, uid=os.getuid(), pid=os.getpid(), clock_ns=clock_ns)
         self.server = Server(self.listener, self.broker)
 
     def stop_busd(self) -> None:
