@@ -21,6 +21,7 @@ from bus.graph import Graph
 from bus.logger import Logger
 from bus.node import Node, unclosed
 from bus.process.foreground import Foreground, Signal, deadline_after
+from bus.process.termination import say_nothing_of_signals
 from bus.qos import QoS
 from bus.schema import MessageSchema
 from bus.subscription import Subscription
@@ -276,8 +277,15 @@ def connect(
     Raises ConfigurationError for a name that breaks the rules, BrokerUnavailable where no busd answers and
     none could be started, LocalProtocolError where an event loop runs in this thread: that is for `bus.Node`.
     """
-    node = Node(name, namespace=namespace, arguments=arguments, socket=socket, domain=domain, rosout=rosout)
-    foreground = Foreground.acquire(f"async with bus.Node({name!r}) as node")
+    try:
+        node = Node(
+            name, namespace=namespace, arguments=arguments, socket=socket, domain=domain, rosout=rosout
+        )
+        foreground = Foreground.acquire(f"async with bus.Node({name!r}) as node")
+    except KeyboardInterrupt:  # before the handler of Foreground, which keeps silent
+        if not hasattr(sys, "ps1"):
+            say_nothing_of_signals()
+        raise
     try:
         foreground.run(node.open)
     except BaseException:

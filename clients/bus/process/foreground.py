@@ -93,13 +93,8 @@ class Foreground:
             if one.thread == thread and one.failure is None:
                 break
         else:
-            try:
-                one = cls()
-                one._hear_signals()
-            except KeyboardInterrupt:  # before the handler of ours that keeps silent
-                if not hasattr(sys, "ps1"):
-                    say_nothing_of_signals()
-                raise
+            one = cls()
+            one._hear_signals()
             cls._all.append(one)
         one._users += 1
         return one

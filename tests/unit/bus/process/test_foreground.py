@@ -2,8 +2,6 @@
 
 import asyncio
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -138,17 +136,3 @@ def test_who_publishes_without_a_pause_asks_the_system_rarely(
         loop.call_soon(call)
         foreground.attend_often()
         assert called == number + 1
-
-
-def test_a_ctrl_c_before_it_hears_signals_is_silent() -> None:
-    program = """
-import signal
-from bus.process.foreground import Foreground
-from bus.process.shared_loop import GuardedLoop
-signal.signal(signal.SIGINT, signal.default_int_handler)
-GuardedLoop.hear_signals = lambda _: signal.raise_signal(signal.SIGINT)
-Foreground.acquire("something else")
-print("runs on")
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
