@@ -183,11 +183,13 @@ class Subscription(Endpoint[M]):
                 _new_info(
                     MessageInfo,
                     (
-                        stamp_ns + offset_ns if stamp_ns >= 0 else -stamp_ns,
+                        stamp_ns - (proxy.clock_ns if proxy else 0) + offset_ns
+                        if stamp_ns >= 0
+                        else -stamp_ns,
                         received_ns + offset_ns,
                         seq,
                         number := number + 1,
-                        proxy.shown_gid if proxy.__class__ is PublisherProxy else b"",
+                        proxy.shown_gid if proxy else b"",
                     ),
                 ),
             )
@@ -477,11 +479,11 @@ class Subscription(Endpoint[M]):
         _, stamp_ns, seq, proxy, received_ns = taken
         offset_ns = self._link.wall_offset_ns
         return MessageInfo(
-            stamp_ns + offset_ns if stamp_ns >= 0 else -stamp_ns,
+            stamp_ns - (proxy.clock_ns if proxy else 0) + offset_ns if stamp_ns >= 0 else -stamp_ns,
             received_ns + offset_ns,
             seq,
             self._receiver.delivered,
-            proxy.shown_gid if isinstance(proxy, PublisherProxy) else b"",
+            proxy.shown_gid if proxy else b"",
         )
 
     def _check_deadline(self) -> None:

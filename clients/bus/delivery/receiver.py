@@ -32,7 +32,8 @@ _MOST_AT_ONCE = 64
 
 
 Taken: TypeAlias = tuple[M, int, int, Any, int]
-"""Message, stamp, number, `PublisherProxy`, time of receipt; times in ns of the monotonic clock.
+"""Message, stamp, number, `PublisherProxy` or None, time of receipt; times in ns of the monotonic clock,
+and the stamp by the publisher's (`PublisherProxy.clock_ns`).
 
 A stamp below 0 is the time that the message's source gave it: on the wall clock, with its sign changed."""
 
@@ -167,7 +168,7 @@ class Receiver(Generic[M]):
             left -= len(batch)
             for payload, stamp_ns, seq, proxy, received_ns in batch:
                 if stamp_ns < 0:
-                    payload, stamp_ns = source_head(-stamp_ns) + payload, received_ns
+                    payload, stamp_ns = source_head(-stamp_ns) + payload, received_ns + proxy.clock_ns
                 body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a stamp may lie
                 run = Run(0, proxy.number, seq, 1, body, lifespan_ns=proxy.lifespan_ns)
                 run.received_ns, run.origin = received_ns, proxy
@@ -226,8 +227,8 @@ class Receiver(Generic[M]):
                 elif not batch:
                     return None
                 if batch:
-                    stamp_ns = batch[-1][1]
-                    self.stamp_ns = stamp_ns if stamp_ns >= 0 else batch[-1][4]
+                    _, stamp_ns, _, proxy, received_ns = batch[-1]
+                    self.stamp_ns = stamp_ns - proxy.clock_ns if stamp_ns >= 0 else received_ns
                     if not self.reader.is_report_due:
                         self.note()
                 ahead += batch
@@ -303,7 +304,7 @@ class Receiver(Generic[M]):
         size = found[1] - RECORD_HEAD_BYTES
         self._bytes += size
         if samples >= self._age_due:
-            self._look_at_age(_unpack_record(run.body)[1])
+            self._look_at_age(_unpack_record(run.body)[1], run.origin)
         if self.is_lossless:
             run.origin = proxy
             self._note_taken(run, run.first_seq, size)
@@ -366,7 +367,7 @@ class Receiver(Generic[M]):
             run, number, run.first_seq + skipped + number - 1, offset - begin - number * RECORD_HEAD_BYTES
         )
         if not begin and self._samples >= self._age_due:
-            self._look_at_age(_unpack_record(run.body)[1])
+            self._look_at_age(_unpack_record(run.body)[1], run.origin)
         return messages
 
     def _is_head(self, run: Run, skipped: int) -> bool:
@@ -394,7 +395,7 @@ class Receiver(Generic[M]):
         self._samples += 1
         self._bytes += size
         if self._samples >= self._age_due:
-            self._look_at_age(published_ns)
+            self._look_at_age(published_ns, run.origin)
         return message, stamp_ns, run.first_seq, run.origin, run.received_ns
 
     def _decode_ahead(self, run: Run, limit: int) -> None:
@@ -421,7 +422,7 @@ class Receiver(Generic[M]):
                     size = offset - begin - number * RECORD_HEAD_BYTES
                     self._count(run, number, first_seq + number - 1, size)
                     if not begin and self._samples >= self._age_due:
-                        self._look_at_age(_unpack_record(run.body)[1])
+                        self._look_at_age(_unpack_record(run.body)[1], run.origin)
                 return
         length = len(run.body)
         # Slicing bytes copies and is faster for short payloads; a view is for long ones.
@@ -448,7 +449,7 @@ class Receiver(Generic[M]):
             size = offset - begin - number * RECORD_HEAD_BYTES
             self._count(run, len(ahead), seq, size, rejected)
             if not begin and self._samples >= self._age_due:
-                self._look_at_age(_unpack_record(body)[1])
+                self._look_at_age(_unpack_record(body)[1], run.origin)
             self._reject(rejected)
             return
         # The run is shorter than it claims: what it still claims is gone with it.
@@ -470,9 +471,10 @@ class Receiver(Generic[M]):
         if self.is_lossless:
             self._note_taken(run, seq, size)
 
-    def _look_at_age(self, published_ns: int) -> None:
+    def _look_at_age(self, published_ns: int, origin: object) -> None:
         """The first sample of a run was taken, perhaps with others."""
-        self._age_due = self._samples + self._ages.add(monotonic_ns() - published_ns)
+        clock_ns = origin.clock_ns if isinstance(origin, PublisherProxy) else 0
+        self._age_due = self._samples + self._ages.add(monotonic_ns() + clock_ns - published_ns)
 
     def _let_go(self, gone: list[Run]) -> None:
         """Runs went untaken; a lossless publisher must not wait for them."""

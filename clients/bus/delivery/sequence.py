@@ -22,6 +22,7 @@ class PublisherProxy:
 
     __slots__ = (
         "acked_seq",
+        "clock_ns",
         "gaps",
         "gid",
         "is_new",
@@ -44,7 +45,8 @@ class PublisherProxy:
         self.gid = gid
         self.shown_gid = gid  # by which users know it
         self.last_seq = last_seq
-        self.lifespan_ns = lifespan_ns
+        self.lifespan_ns = lifespan_ns  # from a stamp of its clock to an end by ours
+        self.clock_ns = 0  # what its clock, of another time namespace, is ahead of ours
         self.needs_ack = needs_ack
         self.may_repeat = needs_ack  # whether what we miss may come once more, out of what it keeps
         self.received_seq = 0  # by ring, or from an earlier broker: not even a replay brings these again
@@ -59,6 +61,12 @@ class PublisherProxy:
         self.gaps: tuple[tuple[int, int], ...] = ()
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
+
+    def renew(self, matched: Matched) -> None:
+        """The broker says of it anew what a broker can say in another way each time."""
+        self.number, self.clock_ns = matched.other, matched.clock_ns
+        lifespan_ns = matched.qos.lifespan_ns
+        self.lifespan_ns = lifespan_ns and (lifespan_ns - matched.clock_ns or 1)
 
     def comes_back(self, routed_seq: int, next_seq: int) -> None:
         """The broker has had its samples up to `routed_seq`, and gets those from `next_seq` on."""
@@ -121,9 +129,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
         """A publisher is matched with a subscription of `qos`, which had its samples up to `received_seq`."""
         last_seq = matched.next_seq - 1 if received_seq is None else received_seq
         needs_ack = qos.is_lossless and matched.qos.is_lossless
-        proxy = PublisherProxy(
-            matched.other, matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack
-        )
+        proxy = PublisherProxy(matched.other, matched.gid, last_seq, 0, needs_ack=needs_ack)
+        proxy.renew(matched)
         proxy.shown_gid = matched.stands_for or matched.gid
         proxy.received_seq = received_seq or 0
         if matched.route != "socket":
@@ -152,8 +159,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         for number in self._gone:
             proxy = self.get(number)
             if proxy is not None and proxy.gid == matched.gid:
-                proxy.number = matched.other
-                proxy.lifespan_ns = matched.qos.lifespan_ns
+                proxy.renew(matched)
                 proxy.comes_back(proxy.routed_seq, matched.next_seq)
                 return proxy
         return None

@@ -74,9 +74,8 @@ class ShmReceiver:
         received_seq = self.received_seq(matched.gid, received_seq)
         if feed is None:
             return None, received_seq
-        proxy = feed.proxy
-        proxy.number, proxy.lifespan_ns = matched.other, matched.qos.lifespan_ns
-        return proxy, received_seq
+        feed.proxy.renew(matched)
+        return feed.proxy, received_seq
 
     def received_seq(self, gid: bytes, received_seq: int | None) -> int | None:
         """Up to where that publisher was heard, if by socket up to `received_seq`."""
@@ -243,9 +242,10 @@ class ShmReceiver:
                 slot,
                 start=next_seq or int(is_new),
                 # What the publisher that is new here wrote while the broker was away is for us, too.
-                since_ns=max(min(matched.at_ns, self._lost_ns) + matched.clock_ns, 0),
+                since_ns=min(matched.at_ns, self._lost_ns),
                 history=history,
-                lifespan_ns=matched.qos.lifespan_ns and max(matched.qos.lifespan_ns - matched.clock_ns, 1),
+                lifespan_ns=matched.qos.lifespan_ns,
+                clock_ns=matched.clock_ns,
                 doorbell=-1 if keep is None else keep.number,
             )
         except BaseException:

@@ -276,6 +276,7 @@ class Reader(Generic[S]):
         since_ns: int = 0,
         history: int = 0,
         lifespan_ns: int = 0,
+        clock_ns: int = 0,
         doorbell: int = -1,
     ) -> int:
         """Read a ring from `start` on; or (0) from `history` records before the first that is stamped at or
@@ -284,6 +285,7 @@ class Reader(Generic[S]):
 
         `slot` must be free (`Readers.is_free`), and its cursor is set. Until the publisher has added its
         gate, large records are copied and not pinned; so allot slots in turn, not the one given back last.
+        `since_ns` is of our clock; `clock_ns`: what the writer's, which stamps, is ahead of it.
         `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. Raises
         ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached already.
         """

@@ -183,6 +183,7 @@ struct feed {
     uint64_t end;            /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
     uint64_t finishing;      /* order in which publishers went; 0: there */
     uint64_t lifespan_ns;
+    uint64_t clock_ns;       /* of what the writer's clock is ahead of ours, modulo 2^64 */
     int doorbell;            /* of the publisher's process, which the caller keeps open; -1: none */
     unsigned forks;          /* in a child of a fork, the slot is the parent's */
 };
@@ -310,6 +311,7 @@ void feed_extend(struct feed *feed, struct next_ring *next);
 uint64_t feed_newest(const struct feed *feed);
 bool feed_is_sound(const struct feed *feed);
 uint64_t feed_start(struct feed *feed, uint64_t since_ns, uint64_t history);
+uint64_t feed_stamp(const struct feed *feed, const struct ring_record *record);
 void feed_poll(struct feed *feed, uint64_t depth);
 void feed_skip(struct feed *feed, uint64_t count);
 enum ring_status feed_look(struct feed *feed, uint64_t depth);

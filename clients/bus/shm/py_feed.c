@@ -93,6 +93,12 @@ uint64_t feed_newest(const struct feed *self)
 /* False where the numbers are beyond what can be: the publisher is broken. */
 bool feed_is_sound(const struct feed *self) { return feed_newest(self) <= MAX_SEQ && self->ring.next <= MAX_SEQ + 1; }
 
+/* When a record was written, by our clock. Of another time namespace, the writer's may be ahead or behind. */
+uint64_t feed_stamp(const struct feed *self, const struct ring_record *record)
+{
+    return record->stamp_ns - self->clock_ns;
+}
+
 /* Begins `history` records before the first that is stamped at or after `since_ns`, or with the oldest. Returns how
  * many records before it are there to be read. */
 uint64_t feed_start(struct feed *self, uint64_t since_ns, uint64_t history)
@@ -106,7 +112,7 @@ uint64_t feed_start(struct feed *self, uint64_t since_ns, uint64_t history)
     uint64_t seq = end;
     while (seq > oldest && end - seq < look.index_length) {
         ring_seek(&look, seq - 1);
-        if (ring_look(&look, &record) != RING_OK || record.stamp_ns < since_ns)
+        if (ring_look(&look, &record) != RING_OK || feed_stamp(self, &record) < since_ns)
             break;
         seq--;
     }

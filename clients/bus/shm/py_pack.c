@@ -46,8 +46,9 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
     while ((status = feed_look(feed, self->bound)) == RING_OK) {
         struct ring_record record = feed->head;
         const uint32_t whole = record.size; /* with its source's time */
+        const uint64_t stamp_ns = feed_stamp(feed, &record);
         int64_t source_ns = 0;
-        if (feed->lifespan_ns != 0 && now_ns > record.stamp_ns && now_ns - record.stamp_ns > feed->lifespan_ns) {
+        if (feed->lifespan_ns != 0 && now_ns > stamp_ns && now_ns - stamp_ns > feed->lifespan_ns) {
             feed_step(feed);
             self->expired++;
             continue;
@@ -62,7 +63,7 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
             continue;
         }
         feed_step(feed);
-        const int64_t time_ns = source_ns != 0 ? source_ns : (int64_t)(record.stamp_ns + (uint64_t)offset_ns);
+        const int64_t time_ns = source_ns != 0 ? source_ns : (int64_t)(stamp_ns + (uint64_t)offset_ns);
         write_head(at, (struct packed_head){record.seq, time_ns, record.size});
         if (pack->count++ == 0)
             pack->first = record.seq;
@@ -72,7 +73,7 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
         pack->payload_bytes += record.size;
         self->samples++;
         self->bytes += whole;
-        ages_note(&self->ages, record.stamp_ns, now_ns);
+        ages_note(&self->ages, stamp_ns, now_ns);
     }
     return status == RING_CORRUPT ? reader_leave(self, feed, RING_IS_BROKEN) : 0;
 }

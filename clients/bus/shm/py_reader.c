@@ -166,14 +166,15 @@ static bool make_room(Reader *self)
 static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"source", "memory", "slot", "start", "since_ns",
-                            "history", "lifespan_ns", "doorbell", NULL};
+                            "history", "lifespan_ns", "clock_ns", "doorbell", NULL};
     Reader *self = (Reader *)object;
     PyObject *source, *memory;
     uint64_t number, start = 0, since_ns = 0, history = 0, lifespan_ns = 0;
+    long long clock_ns = 0;
     int doorbell = -1;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&i", names, &source, &memory, core_as_u64, &number,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&Li", names, &source, &memory, core_as_u64, &number,
                                      core_as_u64, &start, core_as_u64, &since_ns, core_as_u64, &history, core_as_u64,
-                                     &lifespan_ns, &doorbell))
+                                     &lifespan_ns, &clock_ns, &doorbell))
         return NULL;
     if (Py_TYPE(memory) != core_state((PyObject *)self->readers)->mapping)
         return PyErr_Format(PyExc_TypeError, "memory must be a Mapping");
@@ -192,6 +193,7 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
     struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot, doorbell) : NULL;
     if (feed == NULL)
         return PyErr_NoMemory();
+    feed->clock_ns = (uint64_t)clock_ns;
     uint64_t old = 0; /* history does not count against the depth */
     if (start != 0)
         ring_seek(&feed->ring, start);

@@ -155,8 +155,9 @@ void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
 static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t now_ns, bool has_origin, PyObject **item)
 {
     const struct ring_record record = feed->head;
+    const uint64_t stamp_ns = feed_stamp(feed, &record);
     *item = NULL;
-    if (feed->lifespan_ns != 0 && now_ns > record.stamp_ns && now_ns - record.stamp_ns > feed->lifespan_ns) {
+    if (feed->lifespan_ns != 0 && now_ns > stamp_ns && now_ns - stamp_ns > feed->lifespan_ns) {
         feed_step(feed);
         self->expired++;
         return 0;
@@ -174,7 +175,7 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
         } else {
             self->samples++;
             self->bytes += record.size;
-            ages_note(&self->ages, record.stamp_ns, now_ns);
+            ages_note(&self->ages, stamp_ns, now_ns);
             if (has_origin)
                 *item = core_with_origin(*item,
                                          source_ns != 0 ? PyLong_FromLongLong(-source_ns)

@@ -9,6 +9,7 @@ from bus.wire.runs import Run
 from rows import for_each
 
 GID = bytes(16)
+SECOND = 1_000_000_000
 
 
 class Heard:
@@ -47,6 +48,23 @@ def test_what_is_known_is_cut_off() -> None:
     assert heard.get(4, 2) == []
     assert heard.tracker.repeated == 4
     assert heard.tracker.missing == 0
+
+
+@for_each(
+    ("lifespan", "clock_ns", "expected"),
+    [
+        (None, 5, 0),
+        (7.0, 0, 7 * SECOND),
+        (7.0, 5 * SECOND, 2 * SECOND),
+        (7.0, -5 * SECOND, 12 * SECOND),
+        (7.0, 9 * SECOND, -2 * SECOND),
+        (7.0, 7 * SECOND, 1),
+    ],
+)
+def test_a_lifespan_is_for_stamps_of_its_clock(lifespan: float | None, clock_ns: int, expected: int) -> None:
+    source, qos = Heard().source, QoSProfile(lifespan=lifespan)
+    source.renew(Matched(endpoint=1, other=7, node="/n", gid=GID, qos=qos, next_seq=1, clock_ns=clock_ns))
+    assert (source.lifespan_ns, source.clock_ns) == (expected, clock_ns)
 
 
 def test_a_replay_is_old_and_yet_new() -> None:

@@ -297,6 +297,30 @@ def test_expired_samples(talker: Talker, listener: Listener) -> None:
     assert listener.reader.expired == expected + talker.writer.latest
 
 
+@pytest.mark.parametrize("ahead_s", [-10_000, 10_000])
+def test_a_clock_that_is_ahead_or_behind(talker: Talker, listener: Listener, ahead_s: int) -> None:
+    clock_ns, hour_ns = ahead_s * 10**9, 3600 * 10**9
+    now = time.monotonic_ns() + 20_000 * 10**9  # the stamps, all in an hour to come, are none below 0
+    for age_ns in (1000, 100, 0):
+        talker.writer.write_parts([b"%d" % age_ns], stamp_ns=now - age_ns + clock_ns)
+    listener.join(talker, clock_ns=clock_ns, since_ns=now, history=1, lifespan_ns=hour_ns)
+    assert listener.take() == [b"100", b"0"]
+    talker.writer.write_parts([b"new"], stamp_ns=time.monotonic_ns() + 20_000 * 10**9 + clock_ns)
+    assert [stamp_ns for _, stamp_ns, *_ in listener.reader.take(9, bytes)] > [now + clock_ns]
+    assert listener.reader.pop_ages()[2] == 0 and listener.reader.expired == 0
+
+
+def test_ages_and_lifespans_go_by_one_clock(talker: Talker, listener: Listener) -> None:
+    clock_ns = 10_000 * 10**9
+    listener.join(talker, clock_ns=clock_ns, lifespan_ns=10**9)
+    now = time.monotonic_ns()
+    talker.writer.write_parts([b"old"], stamp_ns=now - 2 * 10**9 + clock_ns)
+    talker.writer.write_parts([b"new"], stamp_ns=now + clock_ns)
+    assert listener.take() == [b"new"]
+    count, _, most_ns = listener.reader.pop_ages()
+    assert (count, listener.reader.expired) == (1, 1) and 0 < most_ns < 10**9
+
+
 def test_what_does_not_decode(talker: Talker, listener: Listener) -> None:
     listener.join(talker)
     talker.write(*[b"bad"] * 100, b"7")

@@ -123,6 +123,14 @@ class TestTaking:
         time.sleep(0.000_01)
         assert packs(listener) == [] and listener.reader.expired == 2
 
+    def test_times_are_by_our_clock(self, talker: Talker, listener: Listener) -> None:
+        clock_ns = 10_000 * 10**9
+        listener.join(talker, clock_ns=clock_ns)
+        now = time.monotonic_ns()
+        talker.writer.write_parts([b"one"], stamp_ns=now + clock_ns)
+        ((_, data, *_),) = packs(listener)
+        assert unpack(data) == [(1, now + _OFFSET_NS, b"one")]
+
     def test_wrong_arguments(self, listener: Listener) -> None:
         with pytest.raises(TypeError):
             listener.reader.take_packed(1000)  # type: ignore[call-arg]
