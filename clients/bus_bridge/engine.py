@@ -258,3 +258,6 @@ class Engine(Protocol):
         not heard again until it, or the bridge of that bus, comes back."""
 
     def links(self) -> Sequence[LinkStatus]: ...
+
+    def refusals(self) -> tuple[int, str]:
+        """How many connections were refused before it was known which bus asks, and why the last one was."""

@@ -81,7 +81,7 @@ def _plan_zenoh(table: ZenohTable) -> tuple[_MakeEngine, list[str]]:
     places = [f"listening on {place}" for place in table.listen]
     places += [f"connecting to {place}" for place in table.connect]
     places += [f"connecting to the router at {place}" for place in table.router]
-    return lambda bus: ZenohEngine(bus, options), places
+    return lambda bus: ZenohEngine(bus, options, owns_process=True), places
 
 
 def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:

@@ -1,6 +1,7 @@
 """`bus bridge zenoh`: two buses on two machines; cables that are out, and processes that are killed."""
 
 import asyncio
+import re
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractContextManager, AsyncExitStack, asynccontextmanager
@@ -229,6 +230,30 @@ async def test_after_a_fault_all_flows_again_and_losses_are_counted(world: World
             assert lost <= counted + passed_over, f"{lost} are missing: {sent}, {came}, {here}"
             assert sent["taken"] == sent["sent"] + sent["waiting"] + sum(sent["dropped"].values())
             assert not sent["is_stuck"] and not came["is_stuck"]
+
+
+@on_one_loop
+async def test_who_is_refused_is_counted_and_said(world: World, tmp_path: Path) -> None:
+    where = world.lay("robot", "laptop").replace("tcp/", "tls/")
+    ends = [world.cable().address_of(name) for name in ("robot", "laptop")]
+    ours = make_certificates(tmp_path, "robot", addresses=ends)["robot"]
+    theirs = make_certificates(tmp_path, "laptop", authority="stranger", addresses=ends)["laptop"]
+    bridges = [
+        world[name].bridge(
+            *("zenoh", flag, where, "--ca", str(ours.ca)),
+            *("--certificate", str(own.certificate), "--key", str(own.key)),
+        )
+        for name, flag, own in (("robot", "--listen", ours), ("laptop", "--connect", theirs))
+    ]
+    await until(lambda: bridges[0].status()["refused"] > 1)
+    shown = await asyncio.to_thread(world["robot"].bus, "bridge", "status")
+    assert re.search(
+        r"^refused +\d+ connections, the last one because: .*certificate", shown.out, re.M | re.I
+    )
+    assert "refused: " in bridges[0].log.read_text()
+    metrics = await asyncio.to_thread(world["robot"].bus, "metrics", "--once")
+    assert re.search(r'^busd_bridge_refused_total\{bridge="/bridge_zenoh"\} [1-9]', metrics.out, re.M)
+    assert not bridges[0].status()["buses"]
 
 
 @pytest.mark.nightly

@@ -204,6 +204,9 @@ class PairEngine:
         self.endpoints.clear()
         self.writers.clear()
 
+    def refusals(self) -> tuple[int, str]:
+        return 0, ""
+
     # --- what this bus has
 
     def announce_node(self, node: LocalNode) -> None:

@@ -135,14 +135,12 @@ class Bridge:
     def status(self) -> GetStatus.Response:
         """How it is, as the service tells it."""
         return self._reporting.status(
-            engine=self._engine.name,
+            engine=self._engine,
             bus=self._options.bus,
             namespace=self._options.naming.namespace,
             uptime_s=monotonic() - self._began_s,
-            links=self._engine.links(),
             buses=self._far.buses,
             shown_there=self._announcing.counts,
-            has_numbers=self._engine.has_numbers,
         )
 
     # --- what the engine tells

@@ -1,11 +1,9 @@
 """What a bridge tells of its routes: in the graph, as counters of mirrors, and as its status."""
 
-from collections.abc import Sequence
-
 from bus_bridge.core.exports import Exports
 from bus_bridge.core.mirrors import EndpointMirror, Mirrors
 from bus_bridge.core.status import GetStatus, LinkState, MirrorCounts, RouteState
-from bus_bridge.engine import LinkStatus
+from bus_bridge.engine import Engine
 from bus_bridge.reasons import REPEATED
 
 __all__ = ["Reporting"]
@@ -63,25 +61,27 @@ class Reporting:
     def status(
         self,
         *,
-        engine: str,
+        engine: Engine,
         bus: str,
         namespace: str,
         uptime_s: float,
-        links: Sequence[LinkStatus],
         buses: list[str],
         shown_there: tuple[int, int, int],
-        has_numbers: bool,
     ) -> GetStatus.Response:
-        routes = [*self._ways_out(), *self._ways_in(has_numbers=has_numbers)]
+        refused, refusal = engine.refusals()
+        routes = [*self._ways_out(), *self._ways_in(has_numbers=engine.has_numbers)]
         routes.sort(key=lambda one: (one.topic, one.direction, one.node))
         return GetStatus.Response(
-            engine=engine,
+            engine=engine.name,
             bus=bus,
             namespace=namespace,
             uptime_s=uptime_s,
             links=[
-                LinkState(address=one.address, state=one.state, bus=one.bus, text=one.text) for one in links
+                LinkState(address=one.address, state=one.state, bus=one.bus, text=one.text)
+                for one in engine.links()
             ],
+            refused=refused,
+            refusal=refusal,
             buses=buses,
             shown_here=_counts(self._mirrors.counts),
             shown_there=_counts(shown_there),

@@ -94,6 +94,10 @@ class GetStatus(Service):
         """Far nodes and endpoints that are mirrored on this bus."""
         shown_there: MirrorCounts = msgspec.field(default_factory=MirrorCounts)
         """Nodes and endpoints of this bus that far sides can see."""
+        refused: _Count = 0
+        """Connections that were refused before it was known which bus asks, by TLS say."""
+        refusal: str = ""
+        """Why the last of them was."""
         repeated: _Count = 0
         """Messages that came a second time, and were dropped."""
         routes: list[RouteState] = []

@@ -183,6 +183,10 @@ class DdsEngine:
         text = counted(count, "participant")
         return [LinkStatus(address, "up", self._bus.id, f"{text}, {refused} refused" if refused else text)]
 
+    def refusals(self) -> tuple[int, str]:
+        """As `Engine.refusals`: DDS has no connections."""
+        return 0, ""
+
     def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake:
         """A reader for a subscription of this bus, told to ROS 2. Raises NotCarried where all has ended."""
         participant = self._joined()

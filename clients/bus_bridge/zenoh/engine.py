@@ -19,6 +19,7 @@ from bus_bridge.errors import BridgeError, in_words
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.links import Links
 from bus_bridge.zenoh.options import ZenohOptions, check
+from bus_bridge.zenoh.own_log import OwnLog
 from bus_bridge.zenoh.presence import MAX_TOKENS, Interest, Presence
 from bus_bridge.zenoh.reading import ZenohReader
 from bus_bridge.zenoh.session import Declared, Query, Session
@@ -42,8 +43,11 @@ class ZenohEngine:
     has_numbers = True
     only_bus = ""
 
-    def __init__(self, bus: str, options: ZenohOptions) -> None:
+    def __init__(self, bus: str, options: ZenohOptions, *, owns_process: bool = False) -> None:
+        """`owns_process`: stdout may be taken, since zenoh tells there of refused connections only."""
         self._bus = bus
+        self._owns_process = owns_process
+        self._log: OwnLog | None = None
         self._options = options
         self._warnings = check(options)
         # Later runs sort behind earlier ones; chance keeps two of one moment apart.
@@ -68,6 +72,9 @@ class ZenohEngine:
     async def open(self, far: FarSide) -> None:
         """As `Engine.open`."""
         self._far = far
+        if self._owns_process and self._options.listen:
+            self._log = OwnLog(far.warn)
+            self._log.open()
         session = Session(self._options, self._see_fault)
         await session.open()
         self._session = session
@@ -106,6 +113,8 @@ class ZenohEngine:
             reader.close()
         if session is not None:
             await session.close()
+        if self._log is not None:
+            self._log.close()
 
     # --- from this bus to the far side
 
@@ -235,6 +244,10 @@ class ZenohEngine:
             (self._bus, zenoh_id, "another bus has the id of this one") for zenoh_id in self._presence.doubles
         ]
         return self._links.status([*self._presence.buses(), *doubles])
+
+    def refusals(self) -> tuple[int, str]:
+        """As `Engine.refusals`."""
+        return (0, "") if self._log is None else (self._log.refused, self._log.reason)
 
     # --- what zenoh brings
 

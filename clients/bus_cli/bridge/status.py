@@ -66,6 +66,8 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
         yield f"{link.state:<7}  {link.address}" + (f"  {what}" if what else "")
     if not status.links:
         yield "no link"
+    if status.refused:
+        yield f"refused  {counted(status.refused, 'connection')}, the last one because: {status.refusal}"
     idle = [] if is_verbose else [one for one in status.routes if _is_idle(one)]
     routes = sorted(
         (one for one in status.routes if is_verbose or not _is_idle(one)),

@@ -23,7 +23,10 @@ class BridgeTotals:
         self.taken, self.sent, self.bytes, self.lost = Sums(most), Sums(most), Sums(most), Sums(most)
         self.dropped = Sums(most)
         """By reason besides. What was lost before it came to the bridge is not in it."""
+        self.refused = Sums(most)
+        """Connections, by bridge."""
         self._heard: dict[Labels, RouteState] = {}
+        self._refused: dict[str, int] = {}
 
     def take(self, bridges: "Mapping[str, Answer]") -> None:
         """What all bridges say at one moment, by name. Counters that have fallen began anew, at 0."""
@@ -44,6 +47,12 @@ class BridgeTotals:
                 for reason in route.dropped:
                     if reason != LOST:
                         _add(dropped, (*labels, reason), _grown(route, before, reason))
+        now = {bridge: status.refused for bridge, status in bridges.items()}
+        before_now = {bridge: self._refused.get(bridge, 0) for bridge in now}
+        self.refused.add(
+            {(one,): now[one] - (before_now[one] if before_now[one] <= now[one] else 0) for one in now}
+        )
+        self._refused = now
         gone = [(key, route) for key, route in self._heard.items() if key not in heard]
         self._heard = {**dict(gone[-_MOST_GONE:]), **heard}
         for name, rows in amounts.items():

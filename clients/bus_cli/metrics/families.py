@@ -198,6 +198,12 @@ class BusCollector(Collector):
                 _ROUTE,
                 totals.lost,
             ),
+            (
+                "busd_bridge_refused_total",
+                "Connections that a bridge refused before it knew which bus asks.",
+                ("bridge",),
+                totals.refused,
+            ),
         ):
             yield self._counter(name, text, labels, sums)
         yield self._gauge("busd_bridge_waiting", "Messages that wait in a bridge.", _ROUTE, waiting(bridges))
