@@ -5,7 +5,8 @@ import os
 import select
 import signal
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterable
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import msgspec
@@ -16,6 +17,7 @@ from bus.node import Node
 from bus.process.start_errors import check_descriptors
 from bus.process.termination import Terminated
 from bus.runner import loop_factory
+from bus.schema import MessageSchema
 from bus.types.diff import difference
 from bus.types.support import find_type
 from bus_cli.output import CommandError, complain, reader
@@ -114,19 +116,24 @@ async def find_class(
             why = await _difference(node, *(first[kind] for kind in here[:2]))
             text = f"Cannot echo topic '{topic}', as it contains more than one type: [{types}]"
             raise CommandError(f"{text}{why}")
-        kinds = here
-        if not kinds:
-            return None
-    else:
-        name = full_type_name(type_name)
-        kinds = [kind for kind in (*here, *(kind for _, kind in everywhere)) if kind[0] == name]
-        if not kinds:
-            if (ready_made := find_type(name)) is not None:
-                return ready_made
-            from bus_cli.suggestions import near_type
+        schema = await _first_schema(node, here)
+        return None if schema is None else schema.to_class()
+    name = full_type_name(type_name)
+    kinds = dict.fromkeys(kind for kind in (*here, *(kind for _, kind in everywhere)) if kind[0] == name)
+    if (schema := await _first_schema(node, kinds)) is not None:
+        return schema.to_class()
+    if (ready_made := find_type(name)) is not None:
+        return ready_made
+    from bus_cli.suggestions import near_type
 
-            raise CommandError(f"The passed message type is invalid{near_type(name, 'msg', graph)}")
-    return (await node.get_schema(*kinds[0])).to_class()
+    raise CommandError(f"The passed message type is invalid{near_type(name, 'msg', graph)}")
+
+
+async def _first_schema(node: Node, kinds: Iterable[tuple[str, str]]) -> MessageSchema | None:
+    for kind in kinds:
+        with suppress(ConfigurationError):  # its last endpoint has gone since the graph was asked for
+            return await node.get_schema(*kind)
+    return None
 
 
 async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> str:

@@ -164,5 +164,6 @@ def test_an_interrupt_amid_a_flood(daemon: object, route: str, tmp_path: Path) -
             said, complained = process.communicate(timeout=30)
         finally:
             process.kill()
-    assert (said, complained) == ("interrupted\n", "")
+    warned = "were published without a pause"  # a busy machine lets enough of them come together
+    assert (said, [line for line in complained.splitlines() if warned not in line]) == ("interrupted\n", [])
     assert process.returncode == 0

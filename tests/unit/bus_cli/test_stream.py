@@ -1,0 +1,45 @@
+"""bus_cli.stream: the class for a topic's messages, whose endpoints may go at any moment."""
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any, cast
+
+from bus.errors import ConfigurationError
+from bus.graph import Graph
+from bus.msg.std_msgs import String
+from bus.node import Node
+from bus.schema import MessageSchema
+from bus_cli.stream import find_class
+
+OURS = MessageSchema.of(String)
+KINDS = [("std_msgs/msg/String", "one that has gone"), (OURS.type_name, OURS.type_hash)]
+
+
+class Bus:
+    """A node whose busd knows the types of `present` only."""
+
+    def __init__(self, *present: tuple[str, str]) -> None:
+        self.present = present
+
+    async def get_schema(self, *kind: str) -> MessageSchema:
+        if kind not in self.present:
+            raise ConfigurationError(f"no endpoint has the type {kind}")
+        return OURS
+
+
+def found(present: list[tuple[str, str]], shown: list[tuple[str, str]], type_name: str | None = None) -> Any:
+    """What is found for a topic of which the graph has shown endpoints of these types."""
+    ends = [SimpleNamespace(topic="/topic", type_name=name, type_hash=number) for name, number in shown]
+    graph = cast("Graph", SimpleNamespace(publishers=ends, subscriptions=[]))
+    return asyncio.run(find_class(cast("Node", Bus(*present)), graph, "/topic", type_name))
+
+
+def test_a_type_that_has_gone_meanwhile() -> None:
+    assert found([], KINDS[:1]) is None
+    assert found([], KINDS[:1], "std_msgs/msg/String") is String
+    assert found(KINDS[1:], KINDS, "std_msgs/msg/String") is String
+
+
+def test_a_type_that_is_there() -> None:
+    assert found(KINDS[1:], KINDS[1:]) is String
+    assert found(KINDS[1:], KINDS[1:], "std_msgs/msg/String") is String
