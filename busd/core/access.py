@@ -89,6 +89,8 @@ class Access:
         self._own_uid = own_uid
         self._free = {own_uid, _ROOT, _UNKNOWN}
         self._remembered: dict[tuple[Subject, Action, str], Verdict] = {}
+        self.looks = 0
+        """Rules that were looked at so far: what a question costs beyond the first like it."""
 
     def is_free(self, uid: int) -> bool:
         """Whether no rule is asked for that user."""
@@ -137,6 +139,7 @@ class Access:
 
     def _decide(self, who: Subject, action: Action, topic: str) -> Verdict:
         for number, rule in enumerate(self.rules, 1):
+            self.looks += 1
             if rule.is_for(who) and rule.speaks_of(action, topic):
                 return Verdict(rule.allow, number)
         return _SILENCE

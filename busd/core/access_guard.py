@@ -5,7 +5,7 @@ an observer sees (busd.core.graph_view).
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from hashlib import blake2b
 
 from bus.base.ids import PeerId
@@ -16,7 +16,7 @@ from busd.core.access import Access, Action
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Node, Peer, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.work import TELL, Work
+from busd.core.work import RULES_PER_UNIT, TELL, Work
 
 _MOST_REPORTED = 1024
 """Denials of one user that are reported; with more it could crowd other users out of the log."""
@@ -68,20 +68,25 @@ class AccessGuard:
             return gid
         return blake2b(gid, digest_size=len(gid), salt=peer.uid.to_bytes(16, "little")).digest()
 
+    def price(self, looks: int) -> int:
+        """Of what was asked since `access.looks` was that."""
+        return max(0, self.access.looks - looks) // RULES_PER_UNIT
+
     def may_observe(self, peer: Peer, topic: str) -> bool:
         return self.access.decide(peer.subject, "observe", topic).is_allowed
 
-    def find_fault(self, peer: Peer) -> str:
-        """What `peer` has and its user may not have any more; "" where all is right."""
+    def find_fault(self, peer: Peer) -> Generator[int, int, str]:
+        """What `peer` has and its user may not have any more; "" where all is right. Work."""
         who = peer.subject
         if not self.access.may_connect(who):
             return f"{self.access.name(who.uid)} may not use this busd: its access rules have changed"
-        for endpoint in peer.endpoints.values():
-            action = action_of(endpoint)
+        for endpoint in tuple(peer.endpoints.values()):
+            action, looks = action_of(endpoint), self.access.looks
             if not self.access.decide(who, action, endpoint.topic.name).is_allowed:
                 return (
                     f"{self.access.why_not(who, action, endpoint.topic.name)} (the access rules have changed)"
                 )
+            yield TELL + self.price(looks)
         return ""
 
     def _tell(self, node: Node, action: Action, topic: str, text: str, more: str, out: list[Effect]) -> None:

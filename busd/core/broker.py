@@ -170,7 +170,7 @@ class Broker:
         )
         self._overload.bound_all(now_ns, self._peers.values())
         if access.rules != self._access_guard.access.rules:  # that asks for each endpoint of each guest
-            self._renew_access(now_ns, access)
+            self._renew_access(access)
         return self._take_effects()
 
     def attach(
@@ -416,10 +416,11 @@ class Broker:
         """Whether there is something to `go_on` with for a peer."""
         return peer_id in self.unfinished or peer_id in self._feeds
 
-    def _begin(self, peer_id: PeerId, work: Work) -> None:
+    def _begin(self, peer_id: PeerId, work: Work, *, is_first: bool = False) -> None:
         """`work` is to be done in turns of a peer, beside its requests; of one that has gone it is not."""
         if (peer := self._peers.get(peer_id)) is not None:
-            self._feeds.setdefault(peer_id, deque()).append(_Task(peer, work))
+            feeds = self._feeds.setdefault(peer_id, deque())
+            (feeds.appendleft if is_first else feeds.append)(_Task(peer, work))
             self._emit(Later(peer_id))
 
     def _feed(self, now_ns: int, peer_id: PeerId) -> None:
@@ -427,12 +428,16 @@ class Broker:
         feeds, meter = self._feeds[peer_id], self.meter
         least = min(meter.left, BUDGET) // 2
         while feeds and meter.left > least:
-            task = feeds[0]
+            task = feeds.popleft()
             try:
                 meter.left -= task.work.send(now_ns) if task.has_begun else next(task.work)
-                task.has_begun = True
             except StopIteration:
-                feeds.popleft()
+                pass
+            else:
+                task.has_begun = True
+                feeds.appendleft(task)
+            if peer_id not in self._feeds:  # it was cut off
+                return
         if feeds:
             self._emit(Later(peer_id))
         else:
@@ -529,16 +534,21 @@ class Broker:
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
         self._registry.own_endpoint(peer, message.endpoint).report = message
 
-    def _renew_access(self, now_ns: int, access: Access) -> None:
-        """New access rules: cut off each peer that has what they deny; back again, it is refused that."""
+    def _renew_access(self, access: Access) -> None:
+        """New access rules: each guest is held against them in turns of its own, before what else waits."""
         self._access_guard.renew(access)
-        for peer in tuple(self._peers.values()):
-            if access.is_free(peer.uid):
-                continue
-            if fault := self._access_guard.find_fault(peer):
-                self._cut(now_ns, peer, fault)
-        self._out[:] = self._take_effects()  # what went with those, before what is seen of the rest changes
-        self._queries.renew(self._out)
+        for peer in self._peers.values():
+            if not access.is_free(peer.uid):
+                self._begin(peer.id, self._review(peer), is_first=True)
+
+    def _review(self, peer: Peer) -> Work:
+        """Cut off a peer that has what the rules deny; back again, it is refused that."""
+        fault = yield from self._access_guard.find_fault(peer)
+        if fault:
+            now_ns = yield 0
+            self._cut(now_ns, peer, fault)
+        else:
+            yield from self._queries.renew(peer, self._out)
 
     def _on_stop(self, now_ns: int, peer: Peer, message: m.StopBroker, out: list[Effect]) -> None:
         self._check_operator(peer, "restart" if message.restart else "stop")

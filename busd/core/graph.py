@@ -4,7 +4,6 @@ Owns the tables and the revision. Knows no rule of matching and sends nothing.
 """
 
 from collections import Counter
-from collections.abc import Iterator
 from itertools import count
 
 from bus.base.ids import EndpointId, NodeId
@@ -132,18 +131,18 @@ class Graph:
             match.begin_routing()
         self._matches += 1
         _count_match(match, 1)
-        self._matches_added.append(_match_record(match))
+        self._matches_added.append(match_record(match))
 
     def reroute(self, match: Match) -> None:
         """From the route shm to the route socket, by which it gets nothing yet."""
-        before = _match_record(match)
+        before = match_record(match)
         match.on(MatchEvent.REROUTE)
         self._matches_removed.append(before)
-        self._matches_added.append(_match_record(match))
+        self._matches_added.append(match_record(match))
 
     def remove_match(self, match: Match) -> int:
         """Returns the last number that the subscription has had or that was routed to it."""
-        record = _match_record(match)
+        record = match_record(match)
         last_seq = match.end()
         self._matches_removed.append(record)
         del match.publisher.matches[match.subscription.id], match.subscription.matches[match.publisher.id]
@@ -225,12 +224,6 @@ class Graph:
         """The endpoint of that number."""
         return self.publishers.get(number) or self.subscriptions.get(number)
 
-    def match_records(self) -> Iterator[MatchRecord]:
-        """Every match."""
-        for publisher in self.publishers.values():
-            for match in publisher.matches.values():
-                yield _match_record(match)
-
 
 def _count_match(match: Match, number: int) -> None:
     """Count it for both processes and users, each once; a guest's for the guest alone, who must not use up
@@ -246,6 +239,7 @@ def _count_match(match: Match, number: int) -> None:
             other.user.matches += number
 
 
-def _match_record(match: Match) -> MatchRecord:
+def match_record(match: Match) -> MatchRecord:
+    """As observers see it."""
     publisher, subscription = match.publisher.id, match.subscription.id
     return MatchRecord(publisher=publisher, subscription=subscription, route=ROUTE_OF[match.state])

@@ -6,17 +6,17 @@ stays exact. Must not know why a topic is hidden.
 """
 
 from collections import Counter
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 
 from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord
 from busd.core.entities import MessageType, Peer, Publisher, Subscription
-from busd.core.graph import Graph
+from busd.core.graph import Graph, match_record
 from busd.core.work import TELL, Work
 
 
 class GraphView:
-    """The part of `graph` that `peer` sees, after `fill`; `renew` looks at all of it again."""
+    """The part of `graph` that `peer` sees, after `fill`; `ask_again` takes up other rules."""
 
     def __init__(self, graph: Graph, peer: Peer, may_observe: Callable[[str], bool]) -> None:
         self._graph = graph
@@ -88,21 +88,33 @@ class GraphView:
             matches_removed=matches_removed,
         )
 
-    def renew(self, revision: int) -> GraphChanged:
-        """Ask for every topic again; returns what has come into sight and what has gone, as `revision`."""
-        nodes, endpoints, matches = set(self._nodes), set(self._endpoints), self._matches()
-        for _ in self.fill():
-            pass
-        graph = self._graph
-        fresh = [EndpointId(one) for one in self._endpoints if one not in endpoints]
+    def ask_again(self, few: Sequence[Publisher | Subscription], revision: int) -> GraphChanged | None:
+        """Ask for the topics of `few`, which are in the graph, once more.
+
+        Returns what comes into sight and what goes thereby, as `revision`; None if nothing does.
+        """
+        seen = [one.node.peer is self._peer or self._may_observe(one.topic.name) for one in few]
+        was_seen = [one.id in self._endpoints for one in few]
+        fresh = [one for one, now, before in zip(few, seen, was_seen, strict=True) if now and not before]
+        gone = [one for one, now, before in zip(few, seen, was_seen, strict=True) if before and not now]
+        if not fresh and not gone:
+            return None
+        touched = {one.node.id for one in (*fresh, *gone)}
+        before = {one for one in touched if one in self._nodes}
+        matches_removed = self._matches(gone)
+        for one in gone:
+            self._hide(one.id)
+        for one in fresh:
+            self._show(one.id, one.node.id)
+        after = {one for one in touched if one in self._nodes}
         return GraphChanged(
             revision=revision,
-            nodes_added=tuple(graph.nodes[NodeId(one)].record() for one in self._nodes if one not in nodes),
-            nodes_removed=tuple(one for one in nodes if one not in self._nodes),
-            endpoints_added=tuple(one.record() for one in map(graph.find_endpoint, fresh) if one is not None),
-            endpoints_removed=tuple(one for one in endpoints if one not in self._endpoints),
-            matches_added=tuple(one for one in self._matches() if one not in matches),
-            matches_removed=tuple(one for one in matches if not self._sees_both(one)),
+            nodes_added=tuple(self._graph.nodes[one].record() for one in sorted(after - before)),
+            nodes_removed=tuple(sorted(before - after)),
+            endpoints_added=tuple(one.record() for one in fresh),
+            endpoints_removed=tuple(one.id for one in gone),
+            matches_added=self._matches(fresh),
+            matches_removed=matches_removed,
         )
 
     def _is_seen(self, endpoint: EndpointRecord) -> bool:
@@ -121,5 +133,7 @@ class GraphView:
     def _sees_both(self, match: MatchRecord) -> bool:
         return match.publisher in self._endpoints and match.subscription in self._endpoints
 
-    def _matches(self) -> dict[MatchRecord, None]:
-        return dict.fromkeys(filter(self._sees_both, self._graph.match_records()))
+    def _matches(self, few: Sequence[Publisher | Subscription]) -> tuple[MatchRecord, ...]:
+        """Of `few`, those that are seen, each once."""
+        records = (match_record(match) for one in few for match in one.matches.values())
+        return tuple(dict.fromkeys(filter(self._sees_both, records)))

@@ -5,23 +5,28 @@ Handlers of the broker's control messages, as in `busd.core.registry`. Owns the 
 that a peer could see.
 """
 
+from collections.abc import Mapping
 from functools import partial
 
 from msgspec import structs
 
-from bus.base.ids import PeerId
+from bus.base.ids import EndpointId, PeerId
 from bus.errors import ConfigurationError
 from bus.wire import messages as m
 from busd.core.absent import Absentees
 from busd.core.access_guard import AccessGuard
 from busd.core.effects import Effect, Send
-from busd.core.entities import GRAPH, Peer
+from busd.core.entities import GRAPH, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 from busd.core.graph_view import GraphView
 from busd.core.quotas import Quotas
 from busd.core.routing_times import RoutingTimes
 from busd.core.snapshot import take_snapshot
 from busd.core.work import LOOKS_PER_UNIT, RECORD, TELL, Meter, Work
+
+_ASKED_AT_ONCE = 16
+"""Endpoints that are held against new rules of access in one piece of work; fewer if there are many rules."""
+_RULES_AT_ONCE = 1024
 
 
 class Queries:
@@ -126,13 +131,29 @@ class Queries:
             out.append(Send(peer, change if view is None else view.changed(change)))
         return TELL * (len(self._observers) + len(self._filling))
 
-    def renew(self, out: list[Effect]) -> None:
-        """Other rules of access hold: send each observer what it sees more or less by them."""
-        if any(view is not None for view in self._observers.values()):
-            revision = self._graph.skip_revision()
-            for peer, view in self._observers.items():
-                change = m.GraphChanged(revision=revision) if view is None else view.renew(revision)
-                out.append(Send(peer, change))
+    def renew(self, peer: Peer, out: list[Effect]) -> Work:
+        """Other rules of access hold: send `peer`, if it observes, what it sees more or less by them."""
+        graph, guard = self._graph, self._access_guard
+        at_once = max(1, min(_ASKED_AT_ONCE, _RULES_AT_ONCE // (1 + len(guard.access.rules))))
+        tables: tuple[Mapping[EndpointId, Publisher | Subscription], ...]
+        tables = (graph.publishers, graph.subscriptions)
+        for table in tables:
+            endpoints: tuple[Publisher | Subscription, ...] = tuple(table.values())
+            for at in range(0, len(endpoints), at_once):
+                some = endpoints[at : at + at_once]
+                view = self._observers.get(peer.id) or self._filling.get(peer.id)
+                if view is None:
+                    return
+                price = 0
+                if (pending := graph.take_change()) is not None:
+                    price = self.tell(pending, out)  # else it would tell of the same matches
+                looks, few = guard.access.looks, [one for one in some if one.id in table]
+                if (change := view.ask_again(few, graph.revision + 1)) is not None:
+                    graph.skip_revision()
+                    price += RECORD * (len(change.matches_added) + len(change.matches_removed) + len(few))
+                    if peer.id in self._observers:
+                        out.append(Send(peer.id, change))
+                yield price + TELL * len(some) + guard.price(looks)
 
     def _view(self, peer: Peer) -> GraphView | None:
         """What `peer` may see of the graph; None: everything."""

@@ -36,6 +36,8 @@ QUEUES_PER_UNIT = 2
 """Queues that a run is appended to."""
 LOOKS_PER_UNIT = 16
 """Entries of a table that are only looked at."""
+RULES_PER_UNIT = 2
+"""Rules of access that are held against a topic."""
 
 Work: TypeAlias = Generator[int, int, None]
 """Long work in pieces: yields what the last piece cost, and is sent the present time in ns.

@@ -209,6 +209,27 @@ class TestOtherRules:
         renew(world, rule("/a", PUBLISH, BOB))
         assert [one.cut_reason for one in (own, root, bob)] == [None] * 3
 
+    def test_a_guest_is_asked_in_turns_of_its_own(self) -> None:
+        """Whatever it has; and one that goes amid that is asked nothing more."""
+        world = World(access=(rule("/**", (*PUBLISH, *OBSERVE)),))
+        own, alice, bob = world.process(), world.process(uid=ALICE), world.process(uid=ALICE)
+        for number in range(200):
+            own.publisher(f"/own/n{number}")
+            for guest in (alice, bob):
+                guest.publisher(f"/guest/n{number}")
+        for guest in (alice, bob):
+            guest.request(m.Observe(request=0), m.GraphSnapshot)
+        world.broker.meter.left = 20
+        rules = (rule("/guest/**", PUBLISH), rule("/own/n1??", OBSERVE))
+        effects = world.broker.reconfigure(world.now_ns, world.broker.limits, (), Access(UID, rules))
+        assert world.broker.meter.left > 0 and len(effects) == 2
+        world.broker.go_on(world.now_ns, bob.id)
+        bob.die()
+        world.carry_out(effects)
+        own_topics = {f"/guest/n{number}" for number in range(200)}
+        assert alice.cut_reason is None
+        assert names(graph_of(alice))[1] == own_topics | {f"/own/n{number}" for number in range(100, 200)}
+
     def test_the_same_rules_ask_for_no_endpoint(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Which takes half a second where guests have many."""
         world = World(access=(rule("/a", PUBLISH),))
@@ -233,7 +254,9 @@ class TestOtherRules:
         assert [one.topic for one in change.endpoints_added] == ["/b"]
         assert [*change.endpoints_removed] == [one.id for one in seen.endpoints]
         assert not change.nodes_added and not change.nodes_removed
-        assert free.got(m.GraphChanged) == [m.GraphChanged(revision=all_seen.revision + 1)]
+        assert free.got(m.GraphChanged) == []
+        own.publisher("/c")
+        assert [one.revision for one in free.got(m.GraphChanged)] == [all_seen.revision + 2]
         assert names(graph_of(alice))[1] == {"/b"}
 
 

@@ -19,7 +19,7 @@ from broker_world import ALL_MAY, SECOND, TEXT, UID, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import PLACES
-from busd.core.access import Access
+from busd.core.access import ACTIONS, Access, AccessRule
 from busd.core.limits import Limits
 from busd.core.turns import BUDGET
 from effort import is_nightly
@@ -299,6 +299,26 @@ def busd_is_to_reload(world: Big) -> Callable[[], object]:
     return asked(world.process(), m.Reload(request=1))
 
 
+def other_rules(world: Big) -> Callable[[], object]:
+    """For a guest that has much and sees much, of which half goes; by night too, 500 of each kind."""
+    own, guest = world.process(), world.process(uid=ALICE)
+    for number in range(500):
+        own.publisher(f"/t{number}")
+        own.subscription(f"/t{number}")
+        guest.publisher(f"/guest{number}")
+        guest.subscription(f"/t{number}")
+    guest.request(m.Observe(request=1), m.GraphSnapshot)
+    others = [
+        AccessRule(topics=(f"/other{number}",), actions=frozenset(ACTIONS), uids=frozenset({ALICE}))
+        for number in range(300)
+    ]
+    may = AccessRule(
+        topics=("/guest*", "/t*"), actions=frozenset(("publish", "subscribe")), uids=frozenset({ALICE})
+    )
+    access = Access(UID, (*others, may))
+    return lambda: world.carry_out(world.broker.reconfigure(world.now_ns, world.broker.limits, (), access))
+
+
 HANDLERS: dict[type[m.Message], tuple[Scene, ...]] = {
     m.Ping: (a_ping,),
     m.Pong: (a_pong,),
@@ -409,6 +429,7 @@ BESIDES: tuple[Scene, ...] = (
     a_message_that_leaves_no_room_for_many_short_ones,
     a_process_with_many_ends,
     a_denial_that_many_are_told,
+    other_rules,
 )
 
 
