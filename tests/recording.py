@@ -23,7 +23,7 @@ from cli import Result, Running, script, start
 __all__ = ["Bag", "Speaker", "end", "recording", "speaking"]
 
 SPEAKER = """
-import asyncio, sys, bus
+import asyncio, contextlib, sys, bus
 from bus.msg.std_msgs import String
 async def main():
     publishers = {}
@@ -36,6 +36,9 @@ async def main():
                     int(sys.argv[2]) if durability == "volatile" else 1, durability=durability
                 )
                 publishers[topic] = await node.create_publisher(String, topic, profile)
+            with contextlib.suppress(TimeoutError):  # where there is no busd
+                async with asyncio.timeout(1):
+                    await node.graph()  # before its answer, busd has told of all subscriptions that are there
             for text in texts:
                 publishers[topic].publish(String(data=text))
             print("said", flush=True)

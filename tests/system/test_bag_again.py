@@ -7,7 +7,7 @@ import pytest
 from bus_bag.metadata import TopicMetadata
 from bus_bag.schemas import SCHEMA
 from bus_bag.storage import open_bag
-from cli import bus, script
+from cli import bus, script, start
 from recording import Bag, end, recording
 
 ROBOT = """
@@ -40,6 +40,7 @@ async def main():
             static.publish(TF(transforms=[Transform(child_frame_id=name)]))
         print("ready", flush=True)
         sys.stdin.readline()
+        await node.graph()  # before its answer, busd has told of all subscriptions that are there
         for number in range(20):
             imu.publish(Imu(angular_velocity_covariance=[float(number)] * 9))
             note, mode = ("x", Mode.DRIVEN) if number % 2 else (None, Mode.IDLE)
@@ -81,8 +82,14 @@ def test_a_robot(tmp_path: Path) -> None:
         robot.write("\n")
         assert robot.line() == "done"
         end(recorder)
-    with recording(second, *TOPICS) as recorder:
-        result = bus("bag", "play", str(first.folder), "--delay", "1")
+    with (
+        recording(second, *TOPICS) as recorder,
+        start("bag", "play", str(first.folder), "--start-paused") as player,
+    ):
+        for _ in TOPICS:
+            recorder.error_line_with("Subscribed to topic")
+        assert bus("service", "call", "/rosbag2_player/resume", "rosbag2_interfaces/srv/Resume").code == 0
+        result = player.end()
         assert result.code == 0, result.err
         end(recorder)
     before, after = content(first), content(second)

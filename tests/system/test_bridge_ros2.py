@@ -262,6 +262,7 @@ async def test_in_transit_nothing_goes_back_to_where_it_came_from(world: World, 
             await publisher.wait_for_subscriptions()
             await ask(talker, "send", topic="/chatter", data="one")
             assert (await subscription.receive())[0].data == "one"
+            await asyncio.to_thread(listener.wait, "/chatter", 1)  # it keeps one only
             publisher.publish(String(data="two"))  # behind what went back, if that did
             heard = await asyncio.to_thread(listener.wait, "/chatter", 2)
             assert [one["data"] for one in heard] == ["one", "two"]

@@ -245,6 +245,7 @@ async def test_who_is_refused_is_counted_and_said(world: World, tmp_path: Path) 
         )
         for name, flag, own in (("robot", "--listen", ours), ("laptop", "--connect", theirs))
     ]
+    await until(lambda: "refused" in bridges[0].log.read_text())
     await until(lambda: bridges[0].status()["refused"] > 1)
     shown = await asyncio.to_thread(world["robot"].bus, "bridge", "status")
     assert re.search(

@@ -373,9 +373,9 @@ async def test_a_reason_that_a_terminal_would_obey(daemon: Daemon) -> None:
 @pytest.mark.either_loop
 async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """For longer than it is waited for."""
-    monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
     async with screen() as shown:
         await shown.until("/rosout|nothing lost", "sums")
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
         daemon.process.send_signal(signal.SIGSTOP)
         await shown.until("busd does not answer", "sums")
         daemon.process.send_signal(signal.SIGCONT)

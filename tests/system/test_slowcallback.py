@@ -72,6 +72,15 @@ async def test_of_a_subscription(node: bus.Node, warned: list[str], callback: Ca
     assert line("block(_in_between)?", "subscription '/t'").fullmatch(text)
 
 
+async def test_a_tool_is_not_told(warned: list[str]) -> None:
+    """Of a callback that its user can't change."""
+    async with bus.Node("_tool", namespace="/tools", rosout=False) as tool:
+        subscription = await tool.create_subscription(String, "t", 10, block)
+        (await tool.create_publisher(String, "t")).publish(String())
+        await until(lambda: subscription.statistics().delivered == 1)
+    assert warned == []
+
+
 async def test_of_a_timer(node: bus.Node, warned: list[str]) -> None:
     timer = node.create_timer(0.001, block)
     await until(lambda: timer.calls > 1)

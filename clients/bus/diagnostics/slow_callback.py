@@ -17,6 +17,7 @@ from typing import Any
 from bus.base.awaited import mark_to_be_awaited
 from bus.base.callbacks import callback_name, is_async
 from bus.logger import Logger
+from bus.names import is_hidden_node
 
 __all__ = ["SLOW_NS", "timed_by_caller", "watched"]
 
@@ -33,7 +34,8 @@ class SlowWatch:
         self._callback = callback
         self._what = what
         self._logger = logger
-        self._is_warned = False
+        # A hidden node is a tool's, whose user has no callback to mend.
+        self._is_warned = is_hidden_node(logger.name.replace(".", "/"))
 
     def note(self, took_ns: int) -> None:
         """A call, or several without a pause, took so long: SLOW_NS or more."""

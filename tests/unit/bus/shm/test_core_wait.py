@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from bus.shm import segments
+from conftest import WAIT_S
 from shm_ends import Listener, Talker, core, is_rung, listener, talker
 
 __all__ = ["listener", "talker"]
@@ -89,12 +90,15 @@ def test_it_sleeps_until_a_message_comes(waiting: Waiting, is_rung_before: bool)
 
 
 def test_a_message_comes_first_and_its_ring_is_heard_before_the_next_sleep(waiting: Waiting) -> None:
-    rung = waiting.talker.writer._debug()["rung"]
-    for number in range(1, 4):
+    rung, end = 0, time.monotonic() + WAIT_S
+    while rung < 3:  # on a busy machine, some come before the reader sleeps
+        assert time.monotonic() < end
         timer = soon(lambda: waiting.talker.write(b"x"))
         assert waiting.wait_quickly() == b"x"
         timer.join()
-        assert waiting.talker.writer._debug()["rung"] == rung + number
+        before, rung = rung, waiting.talker.writer._debug()["rung"]
+        assert rung <= before + 1
+    assert rung > before
     assert is_rung(waiting.listener.doorbell)  # a loop would hear of it, and fall asleep
     assert waiting.wait(0) is None
     assert waiting.wait(0.01) is None
