@@ -4,7 +4,10 @@ Written as version 9, in ROS 2's order of keys; versions 1 to 9 are read. The sa
 is in the `rosbag2` records of MCAP files (`to_record`, `from_record`).
 """
 
+import re
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from textwrap import indent
 from typing import Any
 
 import msgspec
@@ -32,6 +35,9 @@ __all__ = [
 NAME = "metadata.yaml"
 VERSION = 9
 _KEY = "rosbag2_bagfile_information"
+_TOPICS = "topics_with_message_count"
+_PLAIN = re.compile(r"(/[A-Za-z]\w*)+ [A-Za-z]\w*(/[A-Za-z]\w*)+ cdr RIHS01_[0-9a-f]{64}", re.ASCII)
+"""Words that YAML has without quotes."""
 _MAX_NS = 2**63 - 1
 
 
@@ -92,14 +98,40 @@ def time_span(files: Iterable[FileInformation]) -> tuple[int, int]:
 
 def to_yaml(metadata: BagMetadata) -> str:
     """The text of metadata.yaml."""
-    return _dump({_KEY: as_map(metadata)})
+    return f"{_KEY}:\n{indent(to_record(metadata), '  ')}"
 
 
 def to_record(metadata: BagMetadata) -> str:
     """The text in a `rosbag2` record of an MCAP file."""
-    return _dump(as_map(metadata))
+    topics = "".join(
+        f"{_topic_text(one.topic_metadata)}    message_count: {one.message_count}\n"
+        for one in metadata.topics
+    )
+    text = _dump(as_map(msgspec.structs.replace(metadata, topics=())))
+    return text.replace(f"{_TOPICS}: []\n", f"{_TOPICS}:\n{topics}", 1) if topics else text
 
 
+@lru_cache(maxsize=1 << 14)
+def _topic_text(topic: TopicMetadata) -> str:
+    """One of the list, without its count: kept, since each file of a bag has it twice.
+
+    The library takes a millisecond or two for each, so it writes only those that it might have to quote.
+    """
+    words = f"{topic.name} {topic.type} {topic.serialization_format} {topic.type_description_hash}"
+    if not topic.offered_qos_profiles or not _PLAIN.fullmatch(words):
+        return indent(_dump([{"topic_metadata": _topic_map(topic)}]), "  ")
+    profiles = indent(profiles_to_text(topic.offered_qos_profiles), " " * 8)
+    return f"""\
+  - topic_metadata:
+      name: {topic.name}
+      type: {topic.type}
+      serialization_format: {topic.serialization_format}
+      offered_qos_profiles:
+{profiles}      type_description_hash: {topic.type_description_hash}
+"""
+
+
+@lru_cache(maxsize=1 << 10)
 def profiles_to_text(profiles: tuple[QoSProfile, ...]) -> str:
     """The text `offered_qos_profiles` of a channel."""
     return _dump([profile_to_yaml(one) for one in profiles])
@@ -113,19 +145,8 @@ def as_map(metadata: BagMetadata) -> dict[str, object]:
         "duration": {"nanoseconds": metadata.duration},
         "starting_time": {"nanoseconds_since_epoch": metadata.starting_time},
         "message_count": metadata.message_count,
-        "topics_with_message_count": [
-            {
-                "topic_metadata": {
-                    "name": one.topic_metadata.name,
-                    "type": one.topic_metadata.type,
-                    "serialization_format": one.topic_metadata.serialization_format,
-                    "offered_qos_profiles": [
-                        profile_to_yaml(profile) for profile in one.topic_metadata.offered_qos_profiles
-                    ],
-                    "type_description_hash": one.topic_metadata.type_description_hash,
-                },
-                "message_count": one.message_count,
-            }
+        _TOPICS: [
+            {"topic_metadata": _topic_map(one.topic_metadata), "message_count": one.message_count}
             for one in metadata.topics
         ],
         "compression_format": metadata.compression_format,
@@ -142,6 +163,16 @@ def as_map(metadata: BagMetadata) -> dict[str, object]:
         ],
         "custom_data": dict(metadata.custom_data) or None,
         "ros_distro": metadata.ros_distro,
+    }
+
+
+def _topic_map(topic: TopicMetadata) -> dict[str, object]:
+    return {
+        "name": topic.name,
+        "type": topic.type,
+        "serialization_format": topic.serialization_format,
+        "offered_qos_profiles": [profile_to_yaml(profile) for profile in topic.offered_qos_profiles],
+        "type_description_hash": topic.type_description_hash,
     }
 
 

@@ -85,8 +85,8 @@ class Bridge:
         tasks: list[asyncio.Task[Any]] = []
         try:
             await self._engine.open(self)
-            on_open()
             await self._node.create_service(GetStatus, "~/get_status", lambda request: self.status())
+            on_open()
             tasks += [
                 self._loop.create_task(self._announcing.watch(), name="announce"),
                 self._loop.create_task(self._mirrors.run(), name="mirror"),

@@ -172,11 +172,16 @@ class TestStandstill:
             node = nodes(world)[1]
             await asyncio.sleep(1000)
             assert self.SAID not in caplog.text
-            await node.graph()
-            stand_still(13)
-            await node.graph()
-            await asyncio.sleep(1000)
-            assert self.SAID + "13 s: what waited for it has gone on" in caplog.text
+            exactly = self.SAID + "13 s: what waited for it has gone on"
+            for _ in range(5):  # on a busy machine, a sign of life may be due between the two
+                caplog.clear()
+                await node.graph()
+                stand_still(13)
+                await node.graph()
+                await asyncio.sleep(1000)
+                if exactly in caplog.text:
+                    break
+            assert exactly in caplog.text
             assert caplog.text.count(self.SAID) == 2, "each of the two that are in this loop, once"
             caplog.clear()
             await asyncio.sleep(1)

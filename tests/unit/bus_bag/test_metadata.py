@@ -1,8 +1,12 @@
 """metadata.yaml both ways."""
 
+from collections.abc import Callable
+
+import msgspec
 import pytest
 
 from bags import CHATTER, LATCHED, START
+from bus_bag import metadata
 from bus_bag.metadata import (
     BagMetadata,
     FileInformation,
@@ -143,3 +147,26 @@ def test_an_old_version() -> None:
 def test_no_metadata(text: str, reason: str) -> None:
     with pytest.raises(ValueError, match=f"^{reason.replace('[', '.')}"):
         from_yaml(text)
+
+
+def test_a_topic_takes_the_library_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thousands of topics took it tens of seconds, at each new file of a bag."""
+    calls = 0
+
+    def count(value: object, *, dump: Callable[[object], str] = metadata._dump) -> str:
+        nonlocal calls
+        calls += 1
+        return dump(value)
+
+    names = ["/odd\n'x: []", "/ä", "/1", "", "/_x", *(f"/a/topic_{number}" for number in range(50))]
+    named = [msgspec.structs.replace(CHATTER, name=name) for name in names]
+    bag = msgspec.structs.replace(
+        BAG, topics=tuple(TopicInformation(one, number) for number, one in enumerate(named))
+    )
+    text = metadata._dump(metadata.as_map(bag))
+    for kept in (metadata._topic_text, metadata.profiles_to_text):
+        kept.cache_clear()
+    monkeypatch.setattr(metadata, "_dump", count)
+    assert to_record(bag) == text
+    assert from_yaml(to_yaml(bag)) == bag
+    assert calls == 5 + 2 + 1  # names with quotes, the rest of each text, the profiles
