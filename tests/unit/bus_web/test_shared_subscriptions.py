@@ -10,6 +10,7 @@ from bus.msg.std_msgs import Int32, String
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema, schema_of
 from bus.types.support import type_support
+from bus_web.kept import Kept
 from bus_web.shared_subscriptions import Heard
 from web_world import WebWorld, turns
 
@@ -104,6 +105,28 @@ async def test_a_type_that_nobody_describes() -> None:
     world.hub.subscriptions.add("/x", listener := Listener())
     await turns()
     assert listener.faults == ["no endpoint has a/msg/B any more"]
+    await world.close()
+
+
+async def test_all_topics_share_the_bound_of_what_is_kept() -> None:
+    """The one that keeps most loses its oldest."""
+    world = WebWorld()
+    subscriptions = world.hub.subscriptions
+    subscriptions._kept = Kept(most_bytes=10_000)
+    numbers = {
+        topic: world.add("publisher", "/talker", topic, String, LATCHED) for topic in ("/small", "/large")
+    }
+    world.look()
+    for topic in numbers:
+        subscriptions.add(topic, Listener())
+    await turns()
+    for text, topic in (("a", "/small"), ("b" * 5000, "/large"), ("c" * 5000, "/large")):
+        world.publish(numbers[topic], String(data=text))
+    late = {topic: Listener() for topic in numbers}
+    for topic, listener in late.items():
+        subscriptions.add(topic, listener)
+    assert (late["/small"].values, late["/large"].values) == (["a"], ["c" * 5000])
+    assert subscriptions._kept.dropped == 1
     await world.close()
 
 
