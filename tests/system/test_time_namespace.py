@@ -13,6 +13,7 @@ import pytest
 import bus
 from bus.msg.std_msgs import String
 from conftest import WAIT_S
+from semantics import until
 
 TALKER = """
 import sys
@@ -22,10 +23,11 @@ from bus.qos import Durability
 
 with bus.connect("talker", arguments=[]) as node:
     qos = bus.QoSProfile(1000, lifespan=3600.0, durability=Durability.TRANSIENT_LOCAL)
-    publisher = node.create_publisher(String, "topic", qos)
+    publishers = [node.create_publisher(String, "topic", qos), node.create_publisher(String, "plain", 10)]
     print("ready", flush=True)
     for line in sys.stdin:
-        publisher.publish(String(data=line.strip()))
+        for publisher in publishers:
+            publisher.publish(String(data=line.strip()))
 """
 
 
@@ -61,4 +63,17 @@ def test_ages_and_lifespans(route: str, talker: "subprocess.Popen[str]") -> None
             assert 0 <= info.received_timestamp - info.source_timestamp < WAIT_S * 1e9
         counted = subscription.statistics()
         assert counted.dropped == {}
+        assert counted.age_count and 0 < counted.age_max_ns < WAIT_S * 1e9
+
+
+async def test_ages_of_a_callback(route: str, talker: "subprocess.Popen[str]") -> None:
+    """What it takes does not wait in a queue."""
+    heard: list[str] = []
+    async with bus.Node("listener") as node:
+        subscription = await node.create_subscription(String, "plain", 10, lambda one: heard.append(one.data))
+        await subscription.wait_for_publishers()
+        for number in range(100):
+            print(number, file=talker.stdin, flush=True)
+            await until(lambda number=number: str(number) in heard)
+        counted = subscription.statistics()
         assert counted.age_count and 0 < counted.age_max_ns < WAIT_S * 1e9

@@ -304,7 +304,7 @@ class Receiver(Generic[M]):
         size = found[1] - RECORD_HEAD_BYTES
         self._bytes += size
         if samples >= self._age_due:
-            self._look_at_age(_unpack_record(run.body)[1], run.origin)
+            self._look_at_age(_unpack_record(run.body)[1], proxy)
         if self.is_lossless:
             run.origin = proxy
             self._note_taken(run, run.first_seq, size)
