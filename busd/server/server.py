@@ -48,6 +48,10 @@ _GRACE_NS = 50_000_000
 
 _READ, _WRITE = 5, 4
 """The cost of reading a socket, or of looking what to send, in the units of busd.core.work."""
+_PART = 7
+"""What a read costs besides if it makes no frame whole: so the same bytes can be made to cost many reads."""
+_BYTES_PER_UNIT = 8192
+"""Bytes that are read then: for them, the system has to find memory first."""
 _QUESTIONS = frozenset({GetGraph, GetType, GetPeers, Observe})
 """Messages that need not be handled once their process has gone; what it has published is still routed."""
 _Job: TypeAlias = PeerConnection | PeerId
@@ -179,6 +183,8 @@ class Server:
             session.reader.came(count)
             if not pass_on(self._broker, self._peers, connection):
                 self._handle(connection, session.items())
+                if session.reader.is_unfinished:
+                    meter.left -= _PART + count // _BYTES_PER_UNIT
         finally:
             party.left = meter.left
             self._payer = None

@@ -50,7 +50,7 @@ def frames(data: bytes) -> None:
     script = Script(data)
     pieces = [1 + script.byte() for _ in range(script.byte() % 16)]
     stream = script.rest()
-    small: dict[str, Any] = {"BUFFER_BYTES": _SMALL_BUFFER, "_FIRST_GROWTH_BYTES": 2 * _SMALL_BUFFER}
+    small: dict[str, Any] = {"BUFFER_BYTES": _SMALL_BUFFER, "_FIRST_ROOM_BYTES": 2 * _SMALL_BUFFER}
     with patch.multiple(framing, **small):
         reader = FrameReader(max_control_bytes=_MOST_CONTROL, max_data_bytes=_MOST_DATA)
         found: list[Any] = []

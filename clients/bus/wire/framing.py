@@ -30,7 +30,8 @@ from bus.wire.runs import Account, Buffer, Run
 BUFFER_BYTES = 256 << 10
 MOST_CUT = 64
 """Frames that are cut at a time: enough to make the call cheap, few enough to stop soon."""
-_FIRST_GROWTH_BYTES = 4 << 20
+_FIRST_ROOM_BYTES = 4 << 20
+"""So much of a long frame may come before more is charged. A longer one gets its memory page by page."""
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
 _DATA_FLAGS = REPLAY | RESUMED
@@ -61,10 +62,12 @@ class FrameReader:
         self._end = 0  # bytes of a part of a frame at the start of the buffer
         self._start = self._stop = 0  # what is yet to be cut
         self._begin = 0  # of what was readdressed
-        self._large: bytearray | None = None  # the frame that is too long for the buffer
-        self._large_length = 0
+        self._large: memoryview | None = None  # for the frame that is too long for the common buffer
+        self._large_room = 0  # so many of its bytes may come yet: they are charged
         self._large_end = 0
         self._account: Account | None = None
+        self.is_unfinished = False
+        """What came last has made no frame whole; or the next one, which has begun, is a long one."""
         self.fault: RemoteProtocolError | None = None
 
     def charge_to(self, account: Account) -> None:
@@ -88,7 +91,7 @@ class FrameReader:
         """Where the next bytes of the stream belong; never empty. What came before must have been cut."""
         if self._large is None:
             return self._view[self._end :] if self._end else self._view
-        return memoryview(self._large)[self._large_end :]
+        return self._large[self._large_end : self._large_room]
 
     def received(self, count: int) -> list[bytes | Run]:
         """The first frames that are complete now that `count` bytes have come; `cut` gives the next ones."""
@@ -162,6 +165,7 @@ class FrameReader:
         view, start, end = self._view, self._start, self._stop
         is_broker = self._is_broker
         self._start = self._stop = 0
+        self.is_unfinished = False
         most = DATA_HEAD_BYTES - LENGTH_BYTES + self.max_data_bytes
         least_control = FRAME_HEAD_BYTES - LENGTH_BYTES
         most_control = least_control + self.max_control_bytes
@@ -210,10 +214,11 @@ class FrameReader:
 
     def _cut_large(self) -> list[bytes | Run]:
         try:
-            if self._large is None or self._large_end < self._large_length:
+            whole = self._large
+            self.is_unfinished = whole is None or self._large_end < len(whole)
+            if whole is None or self.is_unfinished:
                 self._grow()
                 return []
-            whole = memoryview(self._large)
             self._forget_large()
             return [_parse(whole, 0, len(whole), self._is_broker)]
         except RemoteProtocolError as error:
@@ -221,24 +226,29 @@ class FrameReader:
             return []
 
     def _grow(self) -> None:
-        if self._large is not None and self._large_end == len(self._large):
-            size = min(self._large_length, 2 * len(self._large))
-            self._reserve(size - len(self._large))
-            grown = bytearray(size)
-            grown[: self._large_end] = self._large
-            self._large = grown
+        if self._large is not None and self._large_end == self._large_room:
+            room = min(len(self._large), 2 * self._large_room)
+            self._reserve(room - self._large_room)
+            self._large_room = room
 
     def _keep(self, start: int, end: int) -> None:
         rest = end - start
+        self.is_unfinished = not start
         if rest >= FRAME_HEAD_BYTES:
             total = self._check_head(self._view, start)
             if total > BUFFER_BYTES:
-                self._large_length = total
-                size = min(total, _FIRST_GROWTH_BYTES)
-                self._reserve(size)
-                self._large = bytearray(size)
+                room = min(total, _FIRST_ROOM_BYTES)
+                self._reserve(room)
+                # Filled with zeros, a buffer costs as much as to read into it, even if no more bytes come.
+                # One by pages does not, but it is given back at once, and the next one costs the same again.
+                try:
+                    self._large = memoryview(bytearray(total)) if total == room else paged_buffer(total)
+                except MemoryError as error:
+                    self._charge(-room)
+                    raise RemoteProtocolError(f"a frame of {total} bytes: {error or 'no memory'}") from None
                 self._large[:rest] = self._view[start:end]
-                self._large_end = rest
+                self._large_room, self._large_end = room, rest
+                self.is_unfinished = True
                 return
         if start:
             self._view[:rest] = self._view[start:end]
@@ -246,7 +256,7 @@ class FrameReader:
 
     @property
     def _held(self) -> int:
-        return len(self._large) if self._large is not None else 0
+        return self._large_room if self._large is not None else 0
 
     def _reserve(self, size: int) -> None:
         account = self._account

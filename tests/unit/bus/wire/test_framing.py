@@ -393,3 +393,33 @@ class TestCharges:
         assert first.used == 3_145_772
         made.charge_to(second)
         assert (first.used, second.used) == (0, 3_145_772)
+
+
+def test_a_read_that_makes_no_frame_whole() -> None:
+    """It is told apart, so that the same bytes can't be made to cost many reads."""
+    stream, told = reader(), []
+    short, long = control(b"x" * 100), control(b"y" * 600_000)
+    for piece in (short, short[:50], short[50:] + short[:9], short[9:], short + long[:1000], long[1000:2000]):
+        stream.get_buffer()[: len(piece)] = piece
+        stream.received(len(piece))
+        told.append(stream.is_unfinished)
+    assert told == [False, True, False, False, True, True]
+
+
+def test_a_long_frame_is_charged_as_it_comes() -> None:
+    """Its buffer is not copied: it is as long as the frame from the start, and takes its memory by pages."""
+    account, size = Account(limit=1 << 30), 20 << 20
+    stream = reader(max_data=64 << 20)
+    stream.charge_to(account)
+    head = data(bytes(size))[:DATA_HEAD_BYTES]
+    stream.get_buffer()[: len(head)] = head
+    assert stream.received(len(head)) == []
+    left, used, found = size, [account.used], list[object]()
+    while left:
+        room = len(stream.get_buffer())
+        assert room <= left
+        left -= room
+        found = [*stream.received(room)]
+        used.append(account.used)
+    assert used == [4 << 20, 8 << 20, 16 << 20, size + len(head), 0]
+    assert [len(run.body) for run in found if isinstance(run, Run)] == [size]
