@@ -148,7 +148,7 @@ async def test_signals_escalate(here: Path) -> None:
         stubborn__py=STUBBORN,
         hard__launch__xml="""
             <launch>
-              <let name="sigterm_timeout" value="0.1"/><let name="sigkill_timeout" value="0.1"/>
+              <let name="sigterm_timeout" value="1.5"/><let name="sigkill_timeout" value="1.5"/>
               <executable cmd="python3 $(dirname)/stubborn.py" name="one" output="screen"/>
               <executable cmd="python3 $(dirname)/stubborn.py; true" shell="true" name="sh" output="screen"/>
             </launch>""",
@@ -165,11 +165,11 @@ async def test_signals_escalate(here: Path) -> None:
     assert said[2:] == [
         "[INFO] [one-1]: sending signal 'SIGINT' to process[one-1]",
         "[one-1] ignored 2",
-        "[ERROR] [one-1]: process[one-1] failed to terminate '0.1' seconds after receiving 'SIGINT', "
+        "[ERROR] [one-1]: process[one-1] failed to terminate '1.5' seconds after receiving 'SIGINT', "
         "escalating to 'SIGTERM'",
         "[INFO] [one-1]: sending signal 'SIGTERM' to process[one-1]",
         "[one-1] ignored 15",
-        "[ERROR] [one-1]: process[one-1] failed to terminate '0.2' seconds after receiving 'SIGTERM', "
+        "[ERROR] [one-1]: process[one-1] failed to terminate '3' seconds after receiving 'SIGTERM', "
         "escalating to 'SIGKILL'",
         "[INFO] [one-1]: sending signal 'SIGKILL' to process[one-1]",
         f"[ERROR] [one-1]: process has died [pid {pid}, exit code -9, cmd '{command}'].",
