@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Sequence
 
 from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord
-from busd.core.entities import MessageType, Peer, Publisher, Subscription
+from busd.core.entities import Endpoint, MessageType, Peer, Publisher, Subscription
 from busd.core.graph import Graph, match_record
 from busd.core.work import TELL, Work
 
@@ -38,7 +38,7 @@ class GraphView:
         for table in tables:
             for endpoint in tuple(table.values()):
                 if endpoint.id in table and endpoint.id not in self._endpoints:
-                    if endpoint.node.peer is self._peer or self._may_observe(endpoint.topic.name):
+                    if self._may_see(endpoint):
                         self._show(endpoint.id, endpoint.node.id)
                     yield TELL
 
@@ -93,10 +93,8 @@ class GraphView:
 
         Returns what comes into sight and what goes thereby, as `revision`; None if nothing does.
         """
-        seen = [one.node.peer is self._peer or self._may_observe(one.topic.name) for one in few]
-        was_seen = [one.id in self._endpoints for one in few]
-        fresh = [one for one, now, before in zip(few, seen, was_seen, strict=True) if now and not before]
-        gone = [one for one, now, before in zip(few, seen, was_seen, strict=True) if before and not now]
+        fresh = [one for one in few if one.id not in self._endpoints and self._may_see(one)]
+        gone = [one for one in few if one.id in self._endpoints and not self._may_see(one)]
         if not fresh and not gone:
             return None
         touched = {one.node.id for one in (*fresh, *gone)}
@@ -116,6 +114,9 @@ class GraphView:
             matches_added=self._matches(fresh),
             matches_removed=matches_removed,
         )
+
+    def _may_see(self, endpoint: Endpoint) -> bool:
+        return endpoint.node.peer is self._peer or self._may_observe(endpoint.topic.name)
 
     def _is_seen(self, endpoint: EndpointRecord) -> bool:
         return endpoint.id in self._peer.endpoints or self._may_observe(endpoint.topic)
