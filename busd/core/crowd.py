@@ -15,6 +15,7 @@ from typing import TypeAlias
 import msgspec
 
 from bus.base.ids import EndpointId
+from bus.vocabulary import DropReason
 from bus.wire.runs import Account, Run
 from busd.core.history import GatheredRuns
 
@@ -78,9 +79,9 @@ class Crowd:
         is_overfull = waiting.append(run)
         if self._depth:
             while waiting.count - waiting.runs[0].count >= self._depth:
-                self._lose_oldest("replaced")
+                self._lose_oldest(DropReason.REPLACED)
         while is_overfull and len(waiting.runs) > 1:
-            self._lose_oldest("memory_limit")
+            self._lose_oldest(DropReason.MEMORY_LIMIT)
             is_overfull = waiting.is_overfull
 
     def lose(self, reason: str, first_seq: int, end_seq: int) -> None:

@@ -4,8 +4,10 @@ Also takes them out of the queues, where they are too old or too many. Must not 
 """
 
 from collections.abc import Callable
+from functools import partial
 
 from bus.base.ids import EndpointId
+from bus.vocabulary import DropReason
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import Dropped
 from bus.wire.runs import Run
@@ -58,7 +60,8 @@ class Drops:
         Returns what that costs; 0 if nothing has.
         """
         queue, before = subscription.queue, subscription.queue.count
-        self.shed(now_ns, subscription, "expired", lambda gone: queue.drop_expired_of_head(now_ns, gone))
+        expire = partial(queue.drop_expired_of_head, now_ns)
+        self.shed(now_ns, subscription, DropReason.EXPIRED, expire)
         expired = before - queue.count
         return 1 + expired // STAMPS_PER_UNIT if expired else 0
 

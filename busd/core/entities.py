@@ -13,7 +13,8 @@ import msgspec
 
 from bus.base.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
-from bus.wire.layout import BRIDGE, MAX_COUNT
+from bus.vocabulary import Route
+from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Origin, Report
 from bus.wire.runs import Account, RunQueue
 from busd.core.access import Subject
@@ -32,9 +33,6 @@ all its matches are made."""
 
 GRAPH = -1
 """In place of an endpoint's number: the graph."""
-
-SOCKET, SHM = "socket", "shm"
-"""The routes of a match; the third is BRIDGE."""
 
 _Bytes = bytes
 
@@ -570,7 +568,11 @@ class Match:
         )
 
 
-ROUTE_OF = dict.fromkeys(MatchState, SOCKET) | dict.fromkeys(SHARED, SHM) | {MatchState.BRIDGED: BRIDGE}
+ROUTE_OF = (
+    dict.fromkeys(MatchState, Route.SOCKET)
+    | dict.fromkeys(SHARED, Route.SHM)
+    | {MatchState.BRIDGED: Route.BRIDGE}
+)
 """The route of a match in that state."""
 
 

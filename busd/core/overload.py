@@ -11,6 +11,7 @@ from functools import partial
 from typing import TypeVar
 
 from bus.base.ids import PeerId
+from bus.vocabulary import DropReason
 from bus.wire.runs import Account, Run, RunQueue
 from busd.core.drops import Drops
 from busd.core.effects import Effect
@@ -70,7 +71,7 @@ class Overload:
             too_much = partial(
                 queue.drop_over_quota, spare=spare, account=account, slack=slack, most=_MOST_DROPPED
             )
-            self._drops.shed(now_ns, one, "memory_limit", too_much)
+            self._drops.shed(now_ns, one, DropReason.MEMORY_LIMIT, too_much)
             self._forget_rest(peer, queue)
 
         self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable
 
 from bus.base.ids import EndpointId, PeerId
+from bus.vocabulary import DropReason
 from bus.wire.messages import Unmatched
 from busd.core.drops import Drops
 from busd.core.effects import Effect, Send
@@ -107,7 +108,7 @@ class Places:
         if is_there and count > 0 and all(match.publisher.gid != gid for match in matches.values()):
             subscription.expected_besides += count
             subscription.remember(publisher, last_seq)
-            self._drops.drop(now_ns, subscription, "disconnected", count)
+            self._drops.drop(now_ns, subscription, DropReason.DISCONNECTED, count)
 
     def _look_in(self, now_ns: int, wait_ns: int, lost: _Lost) -> None:
         due_ns = min(now_ns + wait_ns, lost.until_ns)

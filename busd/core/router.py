@@ -12,6 +12,7 @@ from itertools import islice
 
 from bus.base.ids import EndpointId, PeerId
 from bus.errors import RemoteProtocolError
+from bus.vocabulary import DropReason
 from bus.wire.layout import MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
 from bus.wire.runs import Run
 from busd.core.crowd import NOT_SENT, Crowd, Loss, News
@@ -229,13 +230,13 @@ class Router:
             for peer, crowd in publisher.crowds.items():
                 if gap:
                     crowd.lose(_reason(is_loss=is_loss), first_seq - gap, first_seq)
-                crowd.lose("too_large", first_seq, publisher.next_seq)
+                crowd.lose(DropReason.TOO_LARGE, first_seq, publisher.next_seq)
                 self._make_due(publisher, peer, crowd)
             return
         if gap:
             self.miss(now_ns, publisher, gap, publisher.routed.values(), is_loss=is_loss)
         for number in publisher.routed:
-            self._lose(now_ns, publisher.matches[number], "too_large", count, publisher.next_seq - 1)
+            self._lose(now_ns, publisher.matches[number], DropReason.TOO_LARGE, count, publisher.next_seq - 1)
 
     def _lose(self, now_ns: int, match: Match, reason: str, count: int, last_seq: int) -> None:
         """`count` samples up to `last_seq` don't come to the subscription, nor will their acknowledgement."""
@@ -255,7 +256,7 @@ class Router:
                     self._meter.left -= price
             replaced = queue.trim()
             if replaced:
-                self._drops.drop(now_ns, subscription, "replaced", replaced)
+                self._drops.drop(now_ns, subscription, DropReason.REPLACED, replaced)
             self._overload.bound(now_ns, subscription)
         self._overfull.clear()
 
@@ -279,7 +280,7 @@ class Router:
         if match.state is MatchState.CATCHING_UP:
             subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
-            self._lose(now_ns, match, "too_large", run.count, run.first_seq + run.count - 1)
+            self._lose(now_ns, match, DropReason.TOO_LARGE, run.count, run.first_seq + run.count - 1)
             return
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
@@ -305,7 +306,7 @@ class Router:
             subscription = match.subscription
             subscription.expected_besides += lost
             subscription.remember(match.publisher, next_seq - 1)
-            self._lose(now_ns, match, "disconnected", lost, next_seq - 1)
+            self._lose(now_ns, match, DropReason.DISCONNECTED, lost, next_seq - 1)
 
     def _admit(
         self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool
@@ -317,7 +318,8 @@ class Router:
             match.on(MatchEvent.REACH)
             subscription = match.subscription
             if lost := max(0, run.first_seq - match.began_seq):
-                self._drops.drop(now_ns, subscription, "publisher_queue" if is_loss else "disconnected", lost)
+                reason = DropReason.PUBLISHER_QUEUE if is_loss else DropReason.DISCONNECTED
+                self._drops.drop(now_ns, subscription, reason, lost)
             fresh = run if run.first_seq >= match.began_seq else run.after(match.began_seq - 1)
             if subscription.queue.append(fresh):
                 self._overfull.append(subscription)
@@ -334,11 +336,10 @@ class Router:
     ) -> None:
         for subscription in subscriptions:
             if is_loss:  # the publisher's own queue replaced them before they could be handed over
-                self._drops.drop(now_ns, subscription, "publisher_queue", gap)
+                self._drops.drop(now_ns, subscription, DropReason.PUBLISHER_QUEUE, gap)
             elif (match := publisher.matches[subscription.id]).is_return:
-                self._drops.drop(
-                    now_ns, subscription, "disconnected", gap
-                )  # it would have got them, but was away
+                # It would have got them, but was away.
+                self._drops.drop(now_ns, subscription, DropReason.DISCONNECTED, gap)
             else:
                 match.began_seq += gap  # these went to others, by another route
 
@@ -354,7 +355,7 @@ def _end_seq(news: News) -> int:
 
 def _reason(*, is_loss: bool) -> str:
     """Why numbers are missing before a run."""
-    return "publisher_queue" if is_loss else NOT_SENT
+    return DropReason.PUBLISHER_QUEUE if is_loss else NOT_SENT
 
 
 def _sources(subscription: Subscription) -> set[int]:

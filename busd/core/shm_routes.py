@@ -8,9 +8,10 @@ import logging
 
 from bus.base.ids import EndpointId
 from bus.errors import QuotaExceeded, RemoteProtocolError
+from bus.vocabulary import Route
 from bus.wire import messages as m
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import SOCKET, Match, Peer
+from busd.core.entities import Match, Peer
 from busd.core.graph import Graph
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import release, reroute
@@ -93,7 +94,7 @@ class Routes:
             told = m.Rerouted(
                 endpoint=publisher.id,
                 other=subscription.id,
-                route=SOCKET,
+                route=Route.SOCKET,
                 at_ns=publisher.node.peer.by_its_clock(match.at_ns),
                 last_seq=message.seq,
             )

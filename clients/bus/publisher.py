@@ -33,8 +33,9 @@ from bus.types.large_fields import (
     with_field,
 )
 from bus.types.support import ENCODE_ERRORS, TypeSupport, wrong_class
+from bus.vocabulary import DropReason, Route
 from bus.wire import messages as m
-from bus.wire.layout import BRIDGE, MAX_MESSAGE_BYTES
+from bus.wire.layout import MAX_MESSAGE_BYTES
 from bus.wire.runs import Buffer
 from bus.wire.source_time import source_head
 
@@ -329,7 +330,7 @@ class Publisher(Endpoint[M]):
             case m.Silence(subscription=other) if (match := self._find_match(other)) is not None:
                 self._hear_of_silence(message, match)
             case m.Matched():
-                if message.route != BRIDGE:
+                if message.route != Route.BRIDGE:
                     self._sender.matched(message)
                 super()._handle(message)
             case m.Unmatched(other=other):
@@ -355,7 +356,7 @@ class Publisher(Endpoint[M]):
         sender = self._sender
         sender.reported()
         samples, size = sender.published
-        dropped = {"replaced": sender.replaced} if sender.replaced else {}
+        dropped: dict[str, int] = {DropReason.REPLACED: sender.replaced} if sender.replaced else {}
         besides = self._besides
         return m.Report(
             endpoint=self._id,
@@ -451,7 +452,7 @@ class Publisher(Endpoint[M]):
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         gone = self._find_match(other)
         super()._unmatch(other)
-        if gone is not None and self._id and gone.route != BRIDGE:
+        if gone is not None and self._id and gone.route != Route.BRIDGE:
             self._sender.unmatched(other, gone.gid, is_lost=is_lost)
 
     def _check_deadline(self) -> None:

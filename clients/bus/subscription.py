@@ -25,6 +25,7 @@ from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.qos import Durability, History, QoSProfile
 from bus.types.large_fields import view_type
 from bus.types.support import TypeSupport
+from bus.vocabulary import Route
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
@@ -361,7 +362,7 @@ class Subscription(Endpoint[M]):
                     proxy = tracker.meet(message, received_seq, self.qos, is_new_broker=is_new_broker)
                 tracker[other] = proxy
                 super()._handle(message)
-                if rings is not None and message.route == "shm":
+                if rings is not None and message.route == Route.SHM:
                     rings.attach(proxy, message, descriptors, received_seq)
                     if proxy.shown_gid in self._held_back:
                         rings.hold(proxy.shown_gid, is_on=True)

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from bus.vocabulary import DropReason
+
 __all__ = ["RECORD", "TopicLosses", "from_record", "lines", "to_record"]
 
 RECORD = "busd.losses"
@@ -36,7 +38,7 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
         why."""
         if not self.waiting:
             return self
-        lost = {**self.lost, "unexplained": self.lost.get("unexplained", 0) + self.waiting}
+        lost = {**self.lost, DropReason.UNEXPLAINED: self.lost.get(DropReason.UNEXPLAINED, 0) + self.waiting}
         return msgspec.structs.replace(self, waiting=0, lost=lost)
 
 

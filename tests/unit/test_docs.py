@@ -14,6 +14,7 @@ from bus.delivery.match import FEEDS, GATES, FeedEvent, GateEvent
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.types.support import type_support
+from bus.vocabulary import DropReason
 from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
 from bus_cli.main import COMMANDS, make_parser
@@ -86,10 +87,9 @@ def section(text: str, title: str) -> str:
 
 
 def drop_reasons() -> set[str]:
-    """What the sources call the reasons of drops."""
-    call = re.compile(r'\b_?(?:drop|lose|shed)\((?:[^()"]*,\s*)?"([a-z_]+)"')
-    sources = [*(ROOT / "busd").rglob("*.py"), *(ROOT / "clients" / "bus").rglob("*.py")]
-    return {reason for source in sources for reason in call.findall(source.read_text())}
+    """The reasons for which busd and the library count lost messages."""
+    sources = [path.read_text() for root in ("busd", "clients/bus") for path in (ROOT / root).rglob("*.py")]
+    return {DropReason[name] for name in re.findall(r"\bDropReason\.([A-Z_]+)", "".join(sources))}
 
 
 class TestProtocol:
@@ -203,7 +203,7 @@ class TestArchitecture:
     def test_places_of_drops(self) -> None:
         for reason, _, where, _ in rows_of(section(self.text, "## Drops"), "reason", "counted by"):
             for path in re.findall(r"[\w/]+\.py", where):
-                assert f'"{reason}"' in (ROOT / path).read_text(), (reason, path)
+                assert f"DropReason.{reason.upper()}" in (ROOT / path).read_text(), (reason, path)
 
     def test_the_states_of_a_match(self) -> None:
         drawn = rows_of(self.text, "state", *[event.value for event in MatchEvent])

@@ -14,6 +14,7 @@ from bus import shm
 from bus.delivery.ages import Ages
 from bus.delivery.allowance import STEP_BYTES, begin, extend
 from bus.delivery.sequence import PublisherProxy, SequenceTracker
+from bus.vocabulary import DropReason
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.source_time import SOURCE_BYTES, SOURCE_MARK, source_head, source_ns_of
@@ -117,10 +118,10 @@ class Receiver(Generic[M]):
         reader, dropped = self.reader, dict(self._dropped)
         if reader is not None:
             for reason, count in (
-                ("replaced", reader.replaced),
+                (DropReason.REPLACED, reader.replaced),
                 (self.lapped_reason, reader.overrun),
-                ("expired", reader.expired),
-                ("undecodable", reader.undecodable),
+                (DropReason.EXPIRED, reader.expired),
+                (DropReason.UNDECODABLE, reader.undecodable),
             ):
                 if count:
                     dropped[reason] = dropped.get(reason, 0) + count
@@ -130,7 +131,7 @@ class Receiver(Generic[M]):
     def lapped_reason(self) -> str:
         """The reason for what a ring gave up unread: the depth here where there is one, else the
         publisher's."""
-        return "replaced" if self._queue.depth else "publisher_queue"
+        return DropReason.REPLACED if self._queue.depth else DropReason.PUBLISHER_QUEUE
 
     @property
     def waiting(self) -> tuple[deque[Taken[M]], deque[Run]]:
@@ -198,12 +199,12 @@ class Receiver(Generic[M]):
     def trim(self) -> None:
         """Drop the oldest beyond the bounds, and count them."""
         if replaced := self._queue.trim():
-            self.drop("replaced", replaced)
+            self.drop(DropReason.REPLACED, replaced)
         extend(self._queue, INBOX_BYTES, is_lossless=self.is_lossless)
         gone: list[Run] = []
         if over := self._queue.drop_over_quota(gone, spare=1):
             self._let_go(gone)
-            self.drop("memory_limit", over)
+            self.drop(DropReason.MEMORY_LIMIT, over)
 
     def drop(self, reason: str, count: int) -> None:
         """Count samples that were lost."""
@@ -381,7 +382,7 @@ class Receiver(Generic[M]):
         body = memoryview(run.body)
         size, stamp_ns = _unpack_record(body) if len(body) >= RECORD_HEAD_BYTES else (len(body), 0)
         if RECORD_HEAD_BYTES + size > len(body):
-            self.drop("undecodable", 1)
+            self.drop(DropReason.UNDECODABLE, 1)
             return None
         published_ns = stamp_ns
         payload = body[RECORD_HEAD_BYTES : RECORD_HEAD_BYTES + size]
@@ -405,7 +406,7 @@ class Receiver(Generic[M]):
             gone: list[Run] = []
             if expired := queue.drop_expired(monotonic_ns(), gone):
                 self._let_go(gone)
-                self.drop("expired", expired)
+                self.drop(DropReason.EXPIRED, expired)
                 return
         begin, skipped = queue.offset, queue.skipped
         first_seq, held = run.first_seq + skipped, run.count - skipped
@@ -457,7 +458,7 @@ class Receiver(Generic[M]):
         size = offset - begin - (seq - first_seq) * RECORD_HEAD_BYTES
         self._count(run, len(ahead), first_seq + held - 1, size, rejected)
         self._reject(rejected)
-        self.drop("undecodable", first_seq + held - seq)
+        self.drop(DropReason.UNDECODABLE, first_seq + held - seq)
 
     def _count(
         self, run: Run, samples: int, seq: int, size: int, rejected: Sequence[tuple[int, Exception]] = ()
@@ -492,7 +493,7 @@ class Receiver(Generic[M]):
         # After the queue was brought in order: the callee may take again.
         for size, error in rejected:
             self._on_reject(size, error)
-            self.drop("undecodable", 1)
+            self.drop(DropReason.UNDECODABLE, 1)
 
 
 def _ignore() -> None:

@@ -26,6 +26,7 @@ from bus.errors import (
 from bus.logger import Logger
 from bus.qos import History, Liveliness, QoSProfile
 from bus.types.large_fields import joined
+from bus.vocabulary import Route
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
 
@@ -335,12 +336,12 @@ class Sender:
             matched.other,
             matched.gid,
             matched.qos,
-            by_socket=matched.route == "socket",
+            by_socket=matched.route == Route.SOCKET,
             last_seq=matched.last_seq,
         )
         if self._ring is None:
             self.release_waiters()
-        elif matched.route == "shm":
+        elif matched.route == Route.SHM:
             self._ring.expect(matched)
         else:
             # What the broker has not got yet goes to the new match, too: else it would see a gap.

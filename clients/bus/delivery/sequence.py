@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 
 from bus.qos import Durability, QoSProfile
+from bus.vocabulary import DropReason, Route
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import Matched
@@ -133,7 +134,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         proxy.renew(matched)
         proxy.shown_gid = matched.stands_for or matched.gid
         proxy.received_seq = received_seq or 0
-        if matched.route != "socket":
+        if matched.route != Route.SOCKET:
             return proxy
         has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
         is_volatile = not has_history or qos.durability is Durability.VOLATILE
@@ -231,7 +232,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
                 left -= some
                 self._on_lost(reason, some)
         if left:
-            self._on_lost("disconnected", left)
+            self._on_lost(DropReason.DISCONNECTED, left)
         return lost
 
     def hear(self, gid: bytes, received_seq: int | None) -> None:
@@ -242,7 +243,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
     def lose(self, count: int) -> None:
         """Count samples of a ring that was never seen here: its publisher grew while the broker was away."""
         self.lost_between += count
-        self._on_lost("disconnected", count)
+        self._on_lost(DropReason.DISCONNECTED, count)
 
     def learn(self, missed: dict[bytes, tuple[int, int]]) -> None:
         """From where on samples were for us, as in Dropped: that tells how many were skipped before the

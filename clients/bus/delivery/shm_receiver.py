@@ -14,6 +14,7 @@ from bus.delivery.sequence import PublisherProxy
 from bus.qos import Durability, History, QoSProfile
 from bus.shm import segments
 from bus.transport.memory import keep_freed_memory
+from bus.vocabulary import Route
 from bus.wire import messages as m
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.session import MISSING
@@ -65,8 +66,8 @@ class ShmReceiver:
         """
         self.sweep()  # what the reader has left by itself must not be taken for what is attached now
         feed = self._feeds.get(matched.gid)
-        if feed is not None and (feed.state is FeedState.FINISHING or matched.route != "shm"):
-            if matched.route != "shm":
+        if feed is not None and (feed.state is FeedState.FINISHING or matched.route != Route.SHM):
+            if matched.route != Route.SHM:
                 drain()
             if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
                 received_seq = None

@@ -47,9 +47,6 @@ BRIDGES: Final = "bridges"
 ACCESS: Final = "ACCESS"
 """In place of a policy, in Incompatible: the other end was denied access."""
 
-BRIDGE: Final = "bridge"
-"""The route of a match with a subscription that stands for one on another bus."""
-
 CONTROL: Final = 1
 DATA: Final = 2
 

@@ -11,6 +11,7 @@ from typing import Literal
 from msgspec import field
 
 from bus.qos import QoSProfile
+from bus.vocabulary import Route
 from bus.wire.bounds import (
     Capabilities,
     ClockOffset,
@@ -283,7 +284,7 @@ class Matched(Message, frozen=True, tag="matched"):
     node: str
     gid: bytes
     qos: QoSProfile
-    route: str = "socket"
+    route: str = Route.SOCKET
     next_seq: NextSeq = 1
     at_ns: Count = 0
     descriptors: Descriptors = 0

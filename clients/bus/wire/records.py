@@ -7,6 +7,7 @@ know the messages that carry them.
 import msgspec
 
 from bus.qos import QoSProfile
+from bus.vocabulary import Route
 from bus.wire.bounds import Buses, BusId
 
 
@@ -92,7 +93,7 @@ class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     publisher: int
     subscription: int
-    route: str = "socket"
+    route: str = Route.SOCKET
 
 
 class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

@@ -10,6 +10,7 @@ from pathlib import Path
 from time import monotonic_ns
 
 from bus.errors import BusError
+from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, TopicLosses, to_record
 from bus_bag.record.cache import Cache
@@ -288,7 +289,7 @@ class Pipeline:
                     )
 
     def _reject(self, topic: RecordedTopic, error: CdrError) -> None:
-        topic.lose("undecodable", 1)
+        topic.lose(DropReason.UNDECODABLE, 1)
         self._on_reject(topic, error)
 
     def _settle_cache(self) -> None:
@@ -298,7 +299,7 @@ class Pipeline:
             if self._is_snapshot:
                 self._topics[name].passed_over += count
             else:
-                self._topics[name].lose("recorder_cache", count)
+                self._topics[name].lose(DropReason.RECORDER_CACHE, count)
 
     # --- the end
 
@@ -309,7 +310,7 @@ class Pipeline:
             if self._is_snapshot:
                 self._topics[name].passed_over += count
             else:
-                self._topics[name].lose("not_written", count)
+                self._topics[name].lose(DropReason.NOT_WRITTEN, count)
         if self._thread is not None:
             self._thread.drop()
 
@@ -335,7 +336,7 @@ class Pipeline:
         for topic in self._topics.values():
             if missing := topic.written + topic.repeated - counts.get(topic.name, 0):
                 topic.written -= missing
-                topic.lose("not_written", missing)
+                topic.lose(DropReason.NOT_WRITTEN, missing)
         losses = {name: one.closed() for name, one in self.losses().items()}
         self._writer.write_metadata(RECORD, to_record(losses))
         self._writer.close()

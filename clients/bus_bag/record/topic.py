@@ -7,6 +7,7 @@ from typing import Any
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema, depth_for
 from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
+from bus.vocabulary import DropReason
 from bus_bag.losses import TopicLosses
 from bus_bag.metadata import TopicMetadata
 from bus_bag.record.choice import Found
@@ -84,7 +85,7 @@ class RecordedTopic:
             SCHEMA: schema_to_text(self.schema),
         }
 
-    def lose(self, reason: str, count: int) -> None:
+    def lose(self, reason: DropReason, count: int) -> None:
         self.lost[reason] = self.lost.get(reason, 0) + count
 
     @property

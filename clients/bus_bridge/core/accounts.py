@@ -1,6 +1,6 @@
 """What became of each message of one route: taken is sent, waiting, and dropped by reason. Pure."""
 
-from bus_bridge.reasons import LOST
+from bus.vocabulary import DropReason
 
 __all__ = ["Account"]
 
@@ -20,7 +20,7 @@ class Account:
         self.lost = 0
         """Lost before it came here."""
 
-    def drop(self, reason: str, count: int = 1) -> None:
+    def drop(self, reason: DropReason, count: int = 1) -> None:
         if count:
             self.dropped[reason] = self.dropped.get(reason, 0) + count
 
@@ -32,4 +32,4 @@ class Account:
     @property
     def losses(self) -> dict[str, int]:
         """All that did not go on, by reason."""
-        return self.dropped | ({LOST: self.lost} if self.lost else {})
+        return self.dropped | ({DropReason.LOST_ON_THE_WAY: self.lost} if self.lost else {})

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 from bus.endpoint import summed
 from bus.qos import History, QoSProfile
+from bus.vocabulary import DropReason
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import RouteRule, Sample, Writer
 from bus_bridge.packed import number_and_time, payload_bytes
-from bus_bridge.reasons import DISCONNECTED, MEMORY, NOT_WANTED, RATE, REPEATED, REPLACED
 
 __all__ = ["PATIENCE_S", "Export"]
 
@@ -110,18 +110,18 @@ class Export:
         first, last = number_and_time(samples, 0)[0], number_and_time(samples, -1)[0]
         if first <= self._last:  # a transient local publisher's history, to another tap
             fresh = [sample for sample in samples if sample.number > self._last]
-            account.drop(REPEATED, len(samples) - len(fresh))
+            account.drop(DropReason.REPEATED, len(samples) - len(fresh))
             if not fresh:
                 return
             samples = fresh
         elif not self._is_fresh and (missing := last - self._last - len(samples)) > 0:
             account.taken += missing
-            account.drop(NOT_WANTED if self._is_back else REPLACED, missing)
+            account.drop(DropReason.NOT_WANTED if self._is_back else DropReason.REPLACED, missing)
         self._is_fresh = self._is_back = False
         self._last = last
         if self._limit is not None:
             passing = self._limit.passing(samples)
-            account.drop(RATE, len(samples) - len(passing))
+            account.drop(DropReason.RATE_LIMIT, len(samples) - len(passing))
             if not passing:
                 return
             samples = passing
@@ -144,7 +144,7 @@ class Export:
             waiting.remove(sent)
             has_room = sent == len(samples)
         if waiting and writer is not None and not writer.is_wanted and not self._is_matched(self.gid):
-            self.account.drop(NOT_WANTED, waiting.clear())
+            self.account.drop(DropReason.NOT_WANTED, waiting.clear())
         if was_full and not self.is_full:
             self._on_free(self.gid)
 
@@ -160,7 +160,7 @@ class Export:
         if now_s - self._waits_since_s < PATIENCE_S:
             return False
         self._is_given_up, self._waits_since_s = True, None
-        self.account.drop(NOT_WANTED, self._waiting.clear())
+        self.account.drop(DropReason.NOT_WANTED, self._waiting.clear())
         self._on_free(self.gid)
         return True
 
@@ -173,7 +173,7 @@ class Export:
 
     def close(self) -> None:
         """The publisher has gone; what waits is lost."""
-        self.account.drop(DISCONNECTED, self._waiting.clear())
+        self.account.drop(DropReason.DISCONNECTED, self._waiting.clear())
         self.detach()
         self._on_free(self.gid)
 
@@ -181,12 +181,12 @@ class Export:
         writer, depth = self.writer, self._depth
         if writer is None or not writer.is_wanted:
             if self._is_given_up or not self._is_matched(self.gid):
-                self.account.drop(NOT_WANTED, len(samples))
+                self.account.drop(DropReason.NOT_WANTED, len(samples))
                 return
             depth = self._patience
         replaced, over = self._waiting.put(samples, None if self._is_lossless else depth)
-        self.account.drop(REPLACED, replaced)
-        self.account.drop(MEMORY, over)
+        self.account.drop(DropReason.REPLACED, replaced)
+        self.account.drop(DropReason.MEMORY_LIMIT, over)
 
     def _write(self, writer: Writer, samples: Sequence[Sample]) -> int:
         sent = writer.write(samples)

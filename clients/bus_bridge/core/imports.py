@@ -14,6 +14,7 @@ from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.publisher import Publisher
 from bus.qos import Durability, History
 from bus.schema import MessageSchema
+from bus.vocabulary import DropReason
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
@@ -21,7 +22,6 @@ from bus_bridge.core.waiting import RateLimit, Waiting
 from bus_bridge.engine import Engine, FarEndpoint, Reader, Sample
 from bus_bridge.errors import in_words
 from bus_bridge.packed import Packed, number_and_time, payload_bytes
-from bus_bridge.reasons import DISCONNECTED, EXPIRED, MEMORY, RATE, REFUSED, REPEATED, TOO_LARGE
 
 __all__ = ["Import"]
 
@@ -175,7 +175,7 @@ class Import:
             if self._pumping is not None:
                 self._pumping.cancel()
             lost = self._waiting.clear()
-            self.account.drop(DISCONNECTED, lost)
+            self.account.drop(DropReason.DISCONNECTED, lost)
         if lost:
             self._on_trouble(
                 f"their publisher has gone, and there was no room for all (messages lost: {lost})"
@@ -205,7 +205,7 @@ class Import:
             self._note(monotonic_ns(), number_and_time(samples, -1)[1])
         if self._limit is not None:
             passing = self._limit.passing(samples)
-            account.drop(RATE, len(samples) - len(passing))
+            account.drop(DropReason.RATE_LIMIT, len(samples) - len(passing))
             samples = passing
         if not self._is_lossless:
             self._publish_all(samples)
@@ -213,7 +213,7 @@ class Import:
         if not self._waiting:  # nothing waits, so what has room needs not wait either
             samples = samples[self._publish_all(samples) :]
         _, over = self._waiting.put(samples, None)
-        account.drop(MEMORY, over)
+        account.drop(DropReason.MEMORY_LIMIT, over)
         if self._reader is not None and (gone := size - self._waiting.bytes):
             self._reader.taken(gone)  # also of what is dropped here: the writer does not wait for that
         if self._waiting and self._pumping is None:
@@ -264,7 +264,7 @@ class Import:
                 if self._may_repeat:
                     self._may_repeat, self._last = False, min(self._last, number - 1)
                 if number <= self._last:
-                    account.drop(REPEATED)
+                    account.drop(DropReason.REPEATED)
                     continue
                 if not self._is_fresh or self._listeners & self._matched:
                     account.lost += number - self._last - 1
@@ -279,7 +279,7 @@ class Import:
                 return [*samples][at:]
             self._most_known -= 1
             self._last, self._is_fresh = sample.number, False
-            self.account.drop(REPEATED)
+            self.account.drop(DropReason.REPEATED)
         return []
 
     def _without_expired(self, samples: Sequence[Sample]) -> Sequence[Sample]:
@@ -287,7 +287,7 @@ class Import:
         for sample in samples:
             self._note(now_ns, sample.source_time_ns)
         kept = [one for one in samples if lateness.age_ns(now_ns, one.source_time_ns) <= self._lifespan_ns]
-        self.account.drop(EXPIRED, len(samples) - len(kept))
+        self.account.drop(DropReason.EXPIRED, len(samples) - len(kept))
         return kept
 
     def _note(self, now_ns: int, source_ns: int) -> None:
@@ -355,7 +355,7 @@ class Import:
         return done
 
     def _fail(self, error: BusError, count: int = 1) -> None:
-        reason = TOO_LARGE if isinstance(error, PayloadTooLarge) else REFUSED
+        reason = DropReason.TOO_LARGE if isinstance(error, PayloadTooLarge) else DropReason.REFUSED
         self.account.drop(reason, count)
         self.is_broken |= isinstance(error, ConnectionClosed)
         self._on_trouble(str(error))

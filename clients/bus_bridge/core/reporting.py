@@ -1,10 +1,10 @@
 """What a bridge tells of its routes: in the graph, as counters of mirrors, and as its status."""
 
+from bus.vocabulary import DropReason
 from bus_bridge.core.exports import Exports
 from bus_bridge.core.mirrors import EndpointMirror, Mirrors
 from bus_bridge.core.status import GetStatus, LinkState, MirrorCounts, RouteState
 from bus_bridge.engine import Engine
-from bus_bridge.reasons import REPEATED
 
 __all__ = ["Reporting"]
 
@@ -85,7 +85,7 @@ class Reporting:
             buses=buses,
             shown_here=_counts(self._mirrors.counts),
             shown_there=_counts(shown_there),
-            repeated=sum(one.dropped.get(REPEATED, 0) for one in routes),
+            repeated=sum(one.dropped.get(DropReason.REPEATED, 0) for one in routes),
             routes=routes,
         )
 

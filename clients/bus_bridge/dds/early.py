@@ -4,7 +4,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from bus_bridge.reasons import MEMORY, REPLACED
+from bus.vocabulary import DropReason
 
 __all__ = ["Arrived", "Early"]
 
@@ -17,7 +17,7 @@ Arrived = tuple[bytes, int]
 
 class _Kept(NamedTuple):
     messages: deque[Arrived]
-    lost: Counter[str]
+    lost: Counter[DropReason]
 
 
 _NOTHING = _Kept(deque(maxlen=0), Counter())
@@ -54,9 +54,9 @@ class Early:
         self._count += 1
         while messages:
             if self._bytes > self._max_bytes or self._count > _MOST_MESSAGES:
-                reason = MEMORY
+                reason = DropReason.MEMORY_LIMIT
             elif self._depth is not None and len(messages) > self._depth:
-                reason = REPLACED
+                reason = DropReason.REPLACED
             else:
                 break
             self._bytes -= len(messages.popleft()[0])
@@ -64,7 +64,7 @@ class Early:
             kept.lost[reason] += 1
         return is_first
 
-    def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[str, int]]:
+    def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
         """What has come of that writer, in order, and by reason how many of its messages were lost."""
         messages, lost = self._by_handle.pop(handle, _NOTHING)
         self._bytes -= sum([len(data) for data, _ in messages])

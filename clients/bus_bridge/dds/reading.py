@@ -9,13 +9,13 @@ import asyncio
 from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Final
 
+from bus.vocabulary import DropReason
 from bus_bridge.dds import raw
 from bus_bridge.dds.early import Arrived, Early
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies, strength
 from bus_bridge.engine import Sample
-from bus_bridge.reasons import UNDECODABLE
 from bus_ros.cdr import CdrError
 
 __all__ = ["FarWay", "Intake", "Ways"]
@@ -83,7 +83,7 @@ class Intake:
         self._settled &= self.matched
         self._ways.choose_all(self.topic)
 
-    def early(self, handle: int) -> tuple[Sequence[Arrived], Mapping[str, int]]:
+    def early(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
         """What has come of that writer so far, and how much was lost; from now on the way decides."""
         self._settled.add(handle)
         return self._early.pop(handle)
@@ -231,7 +231,7 @@ class FarWay:
             try:
                 samples.append(Sample(self._decode(data), 0, time_ns))
             except CdrError:
-                self._lose(UNDECODABLE)
+                self._lose(DropReason.UNDECODABLE)
         return samples
 
     def taken(self, size: int) -> None:
@@ -241,7 +241,7 @@ class FarWay:
         self._is_closed = True
         self._ways.end(self)
 
-    def _lose(self, reason: str, count: int = 1) -> None:
+    def _lose(self, reason: DropReason, count: int = 1) -> None:
         self.lost[reason] = self.lost.get(reason, 0) + count
 
 

@@ -8,12 +8,12 @@ import asyncio
 from collections.abc import Callable, Container, Sequence
 from typing import Final
 
+from bus.vocabulary import DropReason
 from bus_bridge.dds import raw
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies
 from bus_bridge.engine import Sample
-from bus_bridge.reasons import REFUSED, UNDECODABLE
 from bus_ros.cdr import CdrError
 
 __all__ = ["DdsWriter"]
@@ -72,7 +72,7 @@ class DdsWriter:
             try:
                 parts = self._encode(payload)
             except CdrError:
-                self.lost[UNDECODABLE] = self.lost.get(UNDECODABLE, 0) + 1
+                self.lost[DropReason.UNDECODABLE] = self.lost.get(DropReason.UNDECODABLE, 0) + 1
                 continue
             size = sum(map(len, parts))
             if padding := -size % 4:
@@ -82,7 +82,7 @@ class DdsWriter:
                 self._wait_for_room()
                 return gone
             if code < 0:
-                self.lost[REFUSED] = self.lost.get(REFUSED, 0) + 1
+                self.lost[DropReason.REFUSED] = self.lost.get(DropReason.REFUSED, 0) + 1
             self._last = number
         self._pause_s = _FIRST_PAUSE_S
         return len(samples)

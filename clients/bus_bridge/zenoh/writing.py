@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 from bus.qos import Durability, Reliability
 from bus.qos import History as Kept
+from bus.vocabulary import DropReason
 from bus_bridge.engine import LocalEndpoint, RouteRule, Sample
 from bus_bridge.packed import Packed
-from bus_bridge.reasons import LINK_FULL
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.presence import Interest
 from bus_bridge.zenoh.records import Part
@@ -81,7 +81,7 @@ class ZenohWriter:
                     self._is_held = True
                     self._nudge_later(_NUDGE_S)
                 else:
-                    self._lost[LINK_FULL] = self._lost.get(LINK_FULL, 0) + count - gone
+                    self._lost[DropReason.LINK_FULL] = self._lost.get(DropReason.LINK_FULL, 0) + count - gone
             fitting = samples if gone == count else samples[:gone]
             self._rest += records.pack(fitting, self._number + 1, self._window.part_bytes)
             if self._rest:

@@ -9,8 +9,8 @@ from msgspec import to_builtins
 
 from bus.base.counted import counted
 from bus.process.address import socket_path
+from bus.vocabulary import DropReason
 from bus_bridge.core.status import RouteState
-from bus_bridge.reasons import LOST
 from bus_cli.bridge.remote import Answer, ask_all, services_of_bridges
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, complain, print_json, say
@@ -101,7 +101,7 @@ def _rows(routes: list[RouteState]) -> Iterator[str]:
     dropped: Counter[str] = Counter()
     for one in routes:
         dropped.update(one.dropped)
-    lost = dropped.pop(LOST, 0)
+    lost = dropped.pop(DropReason.LOST_ON_THE_WAY, 0)
     cells = (
         routes[0].direction,
         *(sum(getattr(one, name) for one in routes) for name in ("taken", "sent", "waiting")),

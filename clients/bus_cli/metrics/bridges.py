@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from bus.vocabulary import DropReason
 from bus_bridge.core.status import RouteState
-from bus_bridge.reasons import LOST
 from bus_cli.metrics.sums import Labels, Sums
 
 if TYPE_CHECKING:  # asking takes a node
@@ -43,9 +43,9 @@ class BridgeTotals:
                 labels = (bridge, route.direction, route.topic)
                 for name in ("taken", "sent", "bytes"):
                     _add(amounts[name], labels, getattr(route, name) - getattr(before, name))
-                _add(amounts["lost"], labels, _grown(route, before, LOST))
+                _add(amounts["lost"], labels, _grown(route, before, DropReason.LOST_ON_THE_WAY))
                 for reason in route.dropped:
-                    if reason != LOST:
+                    if reason != DropReason.LOST_ON_THE_WAY:
                         _add(dropped, (*labels, reason), _grown(route, before, reason))
         now = {bridge: status.refused for bridge, status in bridges.items()}
         before_now = {bridge: self._refused.get(bridge, 0) for bridge in now}

@@ -1,3 +1,4 @@
+from bus.vocabulary import DropReason
 from bus_bridge.core.accounts import Account
 
 
@@ -5,9 +6,9 @@ def test_what_is_neither_sent_nor_dropped_waits() -> None:
     account = Account()
     account.taken = 10
     account.sent = 3
-    account.drop("replaced", 2)
-    account.drop("expired")
-    account.drop("expired", 0)
+    account.drop(DropReason.REPLACED, 2)
+    account.drop(DropReason.EXPIRED)
+    account.drop(DropReason.EXPIRED, 0)
     assert account.waiting == 4
     assert account.losses == {"replaced": 2, "expired": 1}
 

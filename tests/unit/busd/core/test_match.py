@@ -10,10 +10,10 @@ from broker_endpoints import Publisher, Subscription
 from broker_world import World
 from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
+from bus.vocabulary import Route
 from bus.wire import messages as m
-from bus.wire.layout import BRIDGE
 from busd.core import entities
-from busd.core.entities import SHM, SOCKET, Match, Owed
+from busd.core.entities import Match, Owed
 from busd.core.match import TRANSITIONS, MatchError, MatchEvent, MatchState
 from match_tables import check_matches
 from rows import for_each
@@ -87,8 +87,8 @@ def test_every_cell(state: MatchState, event: MatchEvent) -> None:
         return
     match.on(event)
     assert match.state is following
-    routes = {MatchState.OFFERED: SHM, MatchState.ATTACHED: SHM, MatchState.BRIDGED: BRIDGE}
-    assert match.route == routes.get(following, SOCKET)
+    routes = {MatchState.OFFERED: Route.SHM, MatchState.ATTACHED: Route.SHM, MatchState.BRIDGED: Route.BRIDGE}
+    assert match.route == routes.get(following, Route.SOCKET)
     assert match.has_ended == (following is MatchState.ENDED)
     of_states = {MatchState.ROUTED: {"routed"}, MatchState.AHEAD: {"ahead"}}
     awaited = before & {"awaited"} if following is not MatchState.ENDED else set()
