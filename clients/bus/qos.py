@@ -19,13 +19,17 @@ import msgspec
 from bus.errors import ConfigurationError
 
 __all__ = [
+    "CHOICES",
+    "DURATIONS",
     "MAX_DEPTH",
+    "POLICIES",
     "PRESETS",
     "Durability",
     "History",
     "Incompatibility",
     "Liveliness",
     "Policy",
+    "PolicyField",
     "QoS",
     "QoSProfile",
     "Reliability",
@@ -36,6 +40,7 @@ __all__ = [
     "describe_incompatibilities",
     "describe_profile",
     "in_words",
+    "info_lines",
     "parameter_events",
     "parameters",
     "profile",
@@ -118,15 +123,52 @@ class Policy(IntEnum):
     LIVELINESS_LEASE_DURATION = 1 << 8
 
 
+class PolicyField(NamedTuple):
+    """One policy of a profile, with its names in other forms of profiles: texts, YAML, options, rmw."""
+
+    name: str
+    """Its field in QoSProfile. rclpy, rosbag2 and the options of tools use the same name."""
+    label: str
+    """In `topic info -v`."""
+    kind: type[StrEnum] | None = None
+    """Its values; None for a duration."""
+    offers: Mapping[int, StrEnum] = MappingProxyType({})
+    """The values that a publisher may offer, by rmw's numbers."""
+    word: str = ""
+    """Of a duration, in few words (`in_words`)."""
+    letter: str = ""
+    """Of a duration, in the texts of bridges (`bus_bridge.zenoh.qos_text`)."""
+
+    def ns(self, profile: "QoSProfile") -> int:
+        """A duration in nanoseconds; 0 where it is infinite."""
+        return _nanoseconds(getattr(profile, self.name))
+
+
+POLICIES = (
+    PolicyField("history", "History (Depth)", History, {1: History.KEEP_LAST, 2: History.KEEP_ALL}),
+    PolicyField(
+        "reliability", "Reliability", Reliability, {1: Reliability.RELIABLE, 2: Reliability.BEST_EFFORT}
+    ),
+    PolicyField(
+        "durability", "Durability", Durability, {1: Durability.TRANSIENT_LOCAL, 2: Durability.VOLATILE}
+    ),
+    PolicyField("deadline", "Deadline", word="deadline", letter="d"),
+    PolicyField("lifespan", "Lifespan", word="lifespan", letter="l"),
+    PolicyField(
+        "liveliness", "Liveliness", Liveliness, {1: Liveliness.AUTOMATIC, 3: Liveliness.MANUAL_BY_TOPIC}
+    ),
+    PolicyField("liveliness_lease_duration", "Liveliness lease duration", word="lease", letter="e"),
+)
+"""All policies, in the order of rosbag2's YAML. The depth is a part of the history. Every translation of
+profiles is made from this table; docs/architecture.md says how to add a policy."""
+CHOICES = tuple(one for one in POLICIES if one.kind is not None)
+DURATIONS = tuple(one for one in POLICIES if one.kind is None)
+
 _Choice = TypeVar("_Choice", bound=StrEnum)
 
-_CHOICES: dict[str, type[StrEnum]] = {
-    "history": History,
-    "reliability": Reliability,
-    "durability": Durability,
-    "liveliness": Liveliness,
-}
-_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+
+_KINDS = tuple((one.name, one.kind) for one in POLICIES if one.kind is not None)
+_DURATION_NAMES = tuple(one.name for one in DURATIONS)
 
 
 class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -174,13 +216,13 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def __post_init__(self) -> None:
         settle = msgspec.structs.force_setattr
-        for field, kind in _CHOICES.items():
+        for field, kind in _KINDS:
             if (value := getattr(self, field)).__class__ is not kind:
                 settle(self, field, _choice(kind, field, value))
         depth, least = self.depth, 0 if self.history is History.KEEP_ALL else 1
         if depth.__class__ is not int or not least <= depth <= MAX_DEPTH:
             settle(self, "depth", _depth(depth, least))
-        for field in _DURATIONS:
+        for field in _DURATION_NAMES:
             if (seconds := getattr(self, field)) is not None:
                 settle(self, field, _seconds(field, seconds))
 
@@ -286,17 +328,18 @@ def describe_incompatibilities(found: list[Incompatibility]) -> str:
 
 def describe_profile(qos: QoSProfile) -> list[str]:
     """The lines of `QoS profile:` in `topic info -v`, as rclpy's TopicEndpointInfo prints them."""
-    depth = f" ({qos.depth})" if qos.history is History.KEEP_LAST else ""
-    return [
-        "QoS profile:",
-        f"  Reliability: {qos.reliability.name}",
-        f"  History (Depth): {qos.history.name}{depth}",
-        f"  Durability: {qos.durability.name}",
-        f"  Lifespan: {_duration_text(qos.lifespan_ns)}",
-        f"  Deadline: {_duration_text(qos.deadline_ns)}",
-        f"  Liveliness: {qos.liveliness.name}",
-        f"  Liveliness lease duration: {_duration_text(qos.lease_ns)}",
-    ]
+    texts = {one.name: getattr(qos, one.name).name for one in CHOICES}
+    texts |= {one.name: _duration_text(one.ns(qos)) for one in DURATIONS}
+    return info_lines(texts, qos.depth)
+
+
+def info_lines(texts: Mapping[str, str], depth: int) -> list[str]:
+    """The same lines, from the text of each policy by its name."""
+    lines = {one.name: f"  {one.label}: {texts[one.name]}" for one in POLICIES}
+    if texts["history"] == History.KEEP_LAST.name:
+        lines["history"] += f" ({depth})"
+    first = [lines.pop(name) for name in ("reliability", "history", "durability", "lifespan")]
+    return ["QoS profile:", *first, *lines.values()]
 
 
 def in_words(qos: QoSProfile) -> str:
@@ -307,8 +350,8 @@ def in_words(qos: QoSProfile) -> str:
         words.append(qos.durability.replace("_", " "))
     if qos.liveliness is not Liveliness.AUTOMATIC:
         words.append("liveliness manual by topic")
-    durations = {"deadline": qos.deadline, "lifespan": qos.lifespan, "lease": qos.liveliness_lease_duration}
-    words += [f"{name} {value:g} s" for name, value in durations.items() if value is not None]
+    durations = [(one.word, getattr(qos, one.name)) for one in DURATIONS]
+    words += [f"{word} {seconds:g} s" for word, seconds in durations if seconds is not None]
     return ", ".join(words)
 
 

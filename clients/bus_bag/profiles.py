@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bus.errors import ConfigurationError
-from bus.qos import MAX_DEPTH, History, QoSProfile
+from bus.qos import CHOICES, DURATIONS, MAX_DEPTH, POLICIES, History, QoSProfile
 from bus_bag.topic_names import absolute
 from bus_bag.yaml_text import load
 
@@ -19,30 +19,22 @@ _NS_PER_S = 1_000_000_000
 _LONGEST_NS = 2**63 - 1
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 _INFINITE_OF_FOXY = {(2147483647, 4294967295), (2147483647, 2147483647)}
-_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
-_NUMBERS: dict[str, dict[int, str]] = {
-    "history": {1: "keep_last", 2: "keep_all"},
-    "reliability": {1: "reliable", 2: "best_effort"},
-    "durability": {1: "transient_local", 2: "volatile"},
-    "liveliness": {1: "automatic", 3: "manual_by_topic"},
-}
-"""The values of rmw. What is not here (unknown, left to the system) is as the default."""
+_DURATIONS = [one.name for one in DURATIONS]
+_NUMBERS: dict[str, Mapping[int, str]] = {one.name: one.offers for one in CHOICES}
+"""A number that is not here (unknown, left to the system) is as the default."""
 _IGNORED = "avoid_ros_namespace_conventions"
 
 
 def profile_to_yaml(profile: QoSProfile) -> dict[str, object]:
     """As version 9 has it, in its order of keys."""
-    return {
-        "history": profile.history.value,
-        "depth": profile.depth,
-        "reliability": profile.reliability.value,
-        "durability": profile.durability.value,
-        "deadline": _duration_to_yaml(profile.deadline_ns),
-        "lifespan": _duration_to_yaml(profile.lifespan_ns),
-        "liveliness": profile.liveliness.value,
-        "liveliness_lease_duration": _duration_to_yaml(profile.lease_ns),
-        _IGNORED: False,
-    }
+    found: dict[str, object] = {}
+    for policy in POLICIES:
+        is_duration = policy.kind is None
+        name = policy.name
+        found[name] = _duration_to_yaml(policy.ns(profile)) if is_duration else str(getattr(profile, name))
+        if name == "history":
+            found["depth"] = profile.depth
+    return found | {_IGNORED: False}
 
 
 def _duration_to_yaml(duration_ns: int) -> dict[str, int]:

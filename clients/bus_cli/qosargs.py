@@ -5,15 +5,10 @@ from argparse import ArgumentParser, Namespace
 from msgspec.structs import replace
 
 from bus.graph import Graph
-from bus.qos import PRESETS, Durability, History, Liveliness, QoSProfile, Reliability
+from bus.qos import CHOICES, PRESETS, Durability, QoSProfile, Reliability
 from bus_cli.output import complain
 
-_POLICIES = {
-    "history": (History, "History of samples"),
-    "reliability": (Reliability, "Quality of service reliability"),
-    "durability": (Durability, "Quality of service durability"),
-    "liveliness": (Liveliness, "Quality of service liveliness"),
-}
+_KINDS = {one.name: one.kind for one in CHOICES if one.kind is not None}
 _SYSTEM_DEFAULT = "system_default"
 
 
@@ -27,10 +22,14 @@ def add_qos_arguments(parser: ArgumentParser, verb: str, preset: str) -> None:
         help=f"Quality of service preset profile to {verb} with (default: {preset}): {', '.join(PRESETS)}",
     )
     group.add_argument("--qos-depth", metavar="N", type=int, help=f"Queue size setting to {verb} with")
-    for name, (kind, text) in _POLICIES.items():
+    for name, kind in _KINDS.items():
         choices = [_SYSTEM_DEFAULT, *(member.value for member in kind)]
+        subject = "History of samples" if name == "history" else f"Quality of service {name}"
         group.add_argument(
-            f"--qos-{name}", choices=choices, metavar="POLICY", help=f"{text} setting: {', '.join(choices)}"
+            f"--qos-{name}",
+            choices=choices,
+            metavar="POLICY",
+            help=f"{subject} setting: {', '.join(choices)}",
         )
     group.add_argument(
         "--qos-liveliness-lease-duration-seconds",
@@ -47,7 +46,7 @@ def given_profile(args: Namespace) -> QoSProfile:
     changes = {
         "depth": args.qos_depth,
         "liveliness_lease_duration": args.qos_liveliness_lease_duration_seconds,
-        **{name: getattr(args, f"qos_{name}") for name in _POLICIES},
+        **{name: getattr(args, f"qos_{name}") for name in _KINDS},
     }
     system = PRESETS[_SYSTEM_DEFAULT]
     return replace(

@@ -1,29 +1,27 @@
 """QoS profiles as short texts, for key expressions. Pure.
 
 `rk10v`: reliability (`r`, `b`), history and depth (`k10`, or `a` for keep all), durability (`v`, `t`
-transient local, `b` best available); then, where they are not the default, deadline `d`, lifespan `l`, lease
-`e`, each with its nanoseconds, and `m` for manual liveliness: `bk5vd20000000m`.
+transient local, `b` best available); then the durations that are not infinite, each with its letter (deadline
+`d`, lifespan `l`, lease `e`) and its nanoseconds; and `m` for manual liveliness: `bk5vd20000000m`.
 """
 
 import re
 
 from bus.errors import ConfigurationError
-from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+from bus.qos import DURATIONS, Durability, History, Liveliness, QoSProfile, Reliability
 
 __all__ = ["read", "write"]
 
 _RELIABILITY = {Reliability.RELIABLE: "r", Reliability.BEST_EFFORT: "b"}
 _DURABILITY = {Durability.VOLATILE: "v", Durability.TRANSIENT_LOCAL: "t", Durability.BEST_AVAILABLE: "b"}
-_TEXT = re.compile(
-    r"([rb])(?:k([0-9]{1,10})|(a))([vtb])(?:d([0-9]{1,19}))?(?:l([0-9]{1,19}))?(?:e([0-9]{1,19}))?(m)?",
-    re.ASCII,
-)
+_TIMES = "".join(f"(?:{one.letter}([0-9]{{1,19}}))?" for one in DURATIONS)
+_TEXT = re.compile(rf"([rb])(?:k([0-9]{{1,10}})|(a))([vtb]){_TIMES}(m)?", re.ASCII)
 _NS_PER_S = 1_000_000_000
 
 
 def write(qos: QoSProfile) -> str:
     kept = "a" if qos.history is History.KEEP_ALL else f"k{qos.depth}"
-    times = (("d", qos.deadline_ns), ("l", qos.lifespan_ns), ("e", qos.lease_ns))
+    times = [(one.letter, one.ns(qos)) for one in DURATIONS]
     return "".join(
         [
             _RELIABILITY[qos.reliability],
@@ -40,17 +38,15 @@ def read(text: str) -> QoSProfile | None:
     found = _TEXT.fullmatch(text)
     if found is None:
         return None
-    reliability, depth, _, durability, deadline, lifespan, lease, manual = found.groups()
+    reliability, depth, _, durability, *times, manual = found.groups()
     try:
         return QoSProfile(
             int(depth or 0),
             history=History.KEEP_LAST if depth else History.KEEP_ALL,
             reliability=_named(_RELIABILITY, reliability),
             durability=_named(_DURABILITY, durability),
-            deadline=_seconds(deadline),
-            lifespan=_seconds(lifespan),
             liveliness=Liveliness.MANUAL_BY_TOPIC if manual else Liveliness.AUTOMATIC,
-            liveliness_lease_duration=_seconds(lease),
+            **{one.name: _seconds(time) for one, time in zip(DURATIONS, times, strict=True)},
         )
     except ConfigurationError:
         return None

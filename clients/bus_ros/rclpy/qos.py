@@ -5,7 +5,8 @@ Must not know how a policy is carried out: that is `bus.qos`'s and the library's
 """
 
 import warnings
-from enum import Enum, IntEnum
+from collections.abc import Mapping
+from enum import Enum, IntEnum, StrEnum
 from typing import Any, Generic, TypeVar, overload
 
 from bus import qos as native
@@ -365,40 +366,30 @@ def profile_of(qos_or_depth: QoSProfile | int) -> QoSProfile:
     return QoSProfile(depth=qos_or_depth)
 
 
-_HISTORIES = {
-    HistoryPolicy.SYSTEM_DEFAULT: native.History.KEEP_LAST,
-    HistoryPolicy.KEEP_LAST: native.History.KEEP_LAST,
-    HistoryPolicy.KEEP_ALL: native.History.KEEP_ALL,
-}
-_RELIABILITIES = {
-    ReliabilityPolicy.SYSTEM_DEFAULT: native.Reliability.RELIABLE,
-    ReliabilityPolicy.RELIABLE: native.Reliability.RELIABLE,
-    ReliabilityPolicy.BEST_EFFORT: native.Reliability.BEST_EFFORT,
-}
-_DURABILITIES = {
-    DurabilityPolicy.SYSTEM_DEFAULT: native.Durability.VOLATILE,
-    DurabilityPolicy.VOLATILE: native.Durability.VOLATILE,
-    DurabilityPolicy.TRANSIENT_LOCAL: native.Durability.TRANSIENT_LOCAL,
-}
-_LIVELINESSES = {
-    LivelinessPolicy.SYSTEM_DEFAULT: native.Liveliness.AUTOMATIC,
-    LivelinessPolicy.AUTOMATIC: native.Liveliness.AUTOMATIC,
-    LivelinessPolicy.MANUAL_BY_TOPIC: native.Liveliness.MANUAL_BY_TOPIC,
+_POLICIES: dict[str, type[QoSPolicyEnum]] = {
+    "history": HistoryPolicy,
+    "reliability": ReliabilityPolicy,
+    "durability": DurabilityPolicy,
+    "liveliness": LivelinessPolicy,
 }
 
 # "Best available" is what matches every peer, known now or not: a publisher offers the most, a subscription
 # asks for the least. rmw looks at the peers of the moment instead, and never again.
-_BEST_OFFER = (
-    native.Reliability.RELIABLE,
-    native.Durability.TRANSIENT_LOCAL,
-    native.Liveliness.MANUAL_BY_TOPIC,
-)
-_LEAST_REQUEST = (
-    native.Reliability.BEST_EFFORT,
-    native.Durability.BEST_AVAILABLE,
-    native.Liveliness.AUTOMATIC,
-)
-_BOTH = (native.Reliability.BEST_EFFORT, native.Durability.VOLATILE, native.Liveliness.AUTOMATIC)
+_BEST_OFFER: dict[str, StrEnum] = {
+    "reliability": native.Reliability.RELIABLE,
+    "durability": native.Durability.TRANSIENT_LOCAL,
+    "liveliness": native.Liveliness.MANUAL_BY_TOPIC,
+}
+_LEAST_REQUEST: dict[str, StrEnum] = {
+    "reliability": native.Reliability.BEST_EFFORT,
+    "durability": native.Durability.BEST_AVAILABLE,
+    "liveliness": native.Liveliness.AUTOMATIC,
+}
+_BOTH: dict[str, StrEnum] = {
+    "reliability": native.Reliability.BEST_EFFORT,
+    "durability": native.Durability.VOLATILE,
+    "liveliness": native.Liveliness.AUTOMATIC,
+}
 
 
 def to_native(
@@ -412,39 +403,30 @@ def to_native(
     """
     profile = profile_of(profile)
     best = _BOTH if for_both else _BEST_OFFER if for_publisher else _LEAST_REQUEST
-    try:
-        return native.QoSProfile(
-            depth=profile.depth if profile.depth or profile.history is HistoryPolicy.KEEP_ALL else 10,
-            history=_HISTORIES[profile.history],
-            reliability=best[0]
-            if profile.reliability is ReliabilityPolicy.BEST_AVAILABLE
-            else _RELIABILITIES[profile.reliability],
-            durability=best[1]
-            if profile.durability is DurabilityPolicy.BEST_AVAILABLE
-            else _DURABILITIES[profile.durability],
-            deadline=_seconds(profile.deadline),
-            lifespan=_seconds(profile.lifespan),
-            liveliness=best[2]
-            if profile.liveliness is LivelinessPolicy.BEST_AVAILABLE
-            else _LIVELINESSES[profile.liveliness],
-            liveliness_lease_duration=_seconds(profile.liveliness_lease_duration),
-        )
-    except KeyError as error:
-        raise InvalidQoSProfileException(f"{error.args[0]!r} is no choice for an endpoint") from None
+    depth = profile.depth if profile.depth or profile.history is HistoryPolicy.KEEP_ALL else 10
+    fields: dict[str, Any] = {
+        one.name: _choice(one, getattr(profile, one.name), best) for one in native.CHOICES
+    }
+    fields |= {one.name: _seconds(getattr(profile, one.name)) for one in native.DURATIONS}
+    return native.QoSProfile(depth, **fields)
 
 
 def from_native(profile: native.QoSProfile) -> QoSProfile:
     """The profile as rclpy shows what the graph knows: no limit is `Infinite`."""
-    return QoSProfile(
-        history=HistoryPolicy[profile.history.name],
-        depth=profile.depth,
-        reliability=ReliabilityPolicy[profile.reliability.name],
-        durability=DurabilityPolicy[profile.durability.name],
-        lifespan=_duration(profile.lifespan_ns),
-        deadline=_duration(profile.deadline_ns),
-        liveliness=LivelinessPolicy[profile.liveliness.name],
-        liveliness_lease_duration=_duration(profile.lease_ns),
-    )
+    fields = {name: kind[getattr(profile, name).name] for name, kind in _POLICIES.items()}
+    times = {one.name: _duration(one.ns(profile)) for one in native.DURATIONS}
+    return QoSProfile(depth=profile.depth, **fields, **times)
+
+
+def _choice(policy: native.PolicyField, value: QoSPolicyEnum, best: Mapping[str, StrEnum]) -> Any:
+    if value.name == "SYSTEM_DEFAULT":
+        return getattr(native.default, policy.name)
+    if value.name == "BEST_AVAILABLE":
+        return best[policy.name]
+    found = policy.offers.get(value)
+    if found is None:
+        raise InvalidQoSProfileException(f"{value!r} is no choice for an endpoint")
+    return found
 
 
 def _seconds(duration: Duration) -> float | None:

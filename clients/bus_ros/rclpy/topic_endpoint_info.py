@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from bus.errors import ConfigurationError
 from bus.graph import GraphEndpoint
-from bus_ros.rclpy.qos import HistoryPolicy, QoSProfile, from_native, qos_profile_unknown
+from bus.qos import CHOICES, DURATIONS, info_lines
+from bus_ros.rclpy.qos import QoSProfile, from_native, qos_profile_unknown
 from bus_ros.rclpy.type_hash import TypeHash
 
 __all__ = ["EndpointTypeEnum", "ServiceEndpointInfo", "TopicEndpointInfo", "TopicEndpointTypeEnum"]
@@ -78,7 +79,8 @@ class TopicEndpointInfo:
 
     def __str__(self) -> str:
         qos = self.qos_profile
-        depth = f" ({qos.depth})" if qos.history is HistoryPolicy.KEEP_LAST else ""
+        texts = {one.name: getattr(qos, one.name).name for one in CHOICES}
+        texts |= {one.name: str(getattr(qos, one.name)) for one in DURATIONS}
         return "\n".join(
             [
                 f"Node name: {self.node_name}",
@@ -87,14 +89,7 @@ class TopicEndpointInfo:
                 f"Topic type hash: {self.topic_type_hash}",
                 f"Endpoint type: {self.endpoint_type.name}",
                 f"GID: {'.'.join(f'{part:02x}' for part in self.endpoint_gid)}",
-                "QoS profile:",
-                f"  Reliability: {qos.reliability.name}",
-                f"  History (Depth): {qos.history.name}{depth}",
-                f"  Durability: {qos.durability.name}",
-                f"  Lifespan: {qos.lifespan}",
-                f"  Deadline: {qos.deadline}",
-                f"  Liveliness: {qos.liveliness.name}",
-                f"  Liveliness lease duration: {qos.liveliness_lease_duration}",
+                *info_lines(texts, qos.depth),
             ]
         )
 
