@@ -15,9 +15,16 @@ Names are imported when they are first used, so that tools which need only a few
 
 import _signal  # type: ignore[import-not-found] # the core of `signal`, there without loading anything
 
-_mask = _signal.pthread_sigmask(_signal.SIG_BLOCK, [_signal.SIGINT])  # until it can be deferred
+try:
+    _mask = _signal.pthread_sigmask(_signal.SIG_BLOCK, [_signal.SIGINT])  # until it can be deferred
+except KeyboardInterrupt:  # a SIGINT came just before; Python raises it here, where it is blocked already
+    from bus.base.loading import hide_tracebacks_of_imports
 
-from bus.base.loading import deferred_interrupts, hide_tracebacks_of_imports  # noqa: E402
+    hide_tracebacks_of_imports()
+    _signal.pthread_sigmask(_signal.SIG_UNBLOCK, [_signal.SIGINT])  # Python ends the program by it
+    raise
+
+from bus.base.loading import deferred_interrupts, hide_tracebacks_of_imports
 
 hide_tracebacks_of_imports()
 with deferred_interrupts():

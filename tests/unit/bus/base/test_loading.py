@@ -101,6 +101,21 @@ class TestImports:
         )
         assert ended(program, tmp_path) == (-signal.SIGINT, "", "")
 
+    def test_a_signal_just_before_the_first_line(self, tmp_path: Path) -> None:
+        """Python raises KeyboardInterrupt at the end of the call that blocks SIGINT."""
+        program = (
+            "import _signal, signal\n"
+            "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+            "block = _signal.pthread_sigmask\n"
+            "def interrupted(*arguments):\n"
+            "    block(*arguments)\n"
+            "    _signal.pthread_sigmask = block\n"
+            "    raise KeyboardInterrupt\n"
+            "_signal.pthread_sigmask = interrupted\n"
+            "import bus\nprint('runs on')\n"
+        )
+        assert ended(program, tmp_path) == (-signal.SIGINT, "", "")
+
     def test_msgspec_finds_datetime_loaded(self, tmp_path: Path) -> None:
         """msgspec's core would load it, and go on if a KeyboardInterrupt cut that short."""
         program = (
