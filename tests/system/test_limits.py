@@ -60,12 +60,12 @@ async def test_connections_of_a_user(daemon: Daemon) -> None:
             await bus.Node("late", arguments=[]).open()
 
 
-@with_limits(connections_per_user=40)
+@with_limits(connections_per_user=10)
 def test_connections_that_come_and_go(daemon: Daemon, other: RawPeer) -> None:
-    """After as many as may be there at once, so many a second; who is there notices nothing."""
+    """Ten connections are served at once, then ten a second; a process that is connected notices nothing."""
     newcomers_s: list[float] = []
     others_s: list[float] = []
-    for _ in range(80):
+    for _ in range(24):
         began_s = time.monotonic()
         with RawPeer(daemon.path) as guest:
             guest.hello()
@@ -73,9 +73,9 @@ def test_connections_that_come_and_go(daemon: Daemon, other: RawPeer) -> None:
         other.barrier()
         newcomers_s.append(asked_s - began_s)
         others_s.append(time.monotonic() - asked_s)
-    assert sum(newcomers_s) + sum(others_s) > 0.9
-    # Of a machine that is busy some take long, whoever they are.
-    assert median(others_s) < median(newcomers_s) / 2, "what a newcomer waits is not what others wait"
+    assert sum(newcomers_s) + sum(others_s) > 1.2  # 13 of them come after the first eleven, `other` too
+    # On a busy machine both take longer, but only newcomers wait for the tenth of a second.
+    assert median(others_s) < median(newcomers_s[12:]) / 2
 
 
 @with_limits(endpoints_per_user=12, endpoints_per_peer=6, topics_per_user=20, topics_per_peer=10)
