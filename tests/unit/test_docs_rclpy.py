@@ -233,7 +233,7 @@ def test_packages_of_messages() -> None:
 
 
 def test_arguments_that_do_nothing_are_taken() -> None:
-    for cell, arguments, why in rows("call | argument | why"):
+    for cell, arguments, why in rows("call | argument | reason"):
         (path,) = names_in(cell)
         owner, _, name = path.rpartition(".")
         call = find(path) if owner in MODULES else getattr(find(owner), name)
@@ -241,7 +241,7 @@ def test_arguments_that_do_nothing_are_taken() -> None:
         assert why
 
 
-@for_each(("cell", "without"), rows("class | without"))
+@for_each(("cell", "without"), rows("class | missing"))
 def test_attributes_that_are_missing(cell: str, without: str) -> None:
     (path,) = names_in(cell)
     assert names_in(without)
@@ -250,7 +250,7 @@ def test_attributes_that_are_missing(cell: str, without: str) -> None:
 
 def test_modules_that_are_missing(tmp_path: Path) -> None:
     """busd says their names, and not only Python."""
-    missing = [name for cell, _ in rows("module | for") for name in names_in(cell)]
+    missing = [name for cell, _ in rows("module | purpose") for name in names_in(cell)]
     assert sorted(missing) == sorted(import_hook._MISSING)
     program = tmp_path / "program.py"
     program.write_text(
@@ -272,7 +272,7 @@ def test_modules_that_are_missing(tmp_path: Path) -> None:
 def test_values_in_the_text() -> None:
     assert f"`{find('rclpy.utilities.get_rmw_implementation_identifier')()}` |" in TEXT
     assert find("rclpy.executors.EventsExecutor") is find("rclpy.executors.SingleThreadedExecutor")
-    assert f"waits for room, for {find('rclpy.publisher.ROOM_S'):g} s at most" in TEXT
+    assert f"waits for room, at most {find('rclpy.publisher.ROOM_S'):g} s" in TEXT
     assert f"| the default depth of services | 10 | {SERVICE_QOS.depth}," in TEXT
 
 
