@@ -6,6 +6,7 @@ never waits for the disk: what it can't hand over waits in the cache.
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from time import monotonic_ns
 
@@ -35,11 +36,16 @@ _TURN_NS = 2_000_000
 
 _Faults = (BusError, OSError)
 
+_payload = itemgetter(0)
+"""Of a sample."""
+
 
 class Pipeline:
-    """Of one recording. `now_ns` is the clock of log times. In the writing thread `on_progress` is called
-    after each job, and `on_split(closed, opened)`; on the event loop `on_reject(topic, error)` for what is no
-    message of its type.
+    """Of one recording. `now_ns` is the clock of log times.
+
+    In the writing thread `on_progress` is called after each job, and `on_split(closed, opened)`; on the event
+    loop `on_reject(topic, error)` for what is no message of its type. Without a thread (a cache of no size)
+    `on_progress` is called on the event loop, and only when a job has failed.
 
     Raises BagError or OSError where the bag can't be begun.
     """
@@ -54,6 +60,7 @@ class Pipeline:
         on_reject: Callable[[RecordedTopic, CdrError], object],
     ) -> None:
         self._now_ns = now_ns
+        self._on_progress = on_progress
         self._on_split = on_split
         self._on_reject = on_reject
         self._is_snapshot = options.is_snapshot
@@ -61,7 +68,8 @@ class Pipeline:
         self._cache: Cache[tuple[Batch, int, bool]] = Cache(
             options.max_cache_size, is_circular=options.is_snapshot
         )
-        self._splitting = Splitting(options.max_bag_size, options.max_bag_duration)
+        splitting = Splitting(options.max_bag_size, options.max_bag_duration)
+        self._splitting = splitting if splitting else None
         self._latched: LatchedState[Sample] = LatchedState()
         self._topics: dict[str, RecordedTopic] = {}
         self._files = 1
@@ -91,6 +99,7 @@ class Pipeline:
                 job()
             except _Faults as error:
                 self._failure = error
+                self._on_progress()
 
     # --- how things are
 
@@ -113,7 +122,7 @@ class Pipeline:
     def is_idle(self) -> bool:
         """Whether nothing is on its way to the file."""
         return (
-            (self._is_snapshot or not self._cache)
+            (self._is_snapshot or not self._cache.waiting)
             and not self._writer.gathered
             and (self._thread is None or self._thread.is_idle)
         )
@@ -149,7 +158,7 @@ class Pipeline:
 
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
         """These were taken; while the recording is paused, only the state of latched topics is kept."""
-        size = sum([len(payload) for payload, _ in samples])
+        size = sum(map(len, map(_payload, samples)))
         if self._is_snapshot:
             self._keep(topic, samples, is_written=False)
         if self._thread is None:
@@ -166,15 +175,16 @@ class Pipeline:
 
     def pump(self) -> bool:
         """Encode and hand over what there is room for, for a while; returns whether there is more to do."""
-        if self._is_snapshot:
+        thread, cache = self._thread, self._cache
+        if thread is None or self._is_snapshot:
             return False
         until_ns = monotonic_ns() + _TURN_NS
-        while self._in_flight < _MOST_IN_FLIGHT and (taken := self._cache.take()) is not None:
-            name, (samples, size, is_paused), _ = taken
+        while cache.waiting and thread.waiting_bytes < _MOST_IN_FLIGHT:
+            name, (samples, size, is_paused), _ = cache.take()
             self._write(self._topics[name], samples, size, is_paused=is_paused)
             if monotonic_ns() >= until_ns:
                 break
-        return bool(self._cache) and self._in_flight < _MOST_IN_FLIGHT
+        return cache.waiting > 0 and thread.waiting_bytes < _MOST_IN_FLIGHT
 
     def flush(self) -> None:
         """Have written what was gathered."""
@@ -185,8 +195,8 @@ class Pipeline:
         """Write all that the memory has, after the state of latched topics that has left it."""
         self._settle_cache()
         batches = []
-        while (taken := self._cache.take()) is not None:
-            batches.append(taken)
+        while self._cache.waiting:
+            batches.append(self._cache.take())
         present = {id(sample) for _, (samples, _, _), _ in batches for sample in samples}
         left = [one for one in self._latched.take_unwritten() if id(one.message) not in present]
         self._take_up(left)
@@ -200,7 +210,8 @@ class Pipeline:
         self._files += 1
         self.write_losses()
         self._writer.split()
-        self._splitting.split(self._size)
+        if self._splitting is not None:
+            self._splitting.split(self._size)
         closed, opened = (self._writer.folder / f"{name}_{n}.mcap" for n in (number - 1, number))
         self._run(partial(self._on_split, closed, opened), 0)
         now_ns = self._now_ns() if log_time is None else log_time
@@ -221,26 +232,27 @@ class Pipeline:
             return
         if self._latched.has_unwritten and not self._is_snapshot:
             self._take_up(self._latched.take_unwritten())
-        channel = self._channel(topic)
-        if samples:
-            self._split_if_due(samples[0])
+        channel = topic.channel
+        if channel is None:
+            channel = self._add_channel(topic)
+        if self._splitting is not None and samples:
+            self._split_if_due(self._splitting, samples[0])
         if len(samples) > 1 and size <= len(samples) * _SHORT and self._write_many(topic, channel, samples):
-            self._keep_written(topic, samples)
+            if topic.is_latched and not self._is_snapshot:
+                self._keep(topic, samples, is_written=True)
             return
         for sample in samples:
-            self._split_if_due(sample)
+            if self._splitting is not None:
+                self._split_if_due(self._splitting, sample)
             topic.written += self._write_one(topic, channel, sample, sample[1][1])
-            self._keep_written(topic, [sample])
+            if topic.is_latched and not self._is_snapshot:
+                self._keep(topic, [sample], is_written=True)
 
-    def _split_if_due(self, sample: Sample) -> None:
+    def _split_if_due(self, splitting: Splitting, sample: Sample) -> None:
         """Before this one is written."""
         log_time = sample[1][1]
-        if self._splitting and self._splitting.is_due(self._size, log_time):
+        if splitting.is_due(self._size, log_time):
             self.split(log_time)
-
-    def _keep_written(self, topic: RecordedTopic, samples: Batch) -> None:
-        if topic.is_latched and not self._is_snapshot:
-            self._keep(topic, samples, is_written=True)
 
     def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
         """False, with nothing written, where one is no message of the type."""
@@ -272,11 +284,11 @@ class Pipeline:
         for one in state:
             topic = self._topics[one.topic]
             topic.passed_over -= 1
-            topic.written += self._write_one(topic, self._channel(topic), one.message, now_ns)
+            channel = self._add_channel(topic) if topic.channel is None else topic.channel
+            topic.written += self._write_one(topic, channel, one.message, now_ns)
 
-    def _channel(self, topic: RecordedTopic) -> int:
-        if topic.channel is None:
-            topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
+    def _add_channel(self, topic: RecordedTopic) -> int:
+        topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
         return topic.channel
 
     def _keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
@@ -327,7 +339,8 @@ class Pipeline:
         try:
             if self._failure is None:
                 for topic in self._topics.values():
-                    self._channel(topic)
+                    if topic.channel is None:
+                        self._add_channel(topic)
             self.flush()  # before it is counted what is in the files
         except _Faults as error:
             self._failure = self._failure or error
