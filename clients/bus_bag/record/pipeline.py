@@ -20,6 +20,7 @@ from bus_bag.record.splitting import Splitting
 from bus_bag.record.topic import Batch, RecordedTopic, Sample
 from bus_bag.record.writing import WritingThread
 from bus_bag.storage import BagWriter
+from bus_bag.storage.registry import writable_storage
 from bus_bag.storage.writer import Job
 from bus_ros.cdr import CdrError
 
@@ -81,6 +82,7 @@ class Pipeline:
         self.bytes = 0
         self._writer = BagWriter(
             options.folder,
+            storage=writable_storage(options.storage),
             preset=options.preset,
             custom_data=options.custom_data,
             most_files=options.max_bag_files,
@@ -206,13 +208,13 @@ class Pipeline:
 
     def split(self, log_time: int | None = None) -> None:
         """Go on in the next file, which begins with the state of latched topics, at `log_time`."""
-        name, number = self._writer.folder.name, self._files
+        closed = self._writer.path(self._files - 1)
+        opened = self._writer.path(self._files)
         self._files += 1
         self.write_losses()
         self._writer.split()
         if self._splitting is not None:
             self._splitting.split(self._size)
-        closed, opened = (self._writer.folder / f"{name}_{n}.mcap" for n in (number - 1, number))
         self._run(partial(self._on_split, closed, opened), 0)
         now_ns = self._now_ns() if log_time is None else log_time
         for one in self._latched.state(monotonic_ns()):

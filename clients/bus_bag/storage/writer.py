@@ -16,21 +16,17 @@ from bus_bag.metadata import (
     to_record,
     to_yaml,
 )
-from bus_bag.storage.bag_file import Buffer
-from bus_bag.storage.chunk import ChunkBuilder, Stamp
-from bus_bag.storage.mcap_format import package
-from bus_bag.storage.mcap_writer import PRESETS, McapWriter
+from bus_bag.storage.bag_file import BagFileWriter, Buffer, Stamp
+from bus_bag.storage.registry import DEFAULT, WritableStorage
 
 __all__ = ["BagWriter", "write_metadata_file"]
 
 Job: TypeAlias = Callable[[], None]
-_UNCHUNKED = 1 << 20
-"""So many bytes are written at once where a file has no chunks."""
 _MAX_CHANNELS = 1 << 16
 
 
 class BagWriter:
-    """Writes a bag: `<folder>/<folder>_0.mcap` and so on, then metadata.yaml.
+    """Writes a bag: `<folder>/<folder>_0.mcap` and so on, as files of `storage`, then metadata.yaml.
 
     Messages are gathered in the caller's thread. What touches files are jobs, which are given to `run`, each
     with the bytes of messages that it writes: by default they run at once; a recorder hands them to a thread,
@@ -38,8 +34,8 @@ class BagWriter:
     other faults; after both `write_metadata` and `close` are still to be called, so that what was written
     becomes a readable bag.
 
-    `preset` is one of rosbag2's profiles. Of more than `most_files` files the oldest is deleted; 0: none is.
-    Raises BagError if the folder exists, for an unknown preset, and where the package `mcap` is missing;
+    `preset` is one of the storage's. Of more than `most_files` files the oldest is deleted; 0: none is.
+    Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is missing;
     OSError if the folder can't be made.
     """
 
@@ -47,24 +43,27 @@ class BagWriter:
         self,
         folder: Path,
         *,
+        storage: WritableStorage = DEFAULT,
         preset: str = "none",
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
         most_files: int = 0,
         run: Callable[[Job, int], None] | None = None,
     ) -> None:
-        if preset not in PRESETS:
-            valid = ", ".join(f"'{name}'" for name in PRESETS)
-            raise BagError(f"unknown MCAP storage preset profile (valid options are {valid}): {preset}")
-        package()  # before the folder: if it is missing, nothing is left behind
+        if preset not in storage.presets:
+            valid = ", ".join(f"'{name}'" for name in storage.presets)
+            kind = storage.identifier.upper()
+            raise BagError(f"unknown {kind} storage preset profile (valid options are {valid}): {preset}")
+        storage.check()  # before the folder: if it is missing, nothing is left behind
         self.folder = folder
-        self._preset = PRESETS[preset]
+        self._storage = storage
+        self._preset = preset
         self._custom_data = dict(custom_data or {})
         self._ros_distro = ros_distro
         self._most_files = most_files
         self._run = run or _run_at_once
-        self._builder = ChunkBuilder()
-        self._limit = self._preset.chunk_bytes or _UNCHUNKED
+        self._builder = storage.gather()
+        self._limit = storage.chunk_bytes(preset)
         self._topics: list[tuple[int, TopicMetadata, Mapping[str, str]]] = []
         self._schemas: dict[tuple[str, str], int] = {}
         # Of the jobs, from here on:
@@ -199,7 +198,7 @@ class BagWriter:
         for _, topic, _ in list(self._topics):
             topics.setdefault(topic.name, TopicInformation(topic, counts[topic.name]))
         return BagMetadata(
-            storage_identifier="mcap",
+            storage_identifier=self._storage.identifier,
             starting_time=start,
             duration=duration,
             message_count=sum(file.message_count for file in files),
@@ -210,8 +209,12 @@ class BagWriter:
             ros_distro=self._ros_distro,
         )
 
-    def _open(self, number: int) -> McapWriter:
-        file = McapWriter(self.folder / f"{self.folder.name}_{number}.mcap", self._preset)
+    def path(self, number: int) -> Path:
+        """The path of a file, by its number from 0 on."""
+        return self.folder / f"{self.folder.name}_{number}{self._storage.suffix}"
+
+    def _open(self, number: int) -> BagFileWriter:
+        file = self._storage.create(self.path(number), self._preset)
         self._file = file
         file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
         return file
