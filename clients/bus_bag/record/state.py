@@ -8,7 +8,9 @@ them, also while it ends.
 from collections.abc import Mapping
 from enum import Enum
 
-__all__ = ["TRANSITIONS", "RecordingError", "RecordingEvent", "RecordingLife", "RecordingState"]
+from bus_bag.life import Life
+
+__all__ = ["TRANSITIONS", "RecordingEvent", "RecordingLife", "RecordingState"]
 
 
 class RecordingState(Enum):
@@ -80,27 +82,13 @@ TRANSITIONS: Mapping[RecordingState, Mapping[RecordingEvent, RecordingState]] = 
 """What follows, by state and event; what is not in it must not happen."""
 
 
-class RecordingError(Exception):
-    """Something happened to a recording that can't happen in its state: a bug of the recorder."""
-
-
-class RecordingLife:
-    """The state of one recording. Nothing but `on` changes it."""
-
-    __slots__ = ("state",)
+class RecordingLife(Life[RecordingState, RecordingEvent]):
+    """The state of one recording."""
 
     def __init__(self) -> None:
-        self.state = RecordingState.STARTING
+        super().__init__(TRANSITIONS, RecordingState.STARTING)
 
     @property
     def is_ending(self) -> bool:
-        """Whether no further topics are wanted, and nobody waits for room any more."""
+        """Whether no further topics are wanted, and no publisher is made to wait any more."""
         return self.state is not RecordingState.STARTING and self.state is not RecordingState.RECORDING
-
-    def on(self, event: RecordingEvent) -> RecordingState:
-        """`event` happens; returns the state that follows. Raises RecordingError if that can't happen."""
-        following = TRANSITIONS[self.state].get(event)
-        if following is None:
-            raise RecordingError(f"{event.value!r} can't happen to a recording that is {self.state.value!r}")
-        self.state = following
-        return following

@@ -2,9 +2,9 @@
 
 import pytest
 
+from bus_bag.life import LifeError
 from bus_bag.record.state import (
     TRANSITIONS,
-    RecordingError,
     RecordingEvent,
     RecordingLife,
     RecordingState,
@@ -40,7 +40,7 @@ def test_every_cell(state: RecordingState, event: RecordingEvent) -> None:
     life = life_in(state)
     following = TRANSITIONS[state].get(event)
     if following is None:
-        with pytest.raises(RecordingError, match=f"{event.value}.*{state.value}"):
+        with pytest.raises(LifeError, match=f"RecordingState: '{event.value}' .* '{state.value}'"):
             life.on(event)
         assert life.state is state
     else:
