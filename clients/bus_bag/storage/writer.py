@@ -32,7 +32,7 @@ class BagWriter:
     with the bytes of messages that it writes: by default they run at once; a recorder hands them to a thread,
     which must run them one at a time, in order. A job raises BagFull where nothing more fits, and OSError for
     other faults; after both `write_metadata` and `close` are still to be called, so that what was written
-    becomes a readable bag.
+    becomes a readable bag. Jobs call `on_split(closed, opened)` when a further file was begun.
 
     `preset` is one of the storage's. Of more than `most_files` files the oldest is deleted; 0: none is.
     Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is missing;
@@ -49,6 +49,7 @@ class BagWriter:
         ros_distro: str = "jazzy",
         most_files: int = 0,
         run: Callable[[Job, int], None] | None = None,
+        on_split: Callable[[Path, Path], object] | None = None,
     ) -> None:
         if preset not in storage.presets:
             valid = ", ".join(f"'{name}'" for name in storage.presets)
@@ -62,6 +63,7 @@ class BagWriter:
         self._ros_distro = ros_distro
         self._most_files = most_files
         self._run = run or _run_at_once
+        self._on_split = on_split
         self._builder = storage.gather()
         self._limit = storage.chunk_bytes(preset)
         self._topics: list[tuple[int, TopicMetadata, Mapping[str, str]]] = []
@@ -141,6 +143,7 @@ class BagWriter:
         topics, schemas = list(self._topics), dict(self._schemas)
 
         def split() -> None:
+            closed = self._file.path
             self._close_file()
             self._delete_oldest()
             self._number += 1
@@ -149,6 +152,8 @@ class BagWriter:
                 self._file.write_schema(number, name, definition)
             for channel, entry in enumerate(topics):
                 self._file.write_channel(channel, *entry)
+            if self._on_split is not None:
+                self._on_split(closed, self._file.path)
 
         self._run(split, 0)
 
@@ -209,12 +214,9 @@ class BagWriter:
             ros_distro=self._ros_distro,
         )
 
-    def path(self, number: int) -> Path:
-        """The path of a file, by its number from 0 on."""
-        return self.folder / f"{self.folder.name}_{number}{self._storage.suffix}"
-
     def _open(self, number: int) -> BagFileWriter:
-        file = self._storage.create(self.path(number), self._preset)
+        path = self.folder / f"{self.folder.name}_{number}{self._storage.suffix}"
+        file = self._storage.create(path, self._preset)
         self._file = file
         file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
         return file
