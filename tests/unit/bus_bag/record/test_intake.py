@@ -114,7 +114,7 @@ async def test_what_waited_for_room_is_taken_once_there_is_some(tmp_path: Path) 
 @counts_bytecodes
 @pytest.mark.parametrize(("count", "calls"), [(1, 11), (100, 112)])
 async def test_what_a_message_costs(tmp_path: Path, count: int, calls: int) -> None:
-    """Python calls, without those of the subscription and the event loop. Of many, each costs its encoding."""
+    """Python calls, without those of the subscription and the event loop. Of many, each has its encoding."""
     world = World(tmp_path / "walk")
     await world.arrive(count)
     world.subscription.waiting = count
