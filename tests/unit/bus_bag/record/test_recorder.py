@@ -47,7 +47,7 @@ class Disk:
 
         def hold_up() -> None:
             begun.set()
-            self._may_write.wait(30)
+            self._may_write.wait(10)
 
         thread = recorder.pipeline._thread
         assert thread is not None
