@@ -10,9 +10,10 @@ import pytest
 import bus
 from bridging import KEPT, LATCHED, LOSSLESS, Made, Talk, World, received, world
 from bus.msg.std_msgs import Int32, String
-from bus_bridge.core import export, imports, mirrors
+from bus_bridge.batch import Sample
+from bus_bridge.core import export, far_reading, mirrors
 from bus_bridge.core.bounds import Bounds
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode
 from bus_bridge.errors import BridgeError
 from conftest import WAIT_S
 from engine_pair import WINDOW_BYTES
@@ -146,7 +147,7 @@ async def test_a_busd_that_is_killed_and_comes_back(world: Made, side: str) -> N
 async def test_what_is_missed_while_busd_is_away_is_counted(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(imports, "_LINGER_S", 0.0)
+    monkeypatch.setattr(far_reading, "_LINGER_S", 0.0)
     async with world() as made:
         talk = await made.talk()
         await talk.exchange()

@@ -4,7 +4,7 @@ There are taps for a topic and type while a far subscription is shown here. Owns
 """
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,11 +16,12 @@ from bus.node import Node
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.schema import MessageSchema, depth_for
 from bus.subscription import Subscription
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.core.export import PATIENCE_S, Export
 from bus_bridge.core.local_graph import Shown
 from bus_bridge.core.pace import GATHER_S, Pace
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, RouteRule, Sample, Writer
+from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, RouteRule, Writer
 from bus_bridge.errors import in_words
 from bus_bridge.packed import Packed
 
@@ -194,13 +195,13 @@ class TopicExports:
                 add = groups.setdefault(gid, []).append
             add(_new_sample(Sample, (payload, info[2], info[0])))
         for gid, samples in groups.items():
-            self._put(tap, gid, samples)
+            self._put(tap, gid, Loose(samples))
 
-    def _put(self, tap: Subscription[Any], gid: bytes, samples: Sequence[Sample]) -> None:
+    def _put(self, tap: Subscription[Any], gid: bytes, batch: Batch) -> None:
         export = self.exports.get(gid) or self._early(gid, is_lossless=tap.qos.is_lossless)
         if export is not None:
             try:
-                export.put(samples)
+                export.put(batch)
             except Exception as error:  # one way out must not end the others
                 self._on_trouble(f"'{self.topic.name}': {in_words(error)}")
             if export.is_full and gid not in self.full:

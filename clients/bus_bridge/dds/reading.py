@@ -9,12 +9,12 @@ import asyncio
 from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Final
 
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import raw
 from bus_bridge.dds.early import Arrived, Early
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies, strength
-from bus_bridge.engine import Sample
 from bus_bridge.reasons import UNDECODABLE
 from bus_ros.cdr import CdrError
 
@@ -164,7 +164,7 @@ class FarWay:
         handle: int,
         topic: str,
         known: KnownType,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> None:
         self.gid = gid
         self.handle = handle
@@ -178,7 +178,7 @@ class FarWay:
         self._catches_up_until = 0.0
         self._ways = ways
         self._decode = known.codec.decode
-        self._on_samples = on_samples
+        self._on_batch = on_batch
         self._loop = asyncio.get_running_loop()
         self._early: list[Arrived] = []
         self._is_closed = False
@@ -223,7 +223,8 @@ class FarWay:
             samples = [Sample(decode(data), 0, time_ns) for data, time_ns in batch]
         except CdrError:
             samples = self._right_ones(batch)
-        self._on_samples(samples)
+        if samples:
+            self._on_batch(Loose(samples))
 
     def _right_ones(self, batch: Sequence[Arrived]) -> list[Sample]:
         samples = []

@@ -6,15 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from bus.schema import MessageSchema
-from bus_bridge.engine import (
-    FarEndpoint,
-    FarSide,
-    LinkStatus,
-    LocalEndpoint,
-    LocalNode,
-    RouteRule,
-    Sample,
-)
+from bus_bridge.batch import Batch
+from bus_bridge.engine import FarEndpoint, FarSide, LinkStatus, LocalEndpoint, LocalNode, RouteRule
 from bus_bridge.errors import BridgeError, in_words
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.links import Links
@@ -202,7 +195,7 @@ class ZenohEngine:
         self,
         endpoint: FarEndpoint,
         schema: MessageSchema,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> ZenohReader:
         """As `Engine.read`."""
         assert self._presence is not None
@@ -218,7 +211,7 @@ class ZenohEngine:
             bus,
             endpoint,
             self._room,
-            on_samples,
+            on_batch,
             lambda reason: self.refuse(bus, reason),
             lambda: self._forget(place),
         )

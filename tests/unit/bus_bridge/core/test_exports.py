@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,10 +13,11 @@ from bus.qos import QoSProfile
 from bus.schema import schema_of
 from bus.subscription import MessageInfo
 from bus.types.support import type_support
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.core import exports, pace
 from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import RouteRule, Sample
+from bus_bridge.engine import RouteRule
 from semantics import until
 
 LOSSLESS = QoSProfile(history="keep_all")
@@ -61,8 +62,8 @@ class Writer:
         self.numbers: list[int] = []
         self.lost: dict[str, int] = {}
 
-    def write(self, samples: Sequence[Sample]) -> int:
-        sent = samples[: self.room]
+    def write(self, batch: Batch) -> int:
+        sent = list(batch)[: self.room]
         self.room -= len(sent)
         self.numbers += [one.number for one in sent]
         return len(sent)
@@ -160,7 +161,7 @@ class Leaving:
         self.exports = Exports(node, Rules(), lambda gid: True, lambda gid: False, self.troubles.append)
         self.ends = 0
         self.show(Writer(0))
-        self.export.put([Sample(b"1234", number, number) for number in range(1, 4)])
+        self.export.put(Loose([Sample(b"1234", number, number) for number in range(1, 4)]))
         self.exports.withdraw(STUCK, self.end)
 
     def show(self, writer: Writer) -> None:

@@ -1,0 +1,143 @@
+"""Messages that came in, on their way to the mirror of their publisher: published, or waiting for room.
+
+Owns what waits, and counts what became of each message from here on. Must not know where messages come from.
+"""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
+from bus.publisher import Publisher
+from bus_bridge.batch import Batch
+from bus_bridge.core.accounts import Account
+from bus_bridge.core.waiting import Waiting
+from bus_bridge.packed import Packed
+from bus_bridge.reasons import DISCONNECTED, MEMORY, REFUSED, TOO_LARGE
+
+__all__ = ["Publishing"]
+
+_MOST_BYTES = 64 << 20
+_STUCK_S = 2.0
+_MAX_TIME_NS = 1 << 63
+_AT_ONCE = 256
+
+
+class Publishing:
+    """Messages for `publisher`. `on_gone` is called with the bytes of messages that waited and have gone on,
+    `on_trouble` with what keeps messages out, in words."""
+
+    def __init__(
+        self,
+        publisher: Publisher[Any],
+        account: Account,
+        on_gone: Callable[[int], None],
+        on_trouble: Callable[[str], object],
+        *,
+        is_lossless: bool,
+    ) -> None:
+        self.publisher = publisher
+        self.account = account
+        self.waiting = Waiting(_MOST_BYTES)
+        self.is_broken = False
+        """The mirror has been ended, as by a new busd that has refused it: another one is to be made."""
+        self._on_gone = on_gone
+        self._on_trouble = on_trouble
+        self._is_lossless = is_lossless
+        self._pumping: asyncio.Task[None] | None = None
+
+    def publish(self, batch: Batch) -> int:
+        """Publish the messages. Returns how many of them have gone: a lossless publisher may have no room for
+        all, any other one always has."""
+        if batch.__class__ is not Packed:
+            return self._publish_each(batch)
+        try:
+            done = self.publisher.publish_packed(batch.whole, batch.start)
+        except BusError:  # it comes again
+            return self._publish_each(batch)
+        account = self.account
+        account.sent += done
+        account.bytes += batch.payload_bytes
+        if done == batch.count:
+            return done
+        rest = batch.after(done)
+        account.bytes -= rest.payload_bytes
+        return done + self._publish_each(rest)
+
+    def publish_or_wait(self, batch: Batch) -> None:
+        """As `publish`; what has no room waits, behind what waits already."""
+        waiting = self.waiting
+        if not waiting.count:  # what has room need not wait
+            done = self.publish(batch)
+            if done == batch.count:
+                return
+            batch = batch.after(done)
+        _, over = waiting.put(batch, None)
+        self.account.drop(MEMORY, over)
+        if self._pumping is None:
+            self._pumping = asyncio.get_running_loop().create_task(self._pump())
+
+    def cancel(self) -> None:
+        """What waits is lost."""
+        if self._pumping is not None:
+            self._pumping.cancel()
+
+    async def finish(self) -> int:
+        """Publish what waits, for as long as that goes on. Returns how many messages are lost. Cancellation:
+        what waits is lost."""
+        try:
+            while self._pumping is not None:
+                before = self.account.sent
+                await asyncio.wait((self._pumping,), timeout=_STUCK_S)
+                if self.account.sent == before:
+                    break
+        finally:
+            self.cancel()
+            lost = self.waiting.clear()
+            self.account.drop(DISCONNECTED, lost)
+        return lost
+
+    async def _pump(self) -> None:
+        try:
+            while True:
+                await self.publisher.wait_for_room()
+                if not self._publish_waiting():
+                    return
+        except ConnectionClosed as error:
+            self._fail(error, self.waiting.count)
+            self.waiting.clear()
+        finally:
+            self._pumping = None
+
+    def _publish_waiting(self) -> bool:
+        """Returns whether there is no room for the next one."""
+        waiting, before, is_full = self.waiting, self.waiting.bytes, False
+        while not is_full and (batch := waiting.first(_AT_ONCE)) is not None:
+            done = self.publish(batch)
+            waiting.remove(done)
+            is_full = done < batch.count
+        if gone := before - waiting.bytes:
+            self._on_gone(gone)
+        return is_full
+
+    def _publish_each(self, batch: Batch) -> int:
+        publish, done, failed, size = self.publisher.publish_encoded, 0, 0, 0
+        for payload, _, source_time_ns in batch:
+            try:
+                right_ns = source_time_ns if 0 < source_time_ns < _MAX_TIME_NS else None
+                if not publish(payload, source_time_ns=right_ns) and self._is_lossless:
+                    break
+                size += len(payload)
+            except BusError as error:
+                self._fail(error)
+                failed += 1
+            done += 1
+        self.account.sent += done - failed
+        self.account.bytes += size
+        return done
+
+    def _fail(self, error: BusError, count: int = 1) -> None:
+        reason = TOO_LARGE if isinstance(error, PayloadTooLarge) else REFUSED
+        self.account.drop(reason, count)
+        self.is_broken |= isinstance(error, ConnectionClosed)
+        self._on_trouble(str(error))
