@@ -25,7 +25,7 @@ from bus_bridge.batch import Loose, Sample
 from bus_bridge.dds import raw, reading
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.graph import NodeEntities, decode, encode
-from bus_bridge.dds.node_info import _info_type
+from bus_bridge.dds.node_topic import info_type
 from bus_bridge.dds.options import DdsOptions
 from bus_bridge.errors import BridgeError, NotCarried
 from conftest import SOON_S, WAIT_S
@@ -257,13 +257,13 @@ async def test_nodes_of_this_bus_are_told_and_go(bridge: Bridge, alone: Alone) -
 
 
 def _info_reader(alone: Alone, size: int) -> Any:
-    topic = alone.topic("ros_discovery_info", _info_type(size))
+    topic = alone.topic("ros_discovery_info", info_type(size))
     return DataReader(alone.participant, topic, Qos(*_LATCHED[:2], Policy.History.KeepAll))
 
 
 @contextmanager
 def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
-    topic = alone.topic("ros_discovery_info", _info_type(size))
+    topic = alone.topic("ros_discovery_info", info_type(size))
     writer = DataWriter(alone.participant, topic, Qos(*_LATCHED, Policy.Userdata(user_data)))
     yield writer
     raw.delete(writer)
