@@ -397,7 +397,7 @@ async def test_one_that_claims_the_id_of_another_bus_does_it_no_harm(monkeypatch
             await liar.far.until(lambda: liar.far.buses)
             (text,) = await laptop.far.until(lambda: laptop.far.warnings)
             assert text.startswith("two buses have the id 'robot', and the one that came first is heard")
-            for run in (liar.engine._run, "0"):
+            for run in (liar.engine._own.run, "0"):
                 liar.engine._opened().token(f"@busd/3/robot/N/{run}/1/bad%00name/%2F/,")
             assert await laptop.engine.find_schema(endpoint) == SCHEMA
             await publisher.send(3)

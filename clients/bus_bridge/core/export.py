@@ -51,7 +51,7 @@ class Export:
         self._depth = depth
         self._patience = depth
         """How many messages may wait for the way to be made."""
-        self._is_lossless = is_lossless
+        self.is_lossless = is_lossless
         self._is_matched = is_matched
         self._on_free = on_free
         self._waiting = Waiting(_most_bytes(is_lossless=is_lossless))
@@ -62,7 +62,7 @@ class Export:
     def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
         """The publisher is shown to the far side."""
         self.writer = writer
-        self._is_lossless = qos.is_lossless
+        self.is_lossless = qos.is_lossless
         self._waiting.max_bytes = _most_bytes(is_lossless=qos.is_lossless)
         self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth
         self._limit = None if rule.max_rate_hz is None else RateLimit(rule.max_rate_hz)
@@ -90,7 +90,7 @@ class Export:
     def is_full(self) -> bool:
         """Whether its publisher is to wait: no more has room here, and nothing must be lost."""
         waiting = self._waiting
-        return self._is_lossless and (waiting.count >= self._depth or waiting.bytes >= _LOSSLESS_BYTES)
+        return self.is_lossless and (waiting.count >= self._depth or waiting.bytes >= _LOSSLESS_BYTES)
 
     @property
     def is_flowing(self) -> bool:
@@ -187,7 +187,7 @@ class Export:
                 self.account.drop(NOT_WANTED, batch.count)
                 return
             depth = self._patience
-        replaced, over = self._waiting.put(batch, None if self._is_lossless else depth)
+        replaced, over = self._waiting.put(batch, None if self.is_lossless else depth)
         self.account.drop(REPLACED, replaced)
         self.account.drop(MEMORY, over)
 

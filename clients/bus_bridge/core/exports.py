@@ -84,8 +84,8 @@ class TopicExports:
         self._hides = hides
         self._on_trouble = on_trouble
         self._unsure = unsure
-        """Ways out to be swept: these are among them while there is something `early` or `met`, or a publisher
-        is held back."""
+        """Ways out to be swept: these are among them while something is `early` or `met`, or a publisher is
+        held back."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
         self._sent_by_gone = 0
@@ -148,7 +148,7 @@ class TopicExports:
                 export.put(batch)
             except Exception as error:  # one way out must not end the others
                 self._on_trouble(f"'{self.topic.name}': {in_words(error)}")
-            if export.is_full and gid not in self.taps.full:
+            if export.is_lossless and export.is_full and gid not in self.taps.full:
                 self.taps.hold_back(gid)
                 self._unsure.add(self)
 
