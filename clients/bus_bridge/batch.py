@@ -1,7 +1,7 @@
-"""Messages of one publisher that go together, and what the bridge needs to know of them all. Pure.
+"""Messages of one publisher that go together. Pure.
 
-A batch carries its count, its first and last number and its bytes from where it is made to where it ends, so
-that nobody looks at single messages again to learn them.
+A batch knows its count, its first and last number and its bytes. They are found once, when it is made: no
+step on its way has to read single messages for them.
 """
 
 from collections.abc import Iterator
@@ -27,15 +27,15 @@ class Batch:
     __slots__ = ("count", "first_number", "is_consecutive", "last_number", "last_time_ns", "payload_bytes")
 
     count: int
-    """Of messages."""
+    """How many messages."""
     payload_bytes: int
-    """Of all messages together."""
+    """Size of all payloads together."""
     first_number: int
     last_number: int
     last_time_ns: int
     """Source time of the last message."""
     is_consecutive: bool
-    """Whether each message has the number after that of the one before it."""
+    """Whether the numbers go up by one each time."""
 
     def __iter__(self) -> Iterator[Sample]:
         raise NotImplementedError
@@ -46,7 +46,7 @@ class Batch:
 
 
 class Loose(Batch):
-    """Messages that are objects of their own. `samples` must not be empty."""
+    """A batch in a list of samples, which must not be empty."""
 
     __slots__ = ("_samples",)
 

@@ -37,7 +37,7 @@ class Scan(NamedTuple):
 
 
 class Packed(Batch):
-    """Messages that stay in one buffer."""
+    """A batch in one buffer."""
 
     __slots__ = ("_last_at", "size", "start", "whole")
 

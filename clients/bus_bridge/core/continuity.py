@@ -1,10 +1,12 @@
-"""The numbers of one publisher's messages: which comes next, which may repeat, and which were lost. Pure.
+"""The numbers of one publisher's messages: which comes next, which are repetitions, which were lost. Pure.
 
-Used by the ways out (`export`), where taps come and go, and by the ways in (`imports`), where the engine's
-readers do. The states say what a gap in the numbers means, and what a number that is not above the last one
-means. A way in may also get other numbers for the same messages: in a ring of buses a publisher's messages
-come by another bridge, which counts from 1, when the first way is gone. Messages that came before are
-recognized by their time then.
+The ways out use it (`export`), because taps come and go, and so do the ways in (`imports`), because the
+engine's readers come and go. The state says two things: whether a gap in the numbers is a loss, and whether a
+number that is not above the last one is a repetition.
+
+A way in may also get other numbers for the same messages. In a ring of buses, if the first way to a publisher
+fails, its messages come by another bridge, which counts from 1. Then messages that came before (copies) are
+recognized by their time.
 """
 
 from collections.abc import Mapping
@@ -25,19 +27,19 @@ __all__ = [
 
 
 class ContinuityState(Enum):
-    """What is known of the number of the next message."""
+    """What the number of the next message will mean."""
 
     __hash__ = object.__hash__  # Enum's own is a call in Python
 
     BEGINNING = "beginning"
-    """The next message may have any number above the last one. Nobody misses those before it."""
+    """The next message may have any number above the last one. A gap is no loss."""
     FOLLOWING = "following"
-    """The next message has the next number. Those that are missing were lost."""
+    """The next message has the next number. A gap is a loss."""
     RETURNING = "returning"
-    """As FOLLOWING, after an interruption: whoever was there before has missed those that are missing."""
+    """There was an interruption. A gap is a loss for subscriptions that were there before it."""
     RESTORING = "restoring"
-    """As RETURNING, but this end has lost what late joiners get. So the history comes once more, and its
-    messages are no repetitions."""
+    """As RETURNING, but the history for late joiners was lost here and comes again. Its messages are no
+    repetitions."""
 
 
 class ContinuityEvent(Enum):
@@ -48,13 +50,13 @@ class ContinuityEvent(Enum):
     RECEIVE = "receive"
     """A message with a number comes."""
     RESUME = "resume"
-    """Before all messages: an earlier way of the publisher ended at the last number."""
+    """An earlier way of the publisher is continued, after its last number."""
     RESTORE = "restore"
-    """The same, and the history is needed once more."""
+    """The same, and the history is needed again."""
     INTERRUPT = "interrupt"
-    """Messages stop, and come again from now on."""
+    """Messages stopped, and start again now."""
     RESTART = "restart"
-    """Messages come from now on for somebody who was not there before."""
+    """Messages start now for a subscription that was not there before."""
     RENUMBER = "renumber"
     """Messages have other numbers from now on."""
 
@@ -88,28 +90,28 @@ TRANSITIONS: Mapping[ContinuityState, Mapping[ContinuityEvent, ContinuityState]]
         _Event.RENUMBER: _State.BEGINNING,
     },
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
 
 
 class ContinuityError(Exception):
-    """Something happened that can't happen in that state: a bug of the bridge."""
+    """An event that can't happen in its state: a bug of the bridge."""
 
 
 class Classified(NamedTuple):
-    """What a batch is."""
+    """A batch after its numbers were checked."""
 
     batch: Batch | None
     """The messages that are new."""
     repeated: int
-    """Messages that had come before."""
+    """How many messages had come before."""
     lost: int
-    """Numbers that are missing though nothing was interrupted."""
+    """How many numbers are missing, without an interruption."""
     missed: int
-    """Numbers that are missing after an interruption."""
+    """How many numbers are missing after an interruption."""
 
 
 class Continuity:
-    """Nothing but `on` changes the state."""
+    """The state of one way. Only `on` changes it."""
 
     __slots__ = ("_copies", "_copies_until_ns", "last", "state")
 
@@ -118,32 +120,33 @@ class Continuity:
         self.last = 0
         """The number of the last message that came; 0 for none."""
         self._copies = 0
-        """After other numbers: how many messages, published up to `_copies_until_ns`, may come once more."""
+        """How many copies may still come, of messages published up to `_copies_until_ns`."""
         self._copies_until_ns = 0
 
     def on(self, event: ContinuityEvent) -> None:
-        """`event` happens. Raises ContinuityError where it can't."""
+        """`event` happens. Raises ContinuityError if it can't happen in this state."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             raise ContinuityError(f"a way is {self.state.value!r}: {event.value!r} can't happen to it")
         self.state = state
 
     def resume(self, last: int, *, restores: bool) -> None:
-        """An earlier way ended at the number `last`. `restores`: the history is needed once more."""
+        """Continue an earlier way, which ended at the number `last`. `restores`: the history is needed
+        again."""
         self.on(_Event.RESTORE if restores else _Event.RESUME)
         self.last = last
 
     def renumber(self, copies: int, until_ns: int) -> None:
-        """The messages to come have other numbers than those before. `copies` messages at most, published
-        until `until_ns`, had come before. If the history is needed, they are none."""
+        """The next messages have other numbers. At most `copies` of them, published up to `until_ns`, came
+        before. None counts as a copy if the history is needed again."""
         if self.state is not _State.RESTORING:
             self._copies, self._copies_until_ns = copies, until_ns
         self.on(_Event.RENUMBER)
         self.last = 0
 
     def follows(self, batch: Batch) -> bool:
-        """Whether the messages go on where the last ones ended, each once, as they nearly always do. Then
-        they count as received; otherwise `classify` or `jump` says what they are."""
+        """Whether the batch continues the numbers without a gap or a repetition, as it nearly always does.
+        Then it counts as received. If not, call `classify` or `jump`."""
         if batch.first_number != self.last + 1 or not batch.is_consecutive or self._copies:
             return False
         self.last = batch.last_number
@@ -152,7 +155,7 @@ class Continuity:
         return True
 
     def jump(self, batch: Batch) -> Classified:
-        """As `classify`, for messages whose numbers are known to rise, the first above `last`."""
+        """As `classify`, for rising numbers, of which the first is above `last`."""
         gap = batch.last_number - self.last - batch.count
         state = self.state
         self.on(_Event.RECEIVE)
@@ -162,7 +165,7 @@ class Continuity:
         return Classified(batch, 0, 0, 0 if state is _State.BEGINNING else gap)
 
     def classify(self, batch: Batch) -> Classified:
-        """What messages in any order are. Those without a number are new."""
+        """Check each number, in any order. A message without a number is new."""
         found: list[Sample] = []
         repeated = lost = missed = 0
         for sample in batch:
@@ -194,19 +197,19 @@ class Continuity:
 
 
 class Listeners:
-    """Subscriptions that had the last message of a way in, by gid. Only for them is lost what comes to nobody
-    until the way is back: others were not there.
+    """Subscriptions that got the last message of a way in, by gid. A gap after an interruption is a loss for
+    them only.
 
-    While busd is away there are no matches, and the same subscriptions come back with it.
+    While busd is away there are no matches. When it is back, so are the same subscriptions.
     """
 
     __slots__ = ("_last", "before", "now")
 
     def __init__(self) -> None:
         self.before: frozenset[bytes] = frozenset()
-        """Those that had what came last before the matches changed."""
+        """Subscriptions that got the last message before the matches changed."""
         self.now: frozenset[bytes] = frozenset()
-        """Those that are matched."""
+        """Subscriptions that are matched."""
         self._last = 0
 
     def change(self, now: frozenset[bytes], last: int) -> None:
@@ -217,14 +220,14 @@ class Listeners:
         self.now = now
 
     def resume(self, before: frozenset[bytes], last: int) -> None:
-        """An earlier way ended at the number `last`, which these had."""
+        """Continue an earlier way that ended at the number `last`, which these subscriptions got."""
         self.before, self._last = before, last
 
     def forget(self) -> None:
-        """The messages to come have other numbers: what is missing before them can't be known."""
+        """The next messages have other numbers, so a gap before them can't be counted."""
         self.before, self._last = frozenset(), 0
 
     @property
     def are_back(self) -> bool:
-        """Whether one of those that had the last message is there."""
+        """Whether a subscription that got the last message is matched."""
         return bool(self.before & self.now)

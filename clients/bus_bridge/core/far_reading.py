@@ -1,6 +1,6 @@
-"""When one far publisher is read through the engine: while somebody on this bus wants its messages.
+"""Reads one far publisher through the engine, as long as a subscription on this bus wants its messages.
 
-Owns the engine's reader, and what earlier readers have lost. Must not know what becomes of the messages.
+Owns the engine's reader, and the losses of earlier readers. Must not know where messages go.
 """
 
 import asyncio
@@ -21,15 +21,15 @@ _RETRY_S = 2.0
 
 
 class ReadingState(Enum):
-    """Whether it is read."""
+    """Whether the publisher is read."""
 
     IDLE = "idle"
-    """Nobody wants its messages."""
+    """No subscription wants its messages."""
     READING = "reading"
     LINGERING = "lingering"
-    """It is still read, though nobody wants its messages any more."""
+    """It is still read for a while, though no subscription wants its messages any more."""
     FAILED = "failed"
-    """Somebody wants its messages, and the engine could not read it. It is tried again."""
+    """A subscription wants its messages, but the engine could not read it. It is tried again later."""
     CLOSED = "closed"
 
 
@@ -43,7 +43,7 @@ class ReadingEvent(Enum):
     FAIL = "fail"
     """The engine can't read it."""
     STOP = "stop"
-    """Nobody has wanted it for a while, or the far publisher is another one."""
+    """It has lingered long enough, or the far publisher was away and is back."""
     CLOSE = "close"
     """The publisher or the bridge goes."""
 
@@ -78,11 +78,11 @@ TRANSITIONS: Mapping[ReadingState, Mapping[ReadingEvent, ReadingState]] = {
     },
     _State.CLOSED: dict.fromkeys(ReadingEvent, _State.CLOSED),
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
 
 
 class ReadingError(Exception):
-    """Something happened that can't happen in that state: a bug of the bridge."""
+    """An event that can't happen in its state: a bug of the bridge."""
 
 
 class FarReading:
@@ -110,12 +110,12 @@ class FarReading:
         self._reader: Reader | None = None
         """While it is READING or LINGERING."""
         self._lost_before: dict[str, int] = {}
-        """By reason, what earlier readers had and lost."""
+        """Messages that earlier readers lost, by reason."""
         self._timer: asyncio.TimerHandle | None = None
 
     @property
     def lost(self) -> dict[str, int]:
-        """By reason, what the engine had and lost."""
+        """Messages that the engine received and lost, by reason."""
         return summed(self._lost_before, {} if self._reader is None else self._reader.lost)
 
     @property
@@ -123,11 +123,11 @@ class FarReading:
         return self._reader is not None
 
     def resume(self, lost_before: dict[str, int]) -> None:
-        """Go on where an earlier way of the publisher ended; before anything else."""
+        """Continue an earlier reading of the publisher, which lost these messages. To be called first."""
         self._lost_before = lost_before
 
     def want(self, is_wanted: bool) -> None:
-        """Whether a subscription is matched."""
+        """A subscription is matched, or none is."""
         self._on(ReadingEvent.WANT if is_wanted else ReadingEvent.UNWANT)
         if self.state is ReadingState.READING and self._reader is None:
             self._begin()
@@ -135,7 +135,7 @@ class FarReading:
             self._timer = asyncio.get_running_loop().call_later(_LINGER_S, self.stop)
 
     def taken(self, size: int) -> None:
-        """So many bytes of payload have gone on."""
+        """`size` bytes of payload were published or dropped."""
         if self._reader is not None:
             self._reader.taken(size)
 
@@ -150,7 +150,7 @@ class FarReading:
         self._end()
 
     def _on(self, event: ReadingEvent) -> None:
-        """`event` happens: what a timer was to do is void. Raises ReadingError where it can't."""
+        """`event` happens, and the timer of the former state ends. Raises ReadingError if it can't happen."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             way = f"the reading of '{self.endpoint.topic}'"

@@ -1,6 +1,7 @@
-"""Messages that came in, on their way to the mirror of their publisher: published, or waiting for room.
+"""Publishes the messages of a far publisher by its mirror on this bus; lossless ones wait for room.
 
-Owns what waits, and counts what became of each message from here on. Must not know where messages come from.
+Owns the messages that wait, and counts the published and the dropped ones. Must not know where messages come
+from.
 """
 
 import asyncio
@@ -24,8 +25,8 @@ _AT_ONCE = 256
 
 
 class Publishing:
-    """Messages for `publisher`. `on_gone` is called with the bytes of messages that waited and have gone on,
-    `on_trouble` with what keeps messages out, in words."""
+    """`on_gone` is called with the bytes of messages that have waited and are published, `on_trouble` with an
+    explanation if messages can't be published."""
 
     def __init__(
         self,
@@ -40,15 +41,15 @@ class Publishing:
         self.account = account
         self.waiting = Waiting(_MOST_BYTES)
         self.is_broken = False
-        """The mirror has been ended, as by a new busd that has refused it: another one is to be made."""
+        """The mirror was closed, for example because a new busd refused it. It has to be made again."""
         self._on_gone = on_gone
         self._on_trouble = on_trouble
         self._is_lossless = is_lossless
         self._pumping: asyncio.Task[None] | None = None
 
     def publish(self, batch: Batch) -> int:
-        """Publish the messages. Returns how many of them have gone: a lossless publisher may have no room for
-        all, any other one always has."""
+        """Publish the messages. Returns how many, from the front, are done: all, unless the publisher is
+        lossless and has no room."""
         if batch.__class__ is not Packed:
             return self._publish_each(batch)
         try:
@@ -65,9 +66,9 @@ class Publishing:
         return done + self._publish_each(rest)
 
     def publish_or_wait(self, batch: Batch) -> None:
-        """As `publish`; what has no room waits, behind what waits already."""
+        """Publish the messages. Without room they wait, behind those that wait already."""
         waiting = self.waiting
-        if not waiting.count:  # what has room need not wait
+        if not waiting.count:
             done = self.publish(batch)
             if done == batch.count:
                 return
@@ -78,13 +79,13 @@ class Publishing:
             self._pumping = asyncio.get_running_loop().create_task(self._pump())
 
     def cancel(self) -> None:
-        """What waits is lost."""
+        """Stop: messages that wait are lost."""
         if self._pumping is not None:
             self._pumping.cancel()
 
     async def finish(self) -> int:
-        """Publish what waits, for as long as that goes on. Returns how many messages are lost. Cancellation:
-        what waits is lost."""
+        """Publish the messages that wait, as long as some can be published. Returns how many are lost.
+        Cancellation: all that wait are lost."""
         try:
             while self._pumping is not None:
                 before = self.account.sent

@@ -1,23 +1,23 @@
-"""Which mirrors stay though their originals have gone, and when one that can't be made is tried again. Pure.
+"""How long mirrors stay after their originals have gone, and when a mirror is tried again that failed. Pure.
 
-A transient local publisher stays for a while when the link to its bus ends. If it is back by then, those that
-have its messages don't get them again.
+If the link to a bus ends, the mirrors of its transient local publishers stay for a while. If the publishers
+are back by then, subscriptions that have their messages don't get them again.
 """
 
 __all__ = ["NEVER_S", "Retry", "Stays"]
 
 _LINGER_S = 60.0
-"""How long a transient local publisher stays when the link to its bus ends."""
+"""How long such a mirror stays after the link to its bus has ended."""
 _GONE_S = 0.5
-"""How long after one has gone it may turn out that the link to its bus has ended."""
+"""How long it stays without news of the link: a publisher may be seen to go before the link is."""
 _RETURN_S = 5.0
-"""Once the bus is back, it has so long to show it."""
+"""How long it stays once the bus is back, which has to show the publisher by then."""
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 4.0
 NEVER_S = float("inf")
 
 
 class Stays:
-    """Of the transient local publishers of each bus: until when they stay though they have gone."""
+    """How long the mirrors of transient local publishers stay, for each bus."""
 
     def __init__(self) -> None:
         self._until_s: dict[str, float] = {}
@@ -27,7 +27,7 @@ class Stays:
         self._until_s[bus] = now_s + _LINGER_S
 
     def bus_came(self, bus: str, now_s: float) -> None:
-        """It is there, perhaps again."""
+        """The bus is there, perhaps again."""
         if bus in self._until_s:
             self._until_s[bus] = min(self._until_s[bus], now_s + _RETURN_S)
 
@@ -40,20 +40,20 @@ class Stays:
         return gone_s + _GONE_S
 
     def next_end(self, now_s: float) -> float:
-        """When the next bus has had its time; NEVER_S if there is none. Forgets those that have had it."""
+        """When the time of the next bus ends; NEVER_S without one. Forgets each bus whose time has ended."""
         self._until_s = {bus: until_s for bus, until_s in self._until_s.items() if until_s > now_s}
         return min(self._until_s.values(), default=NEVER_S)
 
 
 class Retry:
-    """When something is tried again that has failed: less often the more often it has."""
+    """When a failed attempt is repeated. The pause grows with each failure."""
 
     def __init__(self) -> None:
         self.failures = 0
         self.at_s = 0.0
 
     def fail(self, now_s: float) -> None:
-        """It has failed once more."""
+        """An attempt has failed."""
         self.failures += 1
         self.at_s = now_s + min(_FIRST_RETRY_S * 2 ** min(self.failures - 1, 8), _LONGEST_RETRY_S)
 
@@ -61,5 +61,5 @@ class Retry:
         self.failures = 0
 
     def hurry(self) -> None:
-        """What stood in the way has changed: it may be tried at once."""
+        """The next attempt may be made at once."""
         self.at_s = 0.0

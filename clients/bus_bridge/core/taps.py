@@ -1,7 +1,7 @@
 """The taps of one topic and type: subscriptions that take messages of this bus for far subscriptions.
 
-Owns when a tap's messages are taken, and which publishers the lossless taps hold back. Must not know what
-becomes of the messages.
+Decides when a tap's messages are taken, and remembers which publishers the lossless taps hold back. Must not
+know where messages go.
 """
 
 import asyncio
@@ -24,13 +24,13 @@ Tap = Subscription[Any]
 
 
 class Taps:
-    """`on_batch` gets the messages that a tap has taken of one publisher, by its gid."""
+    """`on_batch` is called with a tap, a publisher's gid, and its messages."""
 
     def __init__(self, on_batch: Callable[[Tap, bytes, Batch], None]) -> None:
         self.opening = asyncio.Lock()
         """Held while taps are made or closed."""
         self.full: set[bytes] = set()
-        """Lossless publishers that wait until there is room, by gid."""
+        """Lossless publishers that are held back, by gid."""
         self._on_batch = on_batch
         self._taps: list[Tap] = []
         self._due: set[Tap] = set()
@@ -44,16 +44,16 @@ class Taps:
 
     @property
     def has_news(self) -> bool:
-        """Whether something has come that was not taken yet."""
+        """Whether a tap has messages that were not taken yet."""
         return any(tap.statistics().queued for tap in self._taps)
 
     def replace(self, taps: list[Tap]) -> list[Tap]:
-        """These are the taps from now on. Returns those before, from which nothing is taken any more."""
+        """Use these taps from now on. Returns the former ones, whose messages are not taken any more."""
         before, self._taps = self._taps, taps
         return before
 
     def begin(self) -> None:
-        """Take what the taps have, and what comes."""
+        """Take the messages that the taps have, and all later ones."""
         for tap in self._taps:
             for gid in self.full if tap.qos.is_lossless else ():
                 tap.hold_back(gid)
@@ -64,7 +64,7 @@ class Taps:
             self.take(tap)
 
     def take(self, tap: Tap) -> None:
-        """What has come may be taken now."""
+        """Take messages that have arrived."""
         pack = tap.take_packed(PACK_BYTES, LONG_BYTES) or tap.take_packed(LONG_PACK_BYTES, LONG_PACK_BYTES)
         if pack is not None:
             if pack.has_more:
@@ -87,7 +87,7 @@ class Taps:
         for gid, samples in groups.items():
             self._on_batch(tap, gid, Loose(samples))
 
-    # --- lossless publishers wait where there is no room for their messages
+    # --- lossless publishers wait if there is no room for their messages
 
     def hold_back(self, gid: bytes) -> None:
         """There is no room for that publisher's messages."""
@@ -103,10 +103,10 @@ class Taps:
             if tap.qos.is_lossless:
                 tap.release(gid)
 
-    # --- when taps are looked into
+    # --- when messages are taken
 
     def _arrive(self, tap: Tap, pace: Pace) -> None:
-        """Something lossless has come."""
+        """A message has arrived at a lossless tap."""
         if pace.is_gathering:
             return
         if pace.leaves(self._loop.time()):

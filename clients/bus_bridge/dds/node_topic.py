@@ -1,4 +1,4 @@
-"""The topic `ros_discovery_info` in its two forms, of ROS 2 Humble and of later distros, and our word there.
+"""The topic `ros_discovery_info` in its two forms: the one of ROS 2 Humble, and the one of later distros.
 
 The forms differ in the size of gids. Readers of one form don't understand writers of the other.
 """
@@ -29,7 +29,7 @@ class NodeTopic:
         self._mark = mark
 
     def make_writer(self, size: int) -> Endpoint:
-        """One that speaks the form with gids of `size` bytes."""
+        """A writer in the form with gids of `size` bytes."""
         data = self._user_data(size)
         return self.participant.make_writer(GRAPH_TOPIC, info_type(size), _POLICIES, data, None)
 
@@ -44,11 +44,11 @@ class NodeTopic:
 
 
 class NodeWriter:
-    """Says which nodes are `nodes()`, in one form at a time."""
+    """Publishes our nodes, which `nodes` returns, in one of the two forms."""
 
     def __init__(self, topic: NodeTopic, size: int, nodes: Callable[[], Sequence[NodeEntities]]) -> None:
         self.size = size
-        """Of gids, in the form that it speaks."""
+        """The size of gids in its form."""
         self._topic = topic
         self._nodes = nodes
         self._endpoint = topic.make_writer(size)
@@ -56,7 +56,7 @@ class NodeWriter:
         self._due: asyncio.Handle | None = None
 
     def change(self, size: int) -> None:
-        """Speak the other form."""
+        """Use the other form."""
         self.size = size
         self._endpoint.close()
         self._endpoint = self._topic.make_writer(size)
@@ -64,12 +64,12 @@ class NodeWriter:
         self.say()
 
     def say(self) -> None:
-        """Soon: what changes in one turn of the loop is said once."""
+        """Publish our nodes soon: once for all changes in one turn of the loop."""
         if self._due is None:
             self._due = asyncio.get_running_loop().call_soon(self._write)
 
     def close(self) -> None:
-        """Nothing is said any more."""
+        """Publish nothing more."""
         if self._due is not None:
             self._due.cancel()
 

@@ -36,11 +36,11 @@ _PATIENCE_S: Final = 10.0
 
 
 class IntakeState(Enum):
-    """Where a reader stands."""
+    """Whether a reader is in use."""
 
     OPEN = "open"
     RETIRING = "retiring"
-    """Its subscription has gone. It carries on for a moment, until others have what has reached it."""
+    """Its subscription has gone. It is used for a moment more, until other readers have its messages."""
     CLOSED = "closed"
 
 
@@ -50,7 +50,7 @@ class IntakeEvent(Enum):
     RETIRE = "retire"
     """Its subscription goes."""
     CLOSE = "close"
-    """It carries nothing any more, or the bridge ends."""
+    """It is not used any more, or the bridge ends."""
 
 
 TRANSITIONS: Final[Mapping[IntakeState, Mapping[IntakeEvent, IntakeState]]] = {
@@ -61,11 +61,11 @@ TRANSITIONS: Final[Mapping[IntakeState, Mapping[IntakeEvent, IntakeState]]] = {
     IntakeState.RETIRING: {IntakeEvent.CLOSE: IntakeState.CLOSED},
     IntakeState.CLOSED: {},
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
 
 
 class IntakeError(Exception):
-    """Something happened to a reader that can't happen in its state: a bug of the bridge."""
+    """An event that can't happen in its state: a bug of the bridge."""
 
 
 class Intake:
@@ -107,7 +107,7 @@ class Intake:
         self._wake()
 
     def on(self, event: IntakeEvent) -> None:
-        """`event` happens. Raises IntakeError where it can't. Nothing else changes the state."""
+        """`event` happens. Raises IntakeError if it can't happen in this state. Nothing else changes it."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             way = f"a reader of DDS on '{self.topic}'"

@@ -1,8 +1,7 @@
-"""When a far publisher's bridge learns how far this one is: an ack says which part has arrived, and which was
-taken by this bus.
+"""Acks to a far publisher's bridge: the newest part that has arrived, and the newest that this bus has taken.
 
-An ack goes when it is asked for. Of a lossless publisher, whose bridge waits for what is taken, it also goes
-after so many bytes, or a moment after the first of them.
+An ack is sent when the far side asks for it. A lossless publisher waits for acks, so its bridge also gets one
+after many bytes were taken, or a moment after the first of them.
 """
 
 import asyncio
@@ -18,11 +17,11 @@ _PAUSE_S = 0.01
 
 
 class Acks:
-    """Of the parts of `arrival`, sent to `key`."""
+    """Acks for the parts of `arrival`, sent to `key`."""
 
     def __init__(self, session: Session, key: str, arrival: Arrival) -> None:
         self.is_due = False
-        """The far side has asked: `send` is to follow what its question came behind."""
+        """The far side has asked. `send` is to be called after the parts before its question were taken."""
         self._session = session
         self._key = key
         self._arrival = arrival
@@ -31,11 +30,11 @@ class Acks:
         self._timer: asyncio.TimerHandle | None = None
 
     def arrived(self, number: int, size: int) -> None:
-        """A part of a lossless publisher has come, whose messages have so many bytes."""
+        """A part of a lossless publisher has arrived, with `size` bytes of messages."""
         self._untaken.add(number, size)
 
     def taken(self, size: int) -> None:
-        """This bus has taken so many bytes of messages more."""
+        """This bus has taken `size` more bytes of messages."""
         self._untaken.take(size)
         self._unsent_bytes += size
         if self._unsent_bytes >= _BYTES:
@@ -50,7 +49,7 @@ class Acks:
         self._session.put(self._key, ack)
 
     def close(self) -> None:
-        """None goes by itself any more."""
+        """Cancel the ack that is due."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

@@ -1,4 +1,4 @@
-"""Which missing parts are asked for, and when again."""
+"""Asks the far side for missing parts, and asks again if no answer comes."""
 
 import asyncio
 from collections.abc import Callable
@@ -40,7 +40,7 @@ class Missing:
         self._is_closed = False
 
     def ask(self) -> None:
-        """Ask for what is missing, as far as not too much is asked for already."""
+        """Ask for missing parts, but not for too many at a time."""
         if len(self._asked_for) >= self._most:
             return
         for number in self._arrival.missing(self._most):
@@ -50,7 +50,7 @@ class Missing:
                 self._session.ask(self._key, question, ASK_S, partial(self._answer, number))
 
     def close(self) -> None:
-        """No answer is of interest any more."""
+        """Ignore further answers."""
         self._is_closed = True
 
     def _answer(self, number: int, payload: bytes | None, head: bytes | None) -> None:

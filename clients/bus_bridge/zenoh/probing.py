@@ -1,4 +1,4 @@
-"""When importers are asked how far they are, because nothing moves."""
+"""Asks importers how far they are if nothing arrives there any more."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,7 +12,8 @@ _LONGEST_S = 1.0
 
 
 class Probing:
-    """Of the importers of `window`. `ask` asks them all; `is_stuck` says whether something waits for room."""
+    """For the importers of `window`. `ask` sends the question. `is_stuck` says whether something waits for
+    room."""
 
     def __init__(self, window: Window, ask: Callable[[], None], is_stuck: Callable[[], bool]) -> None:
         self._window = window
@@ -22,12 +23,12 @@ class Probing:
         self._in_flight_before = 0
 
     def begin(self) -> None:
-        """Something waits for room: ask if nothing moves, until nothing waits any more."""
+        """Something waits for room. As long as it does, check from time to time whether parts arrive."""
         if self._timer is None:
             self._arm(_FIRST_S)
 
     def scan(self) -> None:
-        """To be called once a second: if nothing arrives any more, what was sent last may be lost."""
+        """Check once a second whether parts arrive: if the last ones are lost, no later part shows it."""
         in_flight, before = self._window.in_flight, self._in_flight_before
         self._in_flight_before = in_flight
         if in_flight and in_flight >= before:

@@ -26,11 +26,11 @@ _LEAVE_S = 2.0
 
 
 class WriterState(Enum):
-    """Where the way of a publisher stands."""
+    """Whether the publisher is there."""
 
     OPEN = "open"
     LEAVING = "leaving"
-    """The publisher has gone. Its importers still get what was written; its token stays until then."""
+    """The publisher has gone, but importers still get messages of it. Its token stays until then."""
     CLOSED = "closed"
 
 
@@ -42,7 +42,7 @@ class WriterEvent(Enum):
     RETURN = "return"
     """The publisher is there again."""
     END = "end"
-    """All importers have got everything, or are waited for no longer; or the engine ends."""
+    """All importers have all messages, or have taken too long; or the engine closes."""
 
 
 TRANSITIONS: Mapping[WriterState, Mapping[WriterEvent, WriterState]] = {
@@ -50,15 +50,15 @@ TRANSITIONS: Mapping[WriterState, Mapping[WriterEvent, WriterState]] = {
     WriterState.LEAVING: {WriterEvent.RETURN: WriterState.OPEN, WriterEvent.END: WriterState.CLOSED},
     WriterState.CLOSED: {},
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
 
 
 class WriterError(Exception):
-    """Something happened to a way that can't happen in its state: a bug of the bridge."""
+    """An event that can't happen in its state: a bug of the bridge."""
 
 
 class ZenohWriter:
-    """The way out of one publisher of this bus. Nothing but `on` changes the state."""
+    """The way out of one publisher of this bus. Only `on` changes the state."""
 
     def __init__(
         self,
@@ -86,14 +86,14 @@ class ZenohWriter:
         self._rest: deque[Part] = deque()
         """Parts of messages that have been written, for which there was no room yet."""
         self._is_held = False
-        """The caller has more, for which there was no room either."""
+        """The caller keeps further messages, because there was no room for them."""
         self._interests: frozenset[Interest] = frozenset()
         self._outlet: Outlet | None = None
         self._lost: dict[str, int] = {}
         self._behind: set[str] = set()
-        """While LEAVING: importers that have not got everything yet."""
+        """While LEAVING: importers that don't have all messages yet."""
         self._patience: asyncio.TimerHandle | None = None
-        """While LEAVING: ends it if no importer gets on."""
+        """While LEAVING: ends it if importers take too long."""
 
     @property
     def is_wanted(self) -> bool:
@@ -112,7 +112,7 @@ class ZenohWriter:
             gone = self._fitting(batch)
             if gone:
                 fitting = batch if gone == count else Loose(list(batch)[:gone])
-                # Small parts never depend on the window.
+                # The window never bounds parts of this size.
                 most = self._window.part_bytes if batch.payload_bytes > PART_BYTES else 2 * PART_BYTES
                 self._rest += records.pack(fitting, self._number + 1, most)
                 self._number = self._rest[-1].number
@@ -139,7 +139,7 @@ class ZenohWriter:
     # --- for the engine
 
     def on(self, event: WriterEvent) -> None:
-        """`event` happens. Raises WriterError where it can't."""
+        """`event` happens. Raises WriterError if it can't happen in this state."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             way = f"the way out of a publisher on '{self._endpoint.topic}'"
@@ -236,7 +236,7 @@ class ZenohWriter:
         return batch.count
 
     def _refuse(self, count: int) -> None:
-        """There is no room for so many of the messages that were to be written."""
+        """There is no room for `count` of the messages that were to be written."""
         if self._is_reliable:
             self._is_held = True
             self._probing.begin()

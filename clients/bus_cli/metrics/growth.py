@@ -1,4 +1,4 @@
-"""How counters have grown that can begin anew at 0, as those of a process that is started again. Pure."""
+"""The growth of counters that may begin again at 0, as when their process is started again. Pure."""
 
 from collections.abc import Mapping
 
@@ -8,10 +8,10 @@ __all__ = ["Growth"]
 
 
 class Growth:
-    """Counters by name, of things that are known by their labels.
+    """Counters by name, for things that are known by their labels.
 
-    A thing whose counter `leading` has fallen began anew. Things that are gone are remembered, the last
-    `most_gone` of them, because they may come back with their counters.
+    If the counter `leading` of a thing is lower than before, all its counters have begun again at 0. The last
+    `most_gone` things that are gone are remembered, because they may come back with their counters.
     """
 
     def __init__(self, leading: str, most_gone: int) -> None:
