@@ -156,7 +156,7 @@ class Continuity:
 
     def jump(self, batch: Batch) -> Classified:
         """As `classify`, for rising numbers, of which the first is above `last`."""
-        gap = batch.last_number - self.last - batch.count
+        gap = max(0, batch.last_number - self.last - batch.count)
         state = self.state
         self.on(_Event.RECEIVE)
         self.last = batch.last_number

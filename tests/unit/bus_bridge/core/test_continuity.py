@@ -88,6 +88,11 @@ def test_what_a_gap_means_in_each_state(state: State, gap: tuple[int, int]) -> N
         assert (jumping.last, jumping.state) == (15, State.FOLLOWING)
 
 
+def test_numbers_that_do_not_rise_leave_no_gap_below_zero() -> None:
+    continuity, some = at(State.FOLLOWING), batch(11, 11)
+    assert continuity.jump(some) == Classified(some, 0, 0, 0)
+
+
 @for_each("state", [State.BEGINNING, State.FOLLOWING, State.RETURNING])
 def test_lower_numbers_are_repetitions(state: State) -> None:
     continuity = at(state)
