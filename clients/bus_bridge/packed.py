@@ -63,10 +63,10 @@ class Packed(Batch):
     @classmethod
     def read(cls, data: bytes, most_number: int) -> "Packed | None":
         """None where that is not records and nothing else, or a number is higher."""
-        found = scan(data, 0, _ALL)
-        if not found.records or found.stop != len(data) or found.highest > most_number:
+        records, stop, payload_bytes, highest, last_at, is_consecutive = _scan(data, 0, _ALL)
+        if not records or stop != len(data) or highest > most_number:
             return None
-        return cls(data, 0, found.records, found.payload_bytes, found.last_at, found.is_consecutive)
+        return cls(data, 0, records, payload_bytes, last_at, is_consecutive)
 
     def after(self, count: int) -> "Packed":
         if not count:
@@ -86,7 +86,7 @@ class Packed(Batch):
 
 def scan(data: bytes, start: int, limit: int) -> Scan:
     """Look through the first `limit` records from byte `start` on; ends before what is none."""
-    return Scan(*_scan_native(data, start, limit)) if _scan_native else scan_here(data, start, limit)
+    return Scan(*_scan(data, start, limit))
 
 
 def scan_here(data: bytes, start: int, limit: int) -> Scan:
@@ -105,4 +105,4 @@ def scan_here(data: bytes, start: int, limit: int) -> Scan:
     return Scan(count, at, size, highest, last_at, is_consecutive)
 
 
-_scan_native = shm.native.scan_packed if shm.has_core() else None  # to ask each time costs as much as to scan
+_scan = shm.native.scan_packed if shm.has_core() else scan_here  # to ask each time costs as much as to scan

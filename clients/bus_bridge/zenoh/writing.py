@@ -109,7 +109,10 @@ class ZenohWriter:
         """As `Writer.write`. What a best effort publisher sends beyond the link's speed is lost here."""
         count = gone = batch.count
         if self._interests:
-            gone = self._fitting(batch)
+            if batch.__class__ is Packed:  # mostly one part
+                gone = 0 if self._rest or self._window.room <= 0 else count
+            else:
+                gone = self._fitting(batch)
             if gone:
                 fitting = batch if gone == count else Loose(list(batch)[:gone])
                 # The window never bounds parts of this size.
@@ -227,8 +230,6 @@ class ZenohWriter:
     def _fitting(self, batch: Batch) -> int:
         """How many of these messages may be written now."""
         room = 0 if self._rest else self._window.room
-        if batch.__class__ is Packed:  # mostly one part
-            return batch.count if room > 0 else 0
         for index, sample in enumerate(batch):
             if room <= 0:
                 return index

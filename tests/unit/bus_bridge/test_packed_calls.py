@@ -20,7 +20,7 @@ from bus_bridge.zenoh.writing import ZenohWriter
 from callcount import CallCounter
 
 GID, QOS, SCHEMA = bytes(16), QoSProfile(10), MessageSchema.of(String)
-OUT, IN = 13, 14 if shm.has_core() else 15
+OUT, IN = 12, 12 if shm.has_core() else 14
 
 
 def packed(number: int) -> bytes:
