@@ -6,12 +6,12 @@ import os
 import socket
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from time import monotonic_ns
 from typing import Any, TypeAlias
 
 from bus.base.ids import PeerId
 from bus.errors import ConfigurationError, RemoteProtocolError
+from bus.transport.stream_state import WRITE_OVER, ReadState
 from bus.wire.messages import (
     Done,
     GetGraph,
@@ -54,6 +54,7 @@ _BYTES_PER_UNIT = 8192
 """Bytes that are read then: for them, the system has to find memory first."""
 _QUESTIONS = frozenset({GetGraph, GetType, GetPeers, Observe})
 """Messages that need not be handled once their process has gone; what it has published is still routed."""
+_CLOSED = ReadState.CLOSED  # looked up for every item
 _Job: TypeAlias = PeerConnection | PeerId
 
 
@@ -174,6 +175,14 @@ class Server:
         self._wait(connection)
         return False
 
+    def before_write(self, connection: PeerConnection) -> None:
+        """The connection takes bytes again: drop samples that are too old before the next are sent."""
+        connection.wrote()
+        with self._metered(connection.party):
+            self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
+            self._flush()
+        self._arm_timer()
+
     def receive(self, connection: PeerConnection, count: int) -> None:
         """Handle the `count` bytes that were read, as far as the party's allowance goes."""
         party, meter, session = connection.party, self._broker.meter, connection.stream.session
@@ -292,7 +301,7 @@ class Server:
             else:
                 with self._metered(party):
                     self._handle(connection, items)
-                may_be_more = not connection.stream.is_closed
+                may_be_more = connection.stream.reading is not ReadState.CLOSED
         else:
             may_be_more = not connection.is_held
         if may_be_more:
@@ -319,7 +328,7 @@ class Server:
 
     def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
         """Hand the broker what came, one by one; what there is no time for waits."""
-        broker, peer, meter = self._broker, connection.id, self._broker.meter
+        broker, peer, meter, stream = self._broker, connection.id, self._broker.meter, connection.stream
         now_ns, runs, is_swamped = monotonic_ns(), 0, False
         left = iter(items)
         try:
@@ -334,9 +343,9 @@ class Server:
                 elif item.__class__ is Carried:
                     descriptors = connection.accept(item)
                     self._carry_out(broker.handle(now_ns, peer, item.message, descriptors))
-                elif not (connection.stream.is_unheard and item.__class__ in _QUESTIONS):
+                elif not (item.__class__ in _QUESTIONS and stream.writing in WRITE_OVER):
                     self._carry_out(broker.handle(now_ns, peer, item))
-                if connection.stream.is_closed:
+                if stream.reading is _CLOSED:
                     break
                 if meter.left <= 0 or connection.is_held or peer in broker.unfinished:
                     connection.items = left
@@ -401,7 +410,7 @@ class Server:
                         self._watch_idle()
                 case Pause(peer, pause_ns):
                     connection = self._peers.get(peer)
-                    if connection is not None and not connection.stream.is_unheard:
+                    if connection is not None and connection.stream.writing not in WRITE_OVER:
                         connection.pause(pause_ns / 1e9)
                 case Note(level, text):
                     _log.log(level, "%s", text)
@@ -542,20 +551,12 @@ class Server:
         accounts = self._broker.accounts(peer)
         connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party, *accounts)
         self._connections.add(connection)
-        connection.stream.before_write(partial(self._before_write, connection))
         _log.debug("%s (pid %d) connected", hello.program, who.pid, extra={"peer": who.pid})
         connection.greet()
         self._arm_timer()
         self._watch_idle()
 
     # --- connections
-
-    def _before_write(self, connection: PeerConnection) -> None:
-        connection.wrote()
-        with self._metered(connection.party):
-            self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
-            self._flush()
-        self._arm_timer()
 
     def _watch_idle(self) -> None:
         if self._idle_s is None or self._is_ending:

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable, Collection
 from time import monotonic
 
+from bus.transport.stream_state import ReadState
 from busd.server.peer import PeerConnection
 
 __all__ = ["Drain"]
@@ -61,7 +62,7 @@ class Drain:
         now_s = monotonic()
         self._passed_s += min(now_s - self._looked_s, _STEP_S)
         self._looked_s = now_s
-        speakers = [one for one in self._open if not one.stream.has_ended]
+        speakers = [one for one in self._open if one.stream.reading is not ReadState.ENDED]
         if self._passed_s >= self._longest_s / 2:
             for connection in speakers:
                 connection.stream.hear_out()
@@ -79,7 +80,7 @@ class Drain:
 
     @property
     def _open(self) -> list[PeerConnection]:
-        return [one for one in self._connections if not one.stream.is_closed]
+        return [one for one in self._connections if one.stream.reading is not ReadState.CLOSED]
 
 
 def _close(connection: PeerConnection) -> None:

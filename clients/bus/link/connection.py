@@ -29,7 +29,8 @@ from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream, trusting
+from bus.transport.stream_state import WriteState
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
@@ -128,11 +129,9 @@ class Connection:
             sock,
             Session(Role.CLIENT),
             self.outbox,
-            on_received=self._on_received,
-            on_lost=self._lost,
-            takes_descriptors=self._shm_context is not None,
+            Handlers(on_received=self._on_received, on_lost=self._lost, before_write=self._on_wrote),
+            None if self._shm_context is None else trusting,
         )
-        self._stream.before_write(self._on_wrote)
         self.send(
             m.Hello(
                 version=PROTOCOL_VERSION,
@@ -187,7 +186,7 @@ class Connection:
     @property
     def is_writing(self) -> bool:
         """Whether the socket has yet to take some of what was chosen for it."""
-        return self._stream is not None and self._stream.is_blocked
+        return self._stream is not None and self._stream.writing is not WriteState.OPEN
 
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""

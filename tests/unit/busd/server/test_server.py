@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from bus.base.ids import PeerId
+from bus.transport.stream_state import ReadState, WriteState
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.messages import Hello, Matched
 from bus.wire.runs import Run
@@ -106,7 +107,8 @@ class Deaf:
     """Stands for a connection; says when it is flushed."""
 
     id = PeerId(1)
-    is_closed = is_choked = is_held = False
+    reading, writing = ReadState.OPEN, WriteState.OPEN
+    is_choked = is_held = False
     items = None
 
     def __init__(self, flushed: list["Deaf"]) -> None:
