@@ -61,12 +61,8 @@ once where more waits for it than may, else after `_STALL_PART` of the lease."""
 _STALL_PART = 0.75
 
 
-class PeerHost(Protocol):
-    """What a connection needs of the server."""
-
-    limits: Limits
-    is_background: bool
-    began_ns: int
+class Scheduler(Protocol):
+    """When a connection is served, and what becomes of what was read."""
 
     def may_read(self, connection: "PeerConnection") -> bool: ...
 
@@ -75,6 +71,17 @@ class PeerHost(Protocol):
     def receive(self, connection: "PeerConnection", count: int) -> None: ...
 
     def resume(self, connection: "PeerConnection") -> None: ...
+
+
+class PeerHost(Protocol):
+    """What a connection needs of the server."""
+
+    limits: Limits
+    is_background: bool
+    began_ns: int
+
+    @property
+    def serving(self) -> Scheduler: ...
 
     def hear(self, connection: "PeerConnection") -> None: ...
 
@@ -138,12 +145,12 @@ class PeerConnection:
             sock,
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
             Outbox(control),
-            on_bytes=partial(host.receive, self),
+            on_bytes=partial(host.serving.receive, self),
             on_lost=self._lost,
             takes_descriptors=True,
             taker=strangers,
-            may_read=partial(host.may_read, self),
-            may_write=partial(host.may_write, self),
+            may_read=partial(host.serving.may_read, self),
+            may_write=partial(host.serving.may_write, self),
         )
         self.stream.session.open(hello)
         self.account = control
@@ -153,10 +160,6 @@ class PeerConnection:
         """Answer its Hello."""
         self.stream.outbox.put(greeting(self._host))
         self.stream.flush()
-
-    def send(self, message: Message) -> None:
-        """Queue a control message."""
-        self.put(encode_frame(message))
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control frame. Where many wait, the peer is not read until it has taken most of them."""
@@ -207,7 +210,7 @@ class PeerConnection:
             self._choke.cancel()
             self._choke, self.is_choked = None, False
             self.stream.release()
-            self._host.resume(self)
+            self._host.serving.resume(self)
 
     def pause(self, seconds: float) -> None:
         """Don't read the peer for so long from now."""
@@ -225,7 +228,7 @@ class PeerConnection:
             self._pause_end.cancel()
             self._pause_end = None
             self.stream.release()
-            self._host.resume(self)
+            self._host.serving.resume(self)
 
     def relieve(self) -> None:
         """Cut the peer off: it does not take what waits for it."""
@@ -242,7 +245,7 @@ class PeerConnection:
         hello = self.stream.session.peer
         self.stream.linger()
         if hello is not None and LEAVING in hello.capabilities:
-            self.send(Leaving(text=text))
+            self.put(encode_frame(Leaving(text=text)))
             self.stream.flush()
         else:
             self.stream.hear_out()

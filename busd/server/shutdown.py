@@ -45,7 +45,6 @@ class Drain:
         self._longest_s = longest_s
         self._passed_s = 0.0
         self._looked_s = monotonic()
-        self._has_ended = False
         for connection in tuple(connections):
             connection.leave(text)
         self._look()
@@ -73,8 +72,7 @@ class Drain:
                     _close(connection)
         if self._open:
             self._timer = self._loop.call_later(_LOOK_S, self._look)
-        elif not self._has_ended:
-            self._has_ended = True
+        else:
             self._on_end()
 
     @property

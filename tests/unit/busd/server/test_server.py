@@ -1,4 +1,4 @@
-"""busd.server.server: the order in which it ends, and what it does where it did not run for a while."""
+"""busd.server.server: the order in which it ends, and what it does for connections that come and go."""
 
 import asyncio
 import os
@@ -14,7 +14,6 @@ from bus.wire.messages import Hello, Matched
 from bus.wire.runs import Run
 from busd.core.broker import Broker
 from busd.core.turns import Party
-from busd.server import server as server_module
 from busd.server.credentials import Credentials
 from busd.server.listener import Listener, open_listener
 from busd.server.peer import PeerConnection
@@ -22,8 +21,6 @@ from busd.server.server import Server
 from callcount import CallCounter
 from raw_peer import RawPeer
 from semantics import until
-
-SECOND = 1_000_000_000
 
 
 @pytest.fixture
@@ -83,25 +80,6 @@ async def test_processes_without_a_pid_have_turns_of_their_own(listener: Listene
     await server.stopped
 
 
-async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine that is always late must still see leases end."""
-    now_ns = 100 * SECOND
-    monkeypatch.setattr(server_module, "monotonic_ns", lambda: now_ns)
-    broker, ran = Broker(), list[int]()
-    server = Server(listener, broker)
-    for _ in range(2):
-        ran.clear()
-        broker.timers.add(now_ns + SECOND, ran.append)
-        server._arm_timer()
-        now_ns += 3 * SECOND
-        server._tick()
-        assert ran == []
-        now_ns += SECOND
-        server._tick()
-        assert ran == [now_ns]
-    server.stop("a test")
-
-
 class Deaf:
     """Stands for a connection; says when it is flushed."""
 
@@ -125,12 +103,12 @@ async def test_who_asked_is_answered_after_the_others_were_told(listener: Listen
     flushed: list[Deaf] = []
     connections = [Deaf(flushed) for _ in range(20)]
     for asker in connections:
-        server._dirty.update(connections)  # type: ignore[arg-type]
-        server._flush(asker)  # type: ignore[arg-type]
+        server._effects.dirty.update(connections)  # type: ignore[arg-type]
+        server._effects.flush(asker)  # type: ignore[arg-type]
         assert len(flushed) == len(connections)
         assert flushed[-1] is asker
         flushed.clear()
-    server._flush(connections[0])  # type: ignore[arg-type]
+    server._effects.flush(connections[0])  # type: ignore[arg-type]
     assert flushed == []
     server.stop("a test")
 
@@ -156,7 +134,7 @@ async def test_it_gives_way_where_more_comes_than_can_be_taken(
     server = Server(listener, broker)
     connection = Deaf([])
 
-    server._handle(connection, [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
+    server.serving._handle(connection, [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
 
     assert len(yields) == is_swamped  # once for all that one read brought
     server.stop("a test")
@@ -187,14 +165,14 @@ async def test_one_that_is_back_waits_without_turns_for_what_is_held_of_it(
 ) -> None:
     """Its earlier connection is paused, and what that had is in the graph until busd reads its end."""
     server = Server(listener, Broker(uid=os.getuid()))
-    serve, turns = server._serve, 0
+    serve, turns = server.serving._serve, 0
 
     def counted() -> None:
         nonlocal turns
         turns += 1
         serve()
 
-    monkeypatch.setattr(server, "_serve", counted)
+    monkeypatch.setattr(server.serving, "_serve", counted)
     with RawPeer(listener.path) as old, RawPeer(listener.path) as new:
         await asyncio.to_thread(old.hello)
         await asyncio.to_thread(old.node, "back")
@@ -204,7 +182,7 @@ async def test_one_that_is_back_waits_without_turns_for_what_is_held_of_it(
         await asyncio.to_thread(new.hello)
         asked = asyncio.create_task(asyncio.to_thread(new.node, "back"))
         (other,) = server._connections - {connection}
-        await until(lambda: other in server._early)
+        await until(lambda: other in server.serving._early)
         before = turns
         for _ in range(100):
             await asyncio.sleep(0)
