@@ -122,6 +122,7 @@ class Server:
             self._connections,
             f"busd {'restarts' if self.is_restarting else 'stops'}: {reason}",
             longest_s=self.limits.drain_s,
+            on_poll=self.serving.check_early,  # their earlier connections end, but are not removed any more
             on_heard=self._say_farewell,
             on_end=partial(self._end, reason),
         )
@@ -178,7 +179,6 @@ class Server:
         pid = connection.credentials.pid
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self.is_ending:
-            self.serving.check_early()
             return  # what it has sent still goes to the others, as if it were there
         del self._peers[connection.id]
         self.serving.remove(connection)

@@ -24,8 +24,9 @@ _log = logging.getLogger("busd")
 class Drain:
     """Begins at once. `connections` are looked at until all are closed; then `on_end` is called, once.
 
-    `on_heard` is called, at least once, when all that peers have sent was read. `longest_s`: what peers have
-    not taken by then is left, and the log says how much. A peer has half of that time to heed Leaving.
+    `on_poll` is called each time that they are looked at again. `on_heard` is called, at least once, when all
+    that peers have sent was read. `longest_s`: what peers have not taken by then is left, and the log says
+    how much. A peer has half of that time to heed Leaving.
     """
 
     def __init__(
@@ -34,10 +35,12 @@ class Drain:
         text: str,
         *,
         longest_s: float,
+        on_poll: Callable[[], None],
         on_heard: Callable[[], None],
         on_end: Callable[[], None],
     ) -> None:
         self._connections = connections
+        self._on_poll = on_poll
         self._on_heard = on_heard
         self._on_end = on_end
         self._loop = asyncio.get_running_loop()
@@ -56,6 +59,10 @@ class Drain:
             self._timer.cancel()
         self._look()
 
+    def _look_again(self) -> None:
+        self._on_poll()
+        self._look()
+
     def _look(self) -> None:
         now_s = monotonic()
         self._passed_s += min(now_s - self._looked_s, _STEP_S)
@@ -71,7 +78,7 @@ class Drain:
                 if is_over or connection.stream.is_drained:
                     _close(connection)
         if self._open:
-            self._timer = self._loop.call_later(_LOOK_S, self._look)
+            self._timer = self._loop.call_later(_LOOK_S, self._look_again)
         else:
             self._on_end()
 
