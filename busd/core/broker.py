@@ -374,7 +374,7 @@ class Broker:
         return self._take_effects()
 
     def _take_effects(self) -> list[Effect]:
-        change = self.graph.take_change()
+        change = self.graph.changes.take()
         if change is not None:
             self.meter.left -= self._queries.tell(change, self._out)
         if self._withheld:
@@ -424,7 +424,7 @@ class Broker:
         """Take all that `peer` had out of the graph. Its requests are dropped."""
         for node in tuple(peer.nodes.values()):
             yield from self._registry.remove_node(node, self._out, is_lost=True)
-        yield from self.graph.forget_types(peer)
+        yield from self.graph.types.forget(peer)
         self._quotas.leave(peer)
         peer.doorbell = peer.readers = None  # a timer may still know the peer
 
