@@ -78,8 +78,7 @@ class World:
         """As kill does it: nobody is told anything."""
         for connection in tuple(self.server._connections):
             connection.close()
-        if self.server._timer is not None:
-            self.server._timer.cancel()
+        self.server._alarm.close()
         self.server._admission.close()
         self.listener.close()
 
@@ -137,8 +136,8 @@ class World:
         if is_silent:
             now_ns = monotonic_ns()
             self.broker._silences._begin(now_ns, self.broker._peers[connection.id], 0)
-            self.server._carry_out(self.broker.tick(now_ns))
-            self.server._flush()
+            self.server._effects.carry_out(self.broker.tick(now_ns))
+            self.server._effects.flush()
 
     async def unblock_all(self) -> None:
         for process in sorted(self.model.blocked):

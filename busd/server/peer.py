@@ -62,12 +62,8 @@ once where more waits for it than may, else after `_STALL_PART` of the lease."""
 _STALL_PART = 0.75
 
 
-class PeerHost(Protocol):
-    """What a connection needs of the server."""
-
-    limits: Limits
-    is_background: bool
-    began_ns: int
+class Scheduler(Protocol):
+    """When a connection is served, and what becomes of what was read."""
 
     def may_read(self, connection: "PeerConnection") -> bool: ...
 
@@ -78,6 +74,17 @@ class PeerHost(Protocol):
     def receive(self, connection: "PeerConnection", count: int) -> None: ...
 
     def resume(self, connection: "PeerConnection") -> None: ...
+
+
+class PeerHost(Protocol):
+    """What a connection needs of the server."""
+
+    limits: Limits
+    is_background: bool
+    began_ns: int
+
+    @property
+    def serving(self) -> Scheduler: ...
 
     def hear(self, connection: "PeerConnection") -> None: ...
 
@@ -142,11 +149,11 @@ class PeerConnection:
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
             Outbox(control),
             Handlers(
-                on_bytes=partial(host.receive, self),
+                on_bytes=partial(host.serving.receive, self),
                 on_lost=self._lost,
-                before_write=partial(host.before_write, self),
-                may_read=partial(host.may_read, self),
-                may_write=partial(host.may_write, self),
+                before_write=partial(host.serving.before_write, self),
+                may_read=partial(host.serving.may_read, self),
+                may_write=partial(host.serving.may_write, self),
             ),
             strangers,
         )
@@ -158,10 +165,6 @@ class PeerConnection:
         """Answer its Hello."""
         self.stream.outbox.put(greeting(self._host))
         self.stream.flush()
-
-    def send(self, message: Message) -> None:
-        """Queue a control message."""
-        self.put(encode_frame(message))
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control frame. Where many wait, the peer is not read until it has taken most of them."""
@@ -212,7 +215,7 @@ class PeerConnection:
             self._choke.cancel()
             self._choke, self.is_choked = None, False
             self.stream.release()
-            self._host.resume(self)
+            self._host.serving.resume(self)
 
     def pause(self, seconds: float) -> None:
         """Don't read the peer for so long from now."""
@@ -230,7 +233,7 @@ class PeerConnection:
             self._pause_end.cancel()
             self._pause_end = None
             self.stream.release()
-            self._host.resume(self)
+            self._host.serving.resume(self)
 
     def relieve(self) -> None:
         """Cut the peer off: it does not take what waits for it."""
@@ -247,7 +250,7 @@ class PeerConnection:
         hello = self.stream.session.peer
         if hello is not None and LEAVING in hello.capabilities:
             self.stream.linger()
-            self.send(Leaving(text=text))
+            self.put(encode_frame(Leaving(text=text)))
             self.stream.flush()
         else:
             self.stream.hear_out()

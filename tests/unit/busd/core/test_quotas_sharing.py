@@ -63,7 +63,7 @@ class TestOthersOfTheUser:
         other.tell(m.DeclareType(type_name="a", type_hash="b"))
         assert other.cut_reason is None
         assert node.id not in world.broker.graph.nodes
-        assert ("a", "b") in world.broker.graph.types
+        assert ("a", "b") in world.broker.graph.types.trusted
 
     def test_bytes_that_a_user_may_have_change_with_the_limits(self) -> None:
         world = world_of(history_bytes_per_peer=64_000)  # so little that no runs are gathered
