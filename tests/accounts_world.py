@@ -134,7 +134,7 @@ class World:
         connection.stream.is_blocked = True
         if is_silent:
             now_ns = monotonic_ns()
-            self.broker._silences._begin(now_ns, self.broker._peers[connection.id], 0)
+            self.broker.entrance._silences._begin(now_ns, self.broker._peers[connection.id], 0)
             self.server._effects.carry_out(self.broker.tick(now_ns))
             self.server._effects.flush()
 
