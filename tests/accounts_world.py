@@ -135,7 +135,7 @@ class World:
         connection.stream.writing = WriteState.BLOCKED
         if is_silent:
             now_ns = monotonic_ns()
-            self.broker._silences._begin(now_ns, self.broker._peers[connection.id], 0)
+            self.broker.entrance._silences._begin(now_ns, self.broker._peers[connection.id], 0)
             self.server._effects.carry_out(self.broker.tick(now_ns))
             self.server._effects.flush()
 

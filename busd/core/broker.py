@@ -1,5 +1,6 @@
 """The broker: one state machine for all peers.
 
+    peer = broker.entrance.attach(now_ns, hello, ...)  who may come, and when: `busd.core.entrance`
     effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
     way = broker.passage(now_ns, peer, endpoint)       may the shell pass on a run by itself? (`passed_on`)
@@ -16,31 +17,30 @@ broke the protocol); it is never an exception. An exception out of the broker is
 """
 
 import logging
-from collections.abc import Callable, Hashable
-from itertools import count
+from collections.abc import Callable
 from typing import Any
 
 from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.answers import RefusedForNow
-from bus.wire.layout import NAMESAKES, PLACES, SILENCE
-from bus.wire.runs import Account, Run
+from bus.wire.runs import Run
 from busd.core.absent import Absentees
-from busd.core.access import Access, Subject
+from busd.core.access import Access
 from busd.core.access_guard import AccessGuard
 from busd.core.drops import Drops
-from busd.core.effects import Disconnect, Effect, Note, Reload, Restart, Send, Stop
+from busd.core.effects import Disconnect, Effect, Note, Send
 from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.entrance import Entrance
 from busd.core.graph import Graph
 from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicRule
 from busd.core.matching import release
+from busd.core.operator import Operator
 from busd.core.overload import Overload
 from busd.core.places import Places
 from busd.core.queries import Queries
 from busd.core.quotas import Quotas
-from busd.core.rate_limit import TokenBucket
 from busd.core.registry import Registry
 from busd.core.router import Router
 from busd.core.routing_times import RoutingTimes
@@ -49,9 +49,6 @@ from busd.core.silence import Silences
 from busd.core.tasks import Task, Tasks
 from busd.core.timers import NEVER_NS, Timers
 from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
-
-_LONGEST_NAME = 64
-"""Characters kept of what a process calls itself, for the log and for GetPeers."""
 
 
 class Broker:
@@ -77,10 +74,7 @@ class Broker:
         self.routing_times = RoutingTimes()
         self.meter = Meter()
         self.is_overfull = False
-        self._uid = uid
-        self._clock_ns = clock_ns
         self._peers: dict[PeerId, Peer] = {}
-        self._peer_ids = count(1)
         self.timers = Timers()
         self._out: list[Effect] = []
         self._withheld: dict[PeerId, list[Effect]] = {}
@@ -101,13 +95,15 @@ class Broker:
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
-        self._silences = Silences(
-            self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut
-        )
+        silences = Silences(self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut)
         self.passed_on = self._router.passed_on
         lease_ns = int(self.limits.lease_s * 1e9)
-        self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
+        self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=silences)
         self._access_guard = AccessGuard(self.graph, access or Access(uid), tasks.begin)
+        self.entrance = Entrance(
+            self._peers, quotas, self._access_guard, self._leases, silences, clock_ns=clock_ns
+        )
+        operator = Operator(self._access_guard, uid)
         self._absentees = Absentees(self.timers, emit, self.meter)
         self._registry = Registry(
             self.graph,
@@ -146,8 +142,8 @@ class Broker:
             m.GetType: queries.get_type,
             m.GetPeers: queries.get_peers,
             m.Observe: queries.observe,
-            m.StopBroker: self._on_stop,
-            m.Reload: self._on_reload,
+            m.StopBroker: operator.stop,
+            m.Reload: operator.reload,
         }
 
     def reconfigure(
@@ -170,73 +166,6 @@ class Broker:
         if access.rules != self._access_guard.access.rules:  # that asks for each endpoint of each guest
             self._renew_access(access)
         return self._take_effects()
-
-    def attach(
-        self,
-        now_ns: int,
-        hello: m.Hello,
-        *,
-        pid: int,
-        uid: int,
-        gids: frozenset[int] | None = frozenset(),
-        process: Hashable = None,
-    ) -> PeerId:
-        """A connection said Hello; `pid`, `uid` and `gids` (None: can't be told) are the kernel's word.
-
-        `process` is equal for connections of one process, and for no others. None: `pid` tells them apart.
-        """
-        user = self._quotas.user(now_ns, uid)
-        peer = Peer(
-            id=PeerId(next(self._peer_ids)),
-            pid=pid,
-            process=process or pid,
-            uid=uid,
-            gids=gids,
-            is_guest=not self._access_guard.access.is_free(uid),
-            hears_of_namesakes=NAMESAKES in hello.capabilities,
-            hears_of_silence=SILENCE in hello.capabilities,
-            clock_ns=hello.clock_ns - self._clock_ns,
-            keeps_places=PLACES in hello.capabilities,
-            user=user,
-            program=_printable(hello.program),
-            version=_printable(hello.release),
-            last_heard_ns=now_ns,
-            lease_ns=self._leases.lease_ns,
-            queued=Account(0, user.queued),
-            history=Account(0, user.history),
-            control=Account(0, user.control),
-            declarations=TokenBucket(1, 1),
-            signals=TokenBucket(1, 1),
-            questions=TokenBucket(1, 1),
-        )
-        self._quotas.enter(peer)
-        self._peers[peer.id] = peer
-        self._silences.watch(now_ns, peer)
-        return peer.id
-
-    def why_turned_away(self, uid: int, gids: frozenset[int] | None) -> str:
-        """Why a process of that user may not connect; "" where it may."""
-        access, who = self._access_guard.access, Subject(uid, gids)
-        return "" if access.may_connect(who) else access.why_turned_away(who)
-
-    def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
-        """Why there is no room for one more process of a user ("": there is), and whether the log has said
-        so."""
-        return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
-
-    def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
-        """One more process of a user, which said Hello then; 0: it may come in, else how long it waits."""
-        return self._quotas.arrive(now_ns, uid, said_ns)
-
-    def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
-        """A connection of a user ended before it was let in; see `busd.core.quotas`."""
-        return self._quotas.come_to_nothing(now_ns, uid, for_want_of_room=for_want_of_room)
-
-    def accounts(self, peer_id: PeerId) -> tuple[Account, Account]:
-        """The accounts that the shell charges for a peer: control frames that wait, messages that are not
-        whole."""
-        peer = self._peers[peer_id]
-        return peer.control, peer.user.unfinished
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """The connection is gone: remove all that the peer had."""
@@ -473,24 +402,3 @@ class Broker:
             self._cut(now_ns, peer, fault)
         else:
             yield from self._queries.renew(peer, self._out)
-
-    def _on_stop(self, now_ns: int, peer: Peer, message: m.StopBroker, out: list[Effect]) -> None:
-        self._check_operator(peer, "restart" if message.restart else "stop")
-        reason = f"asked by {peer.describe()}"
-        if message.restart:
-            out.append(Restart(peer.id, message.request, reason))
-        else:
-            out += [Send(peer.id, m.Done(request=message.request)), Stop(reason)]
-
-    def _on_reload(self, now_ns: int, peer: Peer, message: m.Reload, out: list[Effect]) -> None:
-        self._check_operator(peer, "reload")
-        out.append(Reload(peer.id, message.request))
-
-    def _check_operator(self, peer: Peer, what: str) -> None:
-        if not self._access_guard.access.is_free(peer.uid):
-            raise ConfigurationError(f"user {peer.uid} may not {what} the busd of user {self._uid}")
-
-
-def _printable(name: str) -> str:
-    """What a process calls itself, made safe for other users' terminals."""
-    return "".join(c if c.isprintable() else "?" for c in name[:_LONGEST_NAME])

@@ -200,25 +200,27 @@ class Server:
         return greeting(self)
 
     def why_turned_away(self, who: Credentials) -> str:
-        return self._broker.why_turned_away(who.uid, who.groups)
+        return self._broker.entrance.why_turned_away(who.uid, who.groups)
 
     def arrive(self, who: Credentials, said_ns: int) -> int:
-        return self._broker.arrive(monotonic_ns(), who.uid, said_ns)
+        return self._broker.entrance.arrive(monotonic_ns(), who.uid, said_ns)
 
     def why_no_room(self, who: Credentials) -> tuple[str, bool]:
         of_user = sum(one.credentials.uid == who.uid for one in self._connections)
-        return self._broker.turn_away(
+        return self._broker.entrance.turn_away(
             monotonic_ns(), who.uid, connections=len(self._connections) + 1, of_user=of_user + 1
         )
 
     def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
-        return self._broker.come_to_nothing(monotonic_ns(), who.uid, for_want_of_room=for_want_of_room)
+        return self._broker.entrance.come_to_nothing(
+            monotonic_ns(), who.uid, for_want_of_room=for_want_of_room
+        )
 
     def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
-        peer = self._broker.attach(
+        peer = self._broker.entrance.attach(
             monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups, process=who.process
         )
-        accounts = self._broker.accounts(peer)
+        accounts = self._broker.entrance.accounts(peer)
         party = self.serving.party(who)
         connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party, *accounts)
         self._connections.add(connection)

@@ -214,6 +214,6 @@ def test_the_accounts_that_the_shell_charges_have_their_limits(is_later: bool) -
     process = world.process()
     if is_later:
         world.carry_out(world.broker.reconfigure(world.now_ns, limits, (), Access(UID)))
-    control, unfinished = world.broker.accounts(process.id)
+    control, unfinished = world.broker.entrance.accounts(process.id)
     assert control.parent is not None
     assert (control.limit, control.parent.limit, unfinished.limit) == (2**20, 2**21, 2**27)
