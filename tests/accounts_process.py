@@ -9,6 +9,7 @@ from bus.errors import RemoteProtocolError
 from bus.link.link import Link
 from bus.link.reach import Patience
 from bus.transport.stream import Stream
+from bus.transport.stream_state import ReadState
 from bus.wire import messages as m
 
 
@@ -55,7 +56,7 @@ class Process:
 
     def go_on_reading(self) -> None:
         unread, self._unread = self._unread, None
-        if unread is not None and not unread.is_closed:
+        if unread is not None and unread.reading is not ReadState.CLOSED:
             asyncio.get_running_loop().add_reader(unread.fileno(), unread._read)
 
     def _hear_little(self, items: Iterable[Any]) -> None:

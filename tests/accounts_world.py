@@ -21,6 +21,7 @@ from broker_world import whole_graph
 from bus.base.time_namespace import monotonic_offset_ns
 from bus.errors import ConnectionClosed
 from bus.qos import QoSProfile
+from bus.transport.stream_state import WriteState
 from bus.wire import messages as m
 from busd.core.broker import Broker
 from busd.core.limits import Limits
@@ -77,8 +78,7 @@ class World:
         """As kill does it: nobody is told anything."""
         for connection in tuple(self.server._connections):
             connection.close()
-        if self.server._timer is not None:
-            self.server._timer.cancel()
+        self.server._alarm.close()
         self.server._admission.close()
         self.listener.close()
 
@@ -132,19 +132,18 @@ class World:
         """It reads nothing more from its socket. Nobody waits for one that `is_silent` until it is heard."""
         self.model.blocked.add(process)
         connection = self.peer(process)
-        connection.stream.is_blocked = True
+        connection.stream.writing = WriteState.BLOCKED
         if is_silent:
             now_ns = monotonic_ns()
-            self.broker._silences._begin(now_ns, self.broker._peers[connection.id], 0)
-            self.server._carry_out(self.broker.tick(now_ns))
-            self.server._flush()
+            self.broker.entrance._silences._begin(now_ns, self.broker._peers[connection.id], 0)
+            self.server._effects.carry_out(self.broker.tick(now_ns))
+            self.server._effects.flush()
 
     async def unblock_all(self) -> None:
         for process in sorted(self.model.blocked):
             stream = self.peer(process).stream
-            stream.is_blocked = False
-            assert stream._before_write is not None
-            stream._before_write()
+            stream.writing = WriteState.OPEN
+            stream._handlers.before_write()
             stream.flush()
             self.model.unblock(process)
         await self.settle()
@@ -295,9 +294,11 @@ class World:
             if stream is None or not process.gate.is_set():
                 continue
             far = self.peer(number).stream
-            if gathered or stream.outbox or stream.is_blocked or not far.is_quiet:
+            if gathered or stream.outbox or stream.writing is not WriteState.OPEN or not far.is_quiet:
                 return False
-            if number not in self.model.blocked and (far.outbox or far.is_blocked or not stream.is_quiet):
+            if number not in self.model.blocked and (
+                far.outbox or far.writing is not WriteState.OPEN or not stream.is_quiet
+            ):
                 return False
         return True
 

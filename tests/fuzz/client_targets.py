@@ -23,6 +23,7 @@ from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.shm import segments
 from bus.subscription import Subscription
+from bus.transport.stream_state import WriteState
 from bus.types.support import type_support
 from bus.wire import messages as m
 from bus.wire.layout import (
@@ -59,7 +60,7 @@ class _Silent:
     full_name = "/node"
     _origin: m.Origin | None = None
     is_quiet = True
-    is_blocked = False
+    writing = WriteState.OPEN
 
     def __init__(self) -> None:
         self._id = 0

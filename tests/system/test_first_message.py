@@ -68,6 +68,7 @@ _UNUSED = {
     "urllib.parse",
     "yaml",
     "bus.graph",
+    "bus.link.autostart",
     "bus.types.idl",
     "bus.types.definitions",
     "bus.types.classes",
@@ -111,7 +112,7 @@ def _modules(program: str) -> set[str]:
 def test_a_talker_imports_only_what_it_uses() -> None:
     modules = _modules(_TALKER) - _modules(_LIBRARIES)
     assert not modules & (_UNUSED | _RECEIVING)
-    assert len({name for name in modules if name.partition(".")[0] == "bus"}) <= 96  # a tenth are folders
+    assert len({name for name in modules if name.partition(".")[0] == "bus"}) <= 98  # a tenth are folders
 
 
 @pytest.mark.usefixtures("daemon")

@@ -13,6 +13,7 @@ import pytest
 import bus
 import bus.link.connection
 import bus.link.link
+import bus.link.requests
 from bus.link.reach import Patience
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
@@ -82,7 +83,7 @@ class TestOpening:
     async def test_one_that_does_not_answer(
         self, broker: FakeBroker, greets: bool, socket_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)
         opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
         client = await broker.meet()
         if greets:
@@ -155,7 +156,7 @@ class TestWaiting:
     async def test_while_there_are_signs_of_life(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.5)
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
@@ -165,7 +166,7 @@ class TestWaiting:
         for at in range(0, len(answer) - 1, 4):  # a sign of life may be a part of the answer
             client.write(answer[at : min(at + 4, len(answer) - 1)])
             await asyncio.sleep(0.1)
-        assert len(answer) // 4 * 0.1 > 2 * bus.link.connection.ANSWER_S
+        assert len(answer) // 4 * 0.1 > 2 * bus.link.requests.ANSWER_S
         client.write(answer[-1:])
         assert (await asking).nodes == ()
         await node.close()
@@ -174,7 +175,7 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """What it said before does not count: the time runs from the question."""
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.2)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.2)
         node, client = await opened(broker)
         began_s = time.monotonic()
         with pytest.raises(TimeoutError, match=r"has said nothing for 0\.2 s"):
@@ -188,9 +189,9 @@ class TestWaiting:
     async def test_the_log_says_once_that_it_waits(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
     ) -> None:
-        for module in ("bus.link.reach", "bus.link.connection"):
+        for module in ("bus.link.reach", "bus.link.requests"):
             monkeypatch.setattr(f"{module}.TELL_S", 0.1)
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.4)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.4)
         node, client = await opened(broker)
         for _ in range(2):
             with pytest.raises(TimeoutError):
@@ -202,7 +203,7 @@ class TestWaiting:
     async def test_each_question_has_its_own_time(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.4)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.4)
         node, client = await opened(broker)
 
         async def wait() -> float:
@@ -225,7 +226,7 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """This process was held up, not the broker."""
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
@@ -414,7 +415,7 @@ class TestComingBack:
             creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
             await client.create(m.CreateSubscription, id)
             await creating
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.5)
         await client.close()
         client = await broker.accept()
         await client.create(m.CreateNode, 21)

@@ -21,6 +21,8 @@ from bus_bridge.core import continuity
 from bus_bridge.core.continuity import ContinuityEvent
 from bus_cli.main import COMMANDS, make_parser
 from busd.core.match import TRANSITIONS, MatchEvent
+from busd.server import life
+from busd.server.life import LifeEvent
 from feeding import frame_record
 from rows import for_each
 
@@ -214,6 +216,10 @@ class TestArchitecture:
     def test_the_states_of_a_way_over_a_bridge(self) -> None:
         drawn = rows_of(self.text, "next number", *[event.value for event in ContinuityEvent])
         assert drawn == as_rows(continuity.TRANSITIONS, ContinuityEvent)
+
+    def test_the_states_of_busd(self) -> None:
+        drawn = rows_of(self.text, "state", *[event.value for event in LifeEvent])
+        assert drawn == as_rows(life.TRANSITIONS, LifeEvent)
 
     def test_the_core_is_described(self) -> None:
         described = {row[0] for row in rows_of(section(self.text, "## The broker"), "module", "subject")}
