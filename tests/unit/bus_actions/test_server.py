@@ -56,6 +56,11 @@ async def send(client: ActionClient, target: int = 0) -> Any:
     return await client.send_goal(Count.Goal(target=target))
 
 
+async def turns(number: int = 10) -> None:
+    for _ in range(number):
+        await asyncio.sleep(0)
+
+
 async def test_a_goal_succeeds_and_its_status_is_published_once_in_a_turn() -> None:
     world = ActionWorld()
     async with world.server(Count, count) as server, world.client(Count) as client:
@@ -106,9 +111,11 @@ async def test_a_goal_that_is_canceled_in_the_turn_in_which_it_comes_ends() -> N
         client._request_cancel(bytes(16))  # of all goals
         world.release()
         goal = await sending
+        await turns()
+        assert (server.statistics().canceled, server.goals) == (1, [])
+        assert goal.is_done
         with pytest.raises(GoalCanceled):
             await goal.result()
-        assert (server.statistics().canceled, server.goals) == (1, [])
 
 
 async def test_a_goal_that_waits_for_its_turn_is_canceled_without_being_executed() -> None:
@@ -202,13 +209,14 @@ async def test_requests_that_come_while_it_opens_are_answered_when_it_is_open() 
         if service.service_name.endswith("send_goal"):
             await client.open()
             goals.append(asyncio.ensure_future(send(client, 2)))
-            for _ in range(5):
-                await asyncio.sleep(0)
+            await turns()
             assert not goals[0].done()
 
     world.in_opening = ask
     async with world.server(Count, count):
-        assert (await (await goals[0]).result()).reached == 2
+        await turns()
+        assert goals[0].done()
+        assert (await goals[0].result().result()).reached == 2
 
 
 async def test_closing_aborts_what_is_executed_and_what_waits() -> None:
