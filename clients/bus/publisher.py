@@ -14,7 +14,6 @@ import msgspec
 
 from bus import shm
 from bus.base.awaited import done_anyway
-from bus.base.counted import counted
 from bus.base.descriptor import Descriptor
 from bus.delivery.sender import Sender, find_loan_class
 from bus.delivery.shm_sender import ShmSender
@@ -465,6 +464,8 @@ class Publisher(Endpoint[M]):
                 await self.flush()
         lost = self._sender.drop_queued()
         if lost:
+            from bus.base.counted import counted  # few publishers lose anything
+
             self._logger.warning(
                 f"{counted(lost, 'message')} on '{self.topic_name}' could not be handed over"
             )

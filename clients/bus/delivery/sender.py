@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from bus import shm
 from bus.base.descriptor import Descriptor
-from bus.delivery.port import RETURN_S, Owner, Port, Timer
+from bus.delivery.allowance import QUEUE_BYTES
+from bus.delivery.port import Owner, Port
 from bus.delivery.shm_sender import ShmSender
-from bus.delivery.socket_sender import QUEUE_BYTES, Sample, SocketSender
+from bus.delivery.socket_sender import Sample, SocketSender, Use
 from bus.delivery.thread_queue import ThreadQueue
 from bus.diagnostics.bursts import BurstWatch
 from bus.errors import (
@@ -76,16 +77,13 @@ class Sender:
         self._from_threads = ThreadQueue(QUEUE_BYTES)
         self._socket = SocketSender(port, owner, self._from_threads)
         self._ring = ring
-        self._by_socket: set[int] = set()  # the matches of that route
         self._last_by_socket_ns = 0
-        self._is_returning = False  # matches by socket, which the next broker may make again
-        self._return: Timer | None = None
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
         self._lent: memoryview | None = None  # what is not yet filled, where there is no ring
         self.refused = 0
         """Loans that found no room at their end, because other threads have published meanwhile."""
-        self._socket.on_place_gone = self._place_gone
+        self._socket.recipients.on_fewer = self._fewer_by_socket
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _no_quick_way
@@ -119,7 +117,7 @@ class Sender:
     @property
     def goes_by_socket(self) -> bool:
         """Whether samples go to the broker, alone or beside the ring."""
-        return self._socket.is_active
+        return self._socket.use is not Use.NONE
 
     def count_expected(self, besides: Container[int]) -> int:
         """Matches by the ring whose reader has not named its slot yet, other than `besides`."""
@@ -164,7 +162,7 @@ class Sender:
             return None
         start = len(before)
         stop, whole = start + size, start + size + len(after)
-        if self._socket.is_active and not self._socket.can_take(whole):
+        if self._socket.use is not Use.NONE and not self._socket.can_take(whole):
             self._refuse(lacks_credit=True)
             return None
         ring = self._ring
@@ -268,8 +266,6 @@ class Sender:
         self._refusal = reason
         self._set_quick()
         self._socket.end()
-        if self._return is not None:
-            self._return.cancel()
         if self._ring is not None:
             self._ring.close()
             self._ring = None
@@ -287,30 +283,24 @@ class Sender:
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a broker will get."""
         # What waits goes there, even where no known match needs it any more.
-        if self._ring is None or self._socket.is_active or self._socket.queue.runs:
+        if self._ring is None or self._socket.use is not Use.NONE or self._socket.queue.runs:
             return self._socket.first_seq_to_send()
         return self._ring.writer.latest + 1
 
     @property
     def places(self) -> tuple[bytes, ...]:
         """The gids of the subscriptions by socket that were lost and have a place here."""
-        return self._socket.places
+        return self._socket.recipients.places
 
     def declared(self, answer: m.Created) -> None:
         self._depth = answer.depth
         self._socket.declared(answer)
         if self._ring is not None:
             self._ring.declared(answer)
-        if self._is_returning:
-            self._return = self._port.later(RETURN_S, self._returned)
         self.release_waiters()
 
     def disconnected(self) -> None:
         """The broker is gone. Subscriptions read the ring on; what goes by socket waits."""
-        if self._return is not None:
-            self._return.cancel()
-        self._is_returning |= bool(self._by_socket) or bool(self._socket.places)
-        self._by_socket.clear()
         self._socket.disconnected()
         if self._ring is not None:
             self._ring.disconnected()
@@ -327,11 +317,11 @@ class Sender:
 
     def credit(self, seq: int) -> None:
         """All that must acknowledge have taken everything up to `seq` that went by socket."""
-        self._socket.credit(seq)
+        self._socket.recipients.credit(seq)
         self.release_waiters()
 
     def matched(self, matched: m.Matched) -> None:
-        self._socket.matched(
+        self._socket.recipients.matched(
             matched.other,
             matched.gid,
             matched.qos,
@@ -346,7 +336,7 @@ class Sender:
             # What the broker has not got yet goes to the new match, too: else it would see a gap.
             is_ahead = matched.next_seq < self._socket.next_seq
             since_ns = min(matched.at_ns, self._last_by_socket_ns) if is_ahead else matched.at_ns
-            self._go_by_socket(matched.other, self._ring.writer.since(since_ns))
+            self._go_by_socket(self._ring.writer.since(since_ns))
 
     def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
         """Raises OSError or ValueError, saying what is wrong with what came."""
@@ -367,21 +357,19 @@ class Sender:
             missed = [one for one in ring.missed(qos, since_ns) if one[0] > rerouted.last_seq]
             ring.unmatched(gid, rerouted.other)
             self._socket.catch_up(rerouted.other, missed, since_ns=since_ns)
-            self._socket.matched(rerouted.other, gid, qos, by_socket=True)
-            self._go_by_socket(rerouted.other, [])
+            self._socket.recipients.matched(rerouted.other, gid, qos, by_socket=True)
+            self._go_by_socket([])
             self.release_waiters()
 
     def keep_place(self, other: int, keep_s: float) -> None:
         """A lossless subscription by socket was lost, and may be back within `keep_s`; 0: it will not be."""
-        self._socket.keep_place(other, keep_s)
+        self._socket.recipients.keep_place(other, keep_s)
 
     def unmatched(self, other: int, gid: bytes, *, is_lost: bool) -> None:
-        self._socket.unmatched(other)
+        was_by_socket = self._socket.recipients.unmatched(other)
         if self._ring is None:
             return
-        if other in self._by_socket:
-            self._by_socket.discard(other)
-        else:
+        if not was_by_socket:
             self._ring.unmatched(gid, other, is_lost=is_lost)
         self._choose_routes()
         self.release_waiters()
@@ -392,18 +380,13 @@ class Sender:
         """Let go by socket only what some subscription reads there, and the history, which the broker
         keeps."""
         ring, socket = self._ring, self._socket
-        is_read = ring is None or bool(self._by_socket) or self._is_returning or bool(socket.places)
-        is_needed = is_read or socket.keeps_history
-        socket.set_readers(are_there=is_read)
-        if socket.is_active and not is_needed:
-            socket.hand_over()
-        socket.is_active = is_needed
+        socket.set_use(is_read=ring is None or socket.recipients.are_there)
         if self._totals is not None or self._from_threads.late or self._has_deadline:
             self._set_quick()
         elif ring is None:
             if self._lent is None:
                 self._set_quick(socket.run.publish, socket.run.write)
-        elif is_needed or self._is_manual:
+        elif socket.use is not Use.NONE or self._is_manual:
             self._set_quick()
         else:
             # Subscriptions of this loop get a turn at every hundredth `send`, or their depth loses samples.
@@ -433,21 +416,16 @@ class Sender:
             self.sends.publish = self.publish
             self.sends.spares_turns = spares_turns
 
-    def _place_gone(self) -> None:
+    def _fewer_by_socket(self) -> None:
         """There may be room, and perhaps nobody needs the route socket any more."""
         if self._totals is None:
             self._choose_routes()
             self.release_waiters()
 
-    def _returned(self) -> None:
-        self._is_returning = False
-        self._choose_routes()
-
-    def _go_by_socket(self, other: int, missed: list[Sample]) -> None:
+    def _go_by_socket(self, missed: list[Sample]) -> None:
         """A match by socket: send it the samples it has not had, then all samples go by socket, too."""
         ring, socket = self._ring, self._socket
-        self._by_socket.add(other)
-        if ring is not None and not socket.is_active:
+        if ring is not None and socket.use is Use.NONE:
             missed = [sample for sample in missed if sample[0] >= socket.next_seq]
             socket.resume(missed[0][0] if missed else ring.writer.latest + 1)
             for _, stamp_ns, payload in missed:
@@ -457,12 +435,13 @@ class Sender:
     def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int, *, has_room: bool = False) -> bool:
         """`has_room`: it comes from the threads' queue, where its room by socket is reserved."""
         socket = self._socket
-        if socket.is_active and not has_room and not socket.can_take(sum(map(len, parts))):
+        goes_by_socket = socket.use is not Use.NONE
+        if goes_by_socket and not has_room and not socket.can_take(sum(map(len, parts))):
             return self._refuse(lacks_credit=True)
-        payload = joined(parts) if socket.is_active else b""  # first, because it may fail for want of memory
+        payload = joined(parts) if goes_by_socket else b""  # first, because it may fail for want of memory
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
             return self._refuse()
-        if socket.is_active:
+        if goes_by_socket:
             self._put_in_socket(payload, stamp_ns)
         self.last_ns = stamp_ns
         return True
@@ -481,11 +460,11 @@ class Sender:
         return is_taken
 
     def _put_lent_in_ring(self, ring: ShmSender) -> bool:
-        payload = bytes(ring.writer.lent()) if self._socket.is_active else b""
+        payload = bytes(ring.writer.lent()) if self.goes_by_socket else b""
         ring.publish_lent()
-        if self._has_deadline or self._socket.is_active:
+        if self._has_deadline or self.goes_by_socket:
             self.last_ns = self._port.now_ns()
-        if self._socket.is_active:
+        if self.goes_by_socket:
             self._put_in_socket(payload, self.last_ns)
         return True
 
@@ -501,7 +480,7 @@ class Sender:
 
     def _put_in_socket(self, payload: Buffer, stamp_ns: int) -> None:
         self._last_by_socket_ns = stamp_ns
-        if not self._socket.add(payload, stamp_ns):
+        if not self._socket.run.add(payload, stamp_ns):
             self._socket.put(payload, stamp_ns)
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
