@@ -112,7 +112,7 @@ class SocketSender:
             self.hand_over()
         self.use = use
         if self._window is None:  # else that has bounded the open run
-            self._set_most(self.queue.depth)
+            self.run.most = UNBOUNDED if use is Use.HISTORY else self.queue.depth or UNBOUNDED
 
     def put(self, payload: Buffer, stamp_ns: int) -> None:
         """Take a sample as the first of a new run."""
@@ -219,7 +219,8 @@ class SocketSender:
         """A broker knows the publisher now: send what waits."""
         self.max_bytes = answer.max_message_bytes
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
-        self._set_most(answer.depth)
+        # A run for the history alone is bounded by the turn of the loop, not by the depth.
+        self.run.most = UNBOUNDED if self.use is Use.HISTORY else answer.depth or UNBOUNDED
         self.run.begins_below = min(RUN_BYTES, self.max_bytes + 1)
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id
@@ -283,10 +284,6 @@ class SocketSender:
         self.next_seq = seq
         if self._window is not None:
             self._window.last_seq = seq - 1
-
-    def _set_most(self, depth: int) -> None:
-        """Bound the samples of a run: by the depth, unless the run is for the history alone."""
-        self.run.most = UNBOUNDED if self.use is Use.HISTORY else depth or UNBOUNDED
 
     def _queue_run(self, run: Run) -> None:
         recipients, is_too_much = self.recipients, 0 < self.queue.depth < self.queue.count + run.count

@@ -80,7 +80,7 @@ def test_samples_of_other_threads_take_room_by_number_and_by_bytes() -> None:
         assert not filled.has_room
         filled.threads.collect()
         assert not filled.has_room, "collected and not yet handed over"
-        filled.threads.forget_oldest()
+        filled.threads.hand_on(lambda payload, stamp_ns: True)
         assert filled.has_room
 
 
