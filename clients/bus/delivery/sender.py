@@ -41,6 +41,9 @@ Publish: TypeAlias = Callable[[Any], bool | int | bytes]
 Write: TypeAlias = Callable[[Any], bool | int]
 PublishPacked: TypeAlias = Callable[[Buffer, int], tuple[int, bool]]
 
+_UNUSED = Use.NONE
+"""At hand for each sample: to find it in its class takes longer."""
+
 _LOOK_S = 1.0
 """How often a waiting publisher looks whether the processes that it waits for still live."""
 
@@ -168,7 +171,7 @@ class Sender:
     @property
     def goes_by_socket(self) -> bool:
         """Whether samples go to the broker, alone or beside the ring."""
-        return self.socket.use is not Use.NONE
+        return self.socket.use is not _UNUSED
 
     def count_expected(self, besides: Container[int]) -> int:
         """Matches by the ring whose reader has not named its slot yet, other than `besides`."""
@@ -293,7 +296,7 @@ class Sender:
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a broker will get."""
         # What waits goes there, even where no known match needs it any more.
-        if self.ring is None or self.socket.use is not Use.NONE or self.socket.queue.runs:
+        if self.ring is None or self.socket.use is not _UNUSED or self.socket.queue.runs:
             return self.socket.first_seq_to_send()
         return self.ring.writer.latest + 1
 
@@ -398,7 +401,7 @@ class Sender:
                 self.quick.set()
             else:
                 self.quick.set(socket.run.publish, socket.run.write)
-        elif socket.use is not Use.NONE or qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
+        elif socket.use is not _UNUSED or qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self.quick.set()
         else:
             # Subscriptions of this loop get a turn at every hundredth `send`, or their depth loses samples.
@@ -419,7 +422,7 @@ class Sender:
     def _go_by_socket(self, missed: list[Sample]) -> None:
         """A match by socket: send it the samples it has not had, then all samples go by socket, too."""
         ring, socket = self.ring, self.socket
-        if ring is not None and socket.use is Use.NONE:
+        if ring is not None and socket.use is _UNUSED:
             missed = [sample for sample in missed if sample[0] >= socket.next_seq]
             socket.resume(missed[0][0] if missed else ring.writer.latest + 1)
             for _, stamp_ns, payload in missed:
@@ -429,7 +432,7 @@ class Sender:
     def put_now(self, parts: Sequence[Buffer | str], stamp_ns: int, *, has_room: bool = False) -> bool:
         """`has_room`: it comes from the threads' queue, where its room by socket is reserved."""
         socket = self.socket
-        goes_by_socket = socket.use is not Use.NONE
+        goes_by_socket = socket.use is not _UNUSED
         if goes_by_socket and not has_room and not socket.can_take(sum(map(len, parts))):
             return self._room.refuse(lacks_credit=True)
         payload = joined(parts) if goes_by_socket else b""  # first, because it may fail for want of memory
