@@ -14,7 +14,6 @@ import msgspec
 
 from bus import shm
 from bus.base.awaited import done_anyway
-from bus.base.counted import counted
 from bus.base.descriptor import Descriptor
 from bus.delivery.sender import Sender, find_loan_class
 from bus.delivery.shm_sender import ShmSender
@@ -108,6 +107,7 @@ class Publisher(Endpoint[M]):
             sends = shm.native.Sends(self._send, self._send_on, self.send)
             self.send = sends.send  # type: ignore[method-assign, assignment]
         self._sender = Sender(node.link, self, node.logger, ring, sends)
+        self._quick = self._sender.quick
         self._long_fields = support.bytes_fields
         self._bytes_fields = {name: support.cls.__struct_fields__.index(name) for name in self._long_fields}
         if ring is not None:  # by socket they would be copied once more, to join the rest
@@ -125,11 +125,11 @@ class Publisher(Endpoint[M]):
         PayloadTooLarge above the topic's limit, SharedMemoryError where the machine has no memory for it,
         LocalProtocolError while a loan is open, ConnectionClosed after `close`.
         """
-        status = self._sender.publish(message)
+        status = self._quick.publish(message)
         return True if status is True else self._publish_on(message, status)
 
     def _publish_on(self, message: M, status: int | bytes) -> bool:
-        """What `Sender.publish` has left to do, as its `status` says, which is not True."""
+        """What `QuickWays.publish` has left to do, as its `status` says, which is not True."""
         if isinstance(status, bytes):
             return self._put(status)
         if status and status == shm.native.REPORT_DUE:
@@ -178,7 +178,7 @@ class Publisher(Endpoint[M]):
         as many as can be without more ado, which may be none. `publish_encoded` takes the next one, or says
         why not.
         """
-        count, is_report_due = self._sender.publish_packed(data, start)
+        count, is_report_due = self._quick.publish_packed(data, start)
         if is_report_due:
             self._link.report(self)
         return count
@@ -198,7 +198,8 @@ class Publisher(Endpoint[M]):
             raise no_such_field(self.type, field)
         sender = self._sender
         loan_class = find_loan_class()
-        made = sender.lend_field(message, index, size, loan_class, sender.end_loan)
+        lending = sender.lending or sender.make_lending()
+        made = self._quick.lend_field(message, index, size, loan_class, lending.end)
         if isinstance(made, loan_class):
             return made
         if (size := to_index(size)) < 0:
@@ -419,7 +420,7 @@ class Publisher(Endpoint[M]):
 
     def _write(self, payload: Buffer) -> bool:
         """Publish an encoded sample."""
-        status = self._sender.write(payload)
+        status = self._quick.write(payload)
         if status is True:
             return True
         if status and status == shm.native.REPORT_DUE:
@@ -466,6 +467,8 @@ class Publisher(Endpoint[M]):
                 await self.flush()
         lost = self._sender.drop_queued()
         if lost:
+            from bus.base.counted import counted  # few publishers lose anything
+
             self._logger.warning(
                 f"{counted(lost, 'message')} on '{self.topic_name}' could not be handed over"
             )

@@ -248,7 +248,9 @@ class Subscription(Endpoint[M]):
         once the subscription is closed.
         """
         while (taken := self._receiver.take()) is None:
-            await self._wait()
+            if self._refusal is not None:
+                raise again(self._refusal)
+            await self._arrivals.wait()
         return taken[0], self._info(taken)
 
     def __aiter__(self) -> AsyncIterator[M]:
@@ -258,9 +260,11 @@ class Subscription(Endpoint[M]):
         if self._ahead:
             return self._ahead.popleft()[0]
         while (taken := self._receiver.take()) is None:
-            if type(self._refusal) is ConnectionClosed:
-                raise StopAsyncIteration
-            await self._wait()
+            if self._refusal is not None:
+                if type(self._refusal) is ConnectionClosed:
+                    raise StopAsyncIteration
+                raise again(self._refusal)
+            await self._arrivals.wait()
         return taken[0]
 
     async def wait_for_publishers(self, number: int = 1) -> None:
@@ -296,7 +300,7 @@ class Subscription(Endpoint[M]):
             self._dispatcher.dispatch()
         elif self._on_arrival is not None:
             self._on_arrival()
-        elif self._arrivals:
+        else:
             self._arrivals.release()
         if self.qos.deadline is not None:
             self._last_ns = monotonic_ns()
@@ -470,11 +474,6 @@ class Subscription(Endpoint[M]):
     def _counts(self) -> str:
         dropped = sum(self._counters.dropped.values())
         return f"publishers={len(self._matches)} delivered={self._receiver.delivered} dropped={dropped}"
-
-    async def _wait(self) -> None:
-        if self._refusal is not None:
-            raise again(self._refusal)
-        await self._arrivals.wait()
 
     def _info(self, taken: Taken[M]) -> MessageInfo:
         _, stamp_ns, seq, proxy, received_ns = taken

@@ -62,8 +62,8 @@ def test_steps_of_a_publisher_by_socket(route: str, loop: str) -> None:
 @pytest.mark.parametrize("message_lost", [False, True])
 def test_steps_of_a_subscriber_by_socket(route: str, loop: str, message_lost: bool) -> None:
     bytecodes, calls = steps("subscriber", loop, message_lost=message_lost)
-    assert 100 <= bytecodes <= 514
-    assert calls <= 16
+    assert 100 <= bytecodes <= 510
+    assert calls <= 15
 
 
 @by_socket

@@ -55,7 +55,7 @@ class Way:
         self.sender.disconnected()
 
     def match(self, qos: QoSProfile | None = None, gid: bytes = GID, other: int = OTHER) -> None:
-        self.sender.matched(other, gid, qos or self.owner.qos, by_socket=True)
+        self.sender.recipients.matched(other, gid, qos or self.owner.qos, by_socket=True)
         self.port.flush()
 
     def put(self, count: int = 1, size: int = 0) -> None:
@@ -64,7 +64,7 @@ class Way:
             self.number += 1
             payload = b"%d" % self.number + b"x" * size
             stamp_ns = self.port.now_ns()
-            if not self.sender.add(payload, stamp_ns):
+            if not self.sender.run.add(payload, stamp_ns):
                 self.sender.put(payload, stamp_ns)
 
     def put_apart(self, count: int) -> None:

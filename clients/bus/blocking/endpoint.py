@@ -96,7 +96,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         native = self._native
         sender = native._sender
         with self._guard:
-            is_taken = sender.publish(message)
+            is_taken = sender.quick.publish(message)
             if is_taken is not True:
                 is_taken = native._publish_on(message, is_taken)
             if sender.goes_by_socket:

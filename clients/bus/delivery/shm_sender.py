@@ -51,7 +51,6 @@ class ShmSender:
         self._shm_context = shm_context
         self._owner = owner
         self._is_lossless = qos.is_lossless
-        self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         keeps_all = qos.history is History.KEEP_ALL
         self._depth = 1 if keeps_all else qos.depth
         self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
@@ -374,7 +373,8 @@ class ShmSender:
     def _written(self, status: bool | int) -> None:
         if status is not True:  # for the first time since the counters were reported
             self._port.report(self._owner)
-        if self._is_manual:  # the broker does not see what goes by ring
+        # The broker does not see what goes by ring.
+        if self._owner.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
 
     def _drop_stale(self) -> None:

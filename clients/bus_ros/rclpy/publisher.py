@@ -43,7 +43,7 @@ class Publisher(Destroyable, Generic[M]):
         self._loop = engine.loop
         self._guard = engine.loop.guard
         self.native = native
-        sends = native._sender.sends
+        sends = native._quick.sends
         if sends is not None and type(self).publish is Publisher.publish:
             sends.share(self._loop, self._publish_on)
             # Guard and quick way in one native call: half the time of a message.
@@ -117,7 +117,7 @@ class Publisher(Destroyable, Generic[M]):
             if not is_taken:
                 with self._guard:
                     if status is None:
-                        status = native._sender.publish(msg)
+                        status = native._quick.publish(msg)
                     is_taken = status is True or native._publish_on(msg, status)
         except ConnectionClosed as error:
             raise self._why_closed(error) from None

@@ -115,7 +115,7 @@ class Scene:
         self.listener.is_held = state in (GateState.EXPECTED, GateState.UNSURE)
         self.subscription = self.listener.subscription(KEEP_ALL)
         self.world.settle()
-        ring = publisher._sender._ring
+        ring = publisher._sender.ring
         assert ring is not None
         self.ring = ring
         self.gate = ring._gates[self.subscription.gid]

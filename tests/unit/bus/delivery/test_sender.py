@@ -357,7 +357,7 @@ class TestKeepAll:
         pair.publish(10_000, PADDING)
         first = sending(pair.talker, pair.publisher)
         pair.world.settle()
-        ring = pair.publisher._sender._ring
+        ring = pair.publisher._sender.ring
         assert ring is not None
         ring.writer.woken()  # as the second does, when something is taken while it lies down
         pair.heard()
