@@ -193,13 +193,13 @@ class Story:
         readers = [
             (one, match)
             for one in self.subscriptions
-            for match in one._matches.items()
+            for match in one._core.matches.items()
             if match[1].route == "shm"
         ]
         if readers:
             subscription, (other, _) = pick(readers, at + which)
-            refusal = m.RefuseRoute(endpoint=subscription._id, other=other, text="a test")
-            self.subscriptions[subscription].send_about(subscription, refusal)
+            refusal = m.RefuseRoute(endpoint=subscription._core.id, other=other, text="a test")
+            self.subscriptions[subscription].send_about(subscription._core, refusal)
 
     def choke(self, at: int) -> None:
         client = pick(self.clients, at)
@@ -268,7 +268,7 @@ class Story:
         readers = [one for one in self.subscriptions if one.qos.is_lossless]
         if readers and self.publishers:
             subscription, gid = pick(readers, at), pick(self.publishers, which).gid
-            if gid in subscription._held_back:
+            if gid in subscription._core.acks.held_back:
                 subscription.release(gid)
             else:
                 subscription.hold_back(gid)
@@ -294,7 +294,7 @@ class Story:
             if client.connection is not None and client.connection.is_blocked:
                 client.connection.unblock()
         for subscription in self.subscriptions:
-            for gid in subscription._held_back:
+            for gid in subscription._core.acks.held_back:
                 subscription.release(gid)
         world.settle()
         world.connect_all()

@@ -30,7 +30,7 @@ def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
         message = message.message if isinstance(message, Carried) else message
         endpoint = link._declarations.concerned(message)
         if endpoint is not None:
-            costs.setdefault((type(message), endpoint._kind), []).append(steps.bytecodes)
+            costs.setdefault((type(message), endpoint.kind), []).append(steps.bytecodes)
 
     monkeypatch.setattr(Link, "_handle", counted)
     return costs
@@ -47,7 +47,7 @@ async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, m
             await node.create_subscription(Int32, "t") for _ in range(MANY if many == "subscriptions" else 1)
         ]
         hub = subscriptions[0] if many == "publishers" else publishers[0]
-        await until(lambda: hub._ready_matches() == MANY)
+        await until(lambda: hub._core.count_ready() == MANY)
         for endpoint in (publishers if many == "publishers" else subscriptions)[:-1]:
             await endpoint.close()
         await until(lambda: len(hub.matches) == 1)
@@ -55,7 +55,7 @@ async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, m
     if route == "shm" and many == "subscriptions":
         kinds.append(m.Attached)
     for kind in kinds:
-        bytecodes = costs[kind, hub._kind]
+        bytecodes = costs[kind, hub._core.kind]
         assert len(bytecodes) >= MANY - 1, kind
         first, last = sum(bytecodes[:FEW]), sum(bytecodes[-FEW:])
         assert last <= 1.25 * first, (

@@ -246,7 +246,7 @@ class TestCreating:
         request = await client.create(m.CreatePublisher, 12)
         assert request.node == 11
         publisher = await creating
-        assert publisher._id == 12
+        assert publisher._core.id == 12
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 12
         await node.close()
@@ -398,7 +398,7 @@ class TestComingBack:
         client = await broker.accept()
         await client.create(m.CreateNode, 31)
         await client.create(m.CreatePublisher, 32)
-        await until(lambda: "busd is back" in caplog.text and publisher._id == 32)
+        await until(lambda: "busd is back" in caplog.text and publisher._core.id == 32)
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 32
         await node.close()

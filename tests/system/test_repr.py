@@ -96,7 +96,7 @@ async def test_while_busd_is_away_and_in_the_child_of_a_fork(
     await node.open()
     endpoints = [await node.create_publisher(Int32, "a"), await node.create_subscription(Int32, "b")]
     daemon.stop()
-    await until(lambda: not any(one._id for one in endpoints))
+    await until(lambda: not any(one._core.id for one in endpoints))
     assert [repr(one).split()[:3] for one in endpoints] == [
         ["<Publisher", "not", "connected"],
         ["<Subscription", "not", "connected"],

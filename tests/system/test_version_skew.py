@@ -165,7 +165,7 @@ class TestThisLibrary:
             newer.send(m.Hello(version=PROTOCOL_VERSION + 1, program="busd"))
         right = await broker.accept()
         await right.create(m.CreateNode, 2)
-        await until(lambda: node._id == 2)
+        await until(lambda: node._declared.id == 2)
         await node.close()
         said = [record.getMessage() for record in caplog.records]
         assert len([line for line in said if OLDER_PROGRAM in line]) == 1
@@ -177,6 +177,6 @@ async def test_a_node_leaves_in_order_with_a_busd_that_ends(daemon: Daemon) -> N
     async with bus.Node("new", arguments=[], rosout=False) as node:
         await node.graph()
         daemon.process.terminate()
-        await until(lambda: not node._id)
+        await until(lambda: not node._declared.id)
     daemon.process.wait(WAIT_S)
     assert "does not read" not in daemon.log.read_text()

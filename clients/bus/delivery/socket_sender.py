@@ -95,7 +95,7 @@ class SocketSender:
             self.run.is_mine = port.owns_thread
         self.run.most = depth or UNBOUNDED
         self.add = self.run.add
-        support = owner._support
+        support = owner.support
         if not support.bytes_fields:  # a long one must not be encoded with the rest
             self.run.prepare(*support.steps)
         self.run.begin_by(self._begun, self.can_take if is_lossless else None)
@@ -200,11 +200,11 @@ class SocketSender:
             if is_last or size >= RUN_BYTES:
                 count = len(parts) // 2
                 flags = REPLAY if is_replay else 0
-                head = data_head(owner._id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
+                head = data_head(owner.id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
                 self._port.send_about(owner, head + b"".join(parts))
                 parts.clear()
                 size = 0
-        self._port.send_about(owner, m.CaughtUp(publisher=owner._id, subscription=subscription))
+        self._port.send_about(owner, m.CaughtUp(publisher=owner.id, subscription=subscription))
 
     def hand_over(self) -> None:
         """End the open run and send it, or queue it where the broker does not take it now."""
@@ -213,7 +213,7 @@ class SocketSender:
         if not samples:
             return
         owner, is_resumed = self._owner, self._is_resumed
-        frame = run.end(owner._id, first_seq, RESUMED if is_resumed else 0)
+        frame = run.end(owner.id, first_seq, RESUMED if is_resumed else 0)
         self.next_seq += samples
         self.samples += samples
         self.bytes += size - samples * RECORD_HEAD_BYTES
@@ -221,7 +221,7 @@ class SocketSender:
         if self._keeps_some:
             self._keep(Run(0, 0, first_seq, samples, memoryview(frame)[DATA_HEAD_BYTES:]))
         if (
-            not owner._id
+            not owner.id
             or self.queue.runs
             or self._awaited
             # Nothing waits: past the queues, most of what one message costs at a moderate rate.
@@ -317,7 +317,7 @@ class SocketSender:
         if last_seq is not None:
             if gid in self._places or self._is_matched(gid):
                 self._repeat(other, last_seq)
-            self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner._id, subscription=other))
+            self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner.id, subscription=other))
             self._level = min(self._level, last_seq)  # the broker's credit, too, goes on from there
         if by_socket:
             self._takers[other] = gid, is_lossless
@@ -415,7 +415,7 @@ class SocketSender:
             if run.first_seq + run.count - 1 > last_seq:
                 rest = run if run.first_seq > last_seq else run.after(last_seq)
                 head = data_head(
-                    self._owner._id, rest.first_seq, rest.count, len(rest.body), only_for=subscription
+                    self._owner.id, rest.first_seq, rest.count, len(rest.body), only_for=subscription
                 )
                 self._port.send_about(self._owner, head + rest.body)
 
@@ -431,7 +431,7 @@ class SocketSender:
         """All are back, or were away too long: go on."""
         self._stop_waiting()
         self._awaited.clear()
-        if self._owner._id and self.queue.runs:
+        if self._owner.id and self.queue.runs:
             self._port.make_ready(self.queue)
             self._port.flush()
             self._port.wrote()
@@ -452,7 +452,7 @@ class SocketSender:
         return self._window_samples - (taken - self._credited)
 
     def _queue_run(self, run: Run) -> None:
-        if self._awaited and self._owner._id and 0 < self.queue.depth < self.queue.count + run.count:
+        if self._awaited and self._owner.id and 0 < self.queue.depth < self.queue.count + run.count:
             self._go_on()  # a longer wait would cost more than it saves
         runs = self.queue.runs
         is_resumed = bool(runs) and runs[0].is_resumed
@@ -465,7 +465,7 @@ class SocketSender:
             self.replaced += replaced
             self.on_replaced(replaced)
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
-        if self._owner._id and not self._awaited:
+        if self._owner.id and not self._awaited:
             self._port.make_ready(self.queue)
             self._port.flush()
 

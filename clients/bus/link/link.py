@@ -69,7 +69,7 @@ class Link:
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
-        self._held: set[LinkNode] = set()
+        self._held: dict[LinkNode, object] = {}
         self.shm_context = ShmContext.make(self._deliver)
         self._is_receiving = False
         self._gathered: set[Counted] = set()
@@ -119,7 +119,7 @@ class Link:
         if self.shm_context is not None:
             self.shm_context.abandon()
         for endpoint in self._declarations:
-            endpoint._abandon(reason)
+            endpoint.abandon(reason)
 
     def namesake(self, node: LinkNode) -> LinkNode | None:
         """A node of the same name that this process has open by another link; busd reports one by this link.
@@ -162,9 +162,10 @@ class Link:
         """Make `node` known to the broker, now and after each reconnection."""
         await self._when_connected(partial(self._declarations.add_node, node=node))
 
-    def hold(self, node: LinkNode) -> None:
-        """Keep the collector from `node` until `forget_node`, as long as the event loop is not closed."""
-        self._held.add(node)
+    def hold(self, node: LinkNode, owner: object) -> None:
+        """Keep the collector from the `owner` of `node` until `forget_node`, as long as the event loop is not
+        closed."""
+        self._held[node] = owner
 
     async def declare(self, node: LinkNode, endpoint: LinkEndpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
@@ -180,23 +181,23 @@ class Link:
         self._gathered.discard(endpoint)
         self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
-        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint._id))
-        endpoint._id = 0  # its last messages must not be acknowledged any more
+        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
+        endpoint.id = 0  # its last messages must not be acknowledged any more
         if lease_s(endpoint) is not None:
             self._set_heartbeat()
 
     def forget_node(self, node: LinkNode) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
-        self._held.discard(node)
+        self._held.pop(node, None)
         self._declarations.remove_node(node)
-        self.send_about(node, m.DestroyNode(node=node._id))
-        node._id = 0
+        self.send_about(node, m.DestroyNode(node=node.id))
+        node.id = 0
 
     def send_about(
         self, what: Known, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
         """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
-        if what._id and message and self._connection is not None:
+        if what.id and message and self._connection is not None:
             self._connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:
@@ -311,7 +312,7 @@ class Link:
         """Send what was gathered, and what waits, as far as the socket takes it."""
         gathered, self._gathered = self._gathered, set()
         for publisher in gathered:
-            publisher._hand_over()
+            publisher.hand_over()
         if self._connection is not None:
             self._connection.flush()
 
@@ -371,7 +372,7 @@ class Link:
                         if subscription is not None:  # else it was closed a moment ago
                             item.received_ns = received_ns
                             touched.add(subscription)
-                            subscription._receive_run(item)
+                            subscription.receive_run(item)
                     else:
                         self._handle(item)
                 except RemoteProtocolError:
@@ -399,7 +400,7 @@ class Link:
             return False
         run.received_ns = received_ns
         try:
-            is_done = endpoint._receive_lone(run)
+            is_done = endpoint.receive_lone(run)
         except Exception as error:
             self._tell_loop(error)
             is_done = True
@@ -412,7 +413,7 @@ class Link:
         left = iter(endpoints)
         for endpoint in left:
             try:
-                endpoint._wake()
+                endpoint.wake()
             except Exception as error:
                 self._tell_loop(error)
             except BaseException:  # of this turn, perhaps of the loop: the others' is the next
@@ -441,7 +442,7 @@ class Link:
         elif isinstance(message, m.Namesake):
             self._declarations.warn_of_namesake(message)
         elif (endpoint := self._declarations.concerned(message)) is not None:
-            endpoint._handle(message, descriptors)
+            endpoint.handle(message, descriptors)
 
     # --- connecting
 

@@ -5,7 +5,7 @@ Owns what waits, and what became of each message. Must not know nodes, taps or t
 
 from collections.abc import Callable, Sequence
 
-from bus.endpoint import summed
+from bus.endpoint.core import summed
 from bus.qos import History, QoSProfile
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.waiting import RateLimit, Waiting

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from time import monotonic_ns
 from typing import Any
 
-from bus.endpoint import summed
+from bus.endpoint.core import summed
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.publisher import Publisher
 from bus.qos import Durability, History

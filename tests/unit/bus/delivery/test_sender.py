@@ -51,8 +51,9 @@ class Pair:
 
     def refuse(self) -> None:
         """The subscription's process can't read the ring; it is told that it may leave it."""
-        refusal = m.RefuseRoute(endpoint=self.subscription._id, other=self.publisher._id, text="a test")
-        self.listener.send_about(self.subscription, refusal)
+        core = self.subscription._core
+        refusal = m.RefuseRoute(endpoint=core.id, other=self.publisher._core.id, text="a test")
+        self.listener.send_about(core, refusal)
 
     def route(self) -> str:
         (match,) = self.publisher.matches
@@ -592,7 +593,7 @@ class TestEnd:
         port = pair.talker
         assert port.connection is not None
         before = len(port.calls), len(port.connection.sent_up), port.clock.now_ns
-        pair.publisher._abandon(ForkError("forked"))
+        pair.publisher._core.abandon(ForkError("forked"))
         with pytest.raises(ForkError):
             pair.publisher._put(b"x")
         assert (len(port.calls), len(port.connection.sent_up), port.clock.now_ns) == before
