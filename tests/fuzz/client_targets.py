@@ -105,12 +105,12 @@ class _Client:
         self.session = Session(Role.CLIENT)
         self.connection = Connection(
             self.link.shm_context,
-            on_received=self.link._received,
+            on_received=self.link._incoming.received,
             on_lost=lambda reason: None,
             on_wrote=lambda: None,
         )
         self.connection._stream = _Silent()  # type: ignore[assignment]
-        self.link._connection = self.connection
+        self.link.connection = self.connection
         self.link._users = 1
         self.rings: list[HostileRing] = []
         self.asked: list[asyncio.Task[Any]] = []
@@ -273,7 +273,7 @@ class _Client:
             return
         try:
             for item in feed(self.session, raw):
-                self.link._received([item])
+                self.link._incoming.received([item])
         except RemoteProtocolError:
             self.is_cut = True
 

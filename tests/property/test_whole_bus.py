@@ -268,7 +268,7 @@ class Story:
         readers = [one for one in self.subscriptions if one.qos.is_lossless]
         if readers and self.publishers:
             subscription, gid = pick(readers, at), pick(self.publishers, which).gid
-            if gid in subscription._core.acks.held_back:
+            if gid in subscription._core.held_back:
                 subscription.release(gid)
             else:
                 subscription.hold_back(gid)
@@ -294,7 +294,7 @@ class Story:
             if client.connection is not None and client.connection.is_blocked:
                 client.connection.unblock()
         for subscription in self.subscriptions:
-            for gid in subscription._core.acks.held_back:
+            for gid in subscription._core.held_back:
                 subscription.release(gid)
         world.settle()
         world.connect_all()

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.connecting
 import bus.link.graph_watch
-import bus.link.link
 from bus.link import declarations
 from bus.link.connection import Connection
 from bus.link.declarations import Declarations
@@ -33,7 +33,7 @@ SILENT_S = 1e6
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker

@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 import pytest
 
 import bus
-from bus.link.link import Link
+from bus.link.incoming import Incoming
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
 from bus.wire.session import Carried
@@ -22,17 +22,17 @@ Costs: TypeAlias = dict[tuple[type, str], list[int]]
 def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
     """Bytecodes that each message from busd made this process run, by what it is and what it is for."""
     costs: Costs = {}
-    handle = Link._handle
+    handle = Incoming._handle
 
-    def counted(link: Link, message: Any) -> None:
+    def counted(incoming: Incoming, message: Any) -> None:
         with StepCounter() as steps:
-            handle(link, message)
+            handle(incoming, message)
         message = message.message if isinstance(message, Carried) else message
-        endpoint = link._declarations.concerned(message)
+        endpoint = incoming._declarations.concerned(message)
         if endpoint is not None:
             costs.setdefault((type(message), endpoint.kind), []).append(steps.bytecodes)
 
-    monkeypatch.setattr(Link, "_handle", counted)
+    monkeypatch.setattr(Incoming, "_handle", counted)
     return costs
 
 

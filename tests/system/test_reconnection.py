@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.connecting
 import bus.link.connection
-import bus.link.link
 from bus.link.reach import Patience
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
@@ -25,7 +25,7 @@ from semantics import until
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
@@ -45,7 +45,7 @@ class TestOpening:
     async def test_something_else_listens(
         self, broker: FakeBroker, answer: bytes, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.1))
+        monkeypatch.setattr(bus.link.connecting, "Patience", lambda: Patience(0.1))
 
         async def answer_all() -> None:
             while True:
@@ -135,7 +135,7 @@ class TestOpening:
     async def test_one_that_never_has_a_place(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.05))
+        monkeypatch.setattr(bus.link.connecting, "Patience", lambda: Patience(0.05))
 
         async def turn_all_away() -> None:
             while True:
@@ -408,7 +408,7 @@ class TestComingBack:
     ) -> None:
         """All are asked for at once; the log says how far it is; it takes longer than one answer may."""
         caplog.set_level(logging.INFO, "bus")
-        monkeypatch.setattr(bus.link.link, "_TELL_S", 0.1)
+        monkeypatch.setattr(bus.link.connecting, "_REPORT_S", 0.1)
         node, client = await opened(broker)
         for id in range(2, 12):
             creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))

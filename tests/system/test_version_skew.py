@@ -15,7 +15,7 @@ import msgspec
 import pytest
 
 import bus
-import bus.link.link
+import bus.link.connecting
 from bus.base.version import RELEASE
 from bus.wire import messages as m
 from bus.wire.layout import CONTROL, FRAME_HEAD_BYTES, LEAVING, PROTOCOL_VERSION
@@ -116,7 +116,7 @@ class TestThisBusd:
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
 

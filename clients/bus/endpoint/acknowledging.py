@@ -21,13 +21,13 @@ class _Subscription(Owner, Protocol):
     link: Link
     matches: Matches
     receiver: Receiver[Any]
+    held_back: frozenset[bytes]
 
 
 class Acknowledging:
-    """Acknowledges for `core`. Publishers in `held_back` get no acknowledgement, and so no more room."""
+    """Acknowledges for `core`. Publishers that it holds back get no acknowledgement, and so no more room."""
 
     def __init__(self, core: _Subscription) -> None:
-        self.held_back: frozenset[bytes] = frozenset()
         self._core = core
         self._bytes = self._samples = 1
         """So much is acknowledged at once."""
@@ -41,19 +41,18 @@ class Acknowledging:
     def on_taken(self, proxy: PublisherProxy) -> None:
         """Samples of a lossless publisher were taken: acknowledge many now, few a little later."""
         samples = proxy.taken_seq - proxy.acked_seq
-        if proxy.shown_gid in self.held_back:
+        if proxy.shown_gid in self._core.held_back:
             return
         if proxy.unacked_bytes >= self._bytes or samples >= self._samples:
             self._send(proxy)
         elif self._timer is None:
             self._timer = self._core.link.later(_DELAY_S, self._send_all)
 
-    def hold_back(self, publisher_gid: bytes) -> None:
-        """Acknowledge nothing of a publisher until `release`."""
-        self.held_back |= {publisher_gid}
-
-    def release(self, publisher_gid: bytes) -> None:
-        self.held_back -= {publisher_gid}
+    def catch_up(self, publisher_gid: bytes) -> None:
+        """A publisher is no longer held back: acknowledge what was taken meanwhile."""
+        for proxy in self._core.receiver.tracker.values():
+            if proxy.shown_gid == publisher_gid and proxy.taken_seq > proxy.acked_seq:
+                self.on_taken(proxy)
 
     def end(self) -> None:
         if self._timer is not None:
@@ -62,7 +61,7 @@ class Acknowledging:
     def _send_all(self) -> None:
         self._timer = None
         for proxy in self._core.receiver.tracker.values():
-            if proxy.taken_seq > proxy.acked_seq and proxy.shown_gid not in self.held_back:
+            if proxy.taken_seq > proxy.acked_seq and proxy.shown_gid not in self._core.held_back:
                 self._send(proxy)
 
     def _send(self, proxy: PublisherProxy) -> None:

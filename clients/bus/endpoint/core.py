@@ -66,6 +66,8 @@ class EndpointCore(Generic[M]):
     kind = ""
     consequence = ""
     """What an incompatible type means for the messages, in a warning."""
+    lease_s: float | None = None
+    """Within what time the broker wants a sign of life, or None if it wants none."""
 
     def __init__(
         self,
@@ -81,7 +83,7 @@ class EndpointCore(Generic[M]):
         self.topic_name = topic
         self.support = support
         self.qos = qos
-        self.gid = gid or new_gid()
+        self.gid = gid or _process_prefix + next(_gid_numbers).to_bytes(4, "big")
         self.node_name = node.name
         self.link = node.link
         self.logger = node.logger

@@ -14,7 +14,7 @@ from bus.endpoint.core import EndpointCore, NodeContext, new_gid
 from bus.endpoint.matches import Match
 from bus.errors import BusError, ConnectionClosed
 from bus.events import LivelinessLost, PublisherEvents
-from bus.qos import History, QoSProfile, check_offer
+from bus.qos import History, Liveliness, QoSProfile, check_offer
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.layout import BRIDGE, MAX_MESSAGE_BYTES
@@ -74,6 +74,8 @@ class PublisherCore(EndpointCore[M]):
         check_offer(qos)
         super().__init__(node, topic, support, qos, events, gid)
         self.max_bytes = MAX_MESSAGE_BYTES
+        if qos.liveliness is Liveliness.AUTOMATIC:
+            self.lease_s = qos.liveliness_lease_duration
         self.refused = 0
         """Calls that found no room, besides those that the sender counts."""
         self._own_gid = self.gid if gid is None else new_gid()

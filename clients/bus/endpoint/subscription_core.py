@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpa
 
 import msgspec
 
+from bus.base.callbacks import ignore
 from bus.base.descriptor import Descriptor
 from bus.delivery.counters import DropCounters, SubscriptionStatistics
 from bus.delivery.dispatcher import Dispatcher
@@ -72,6 +73,7 @@ class SubscriptionCore(EndpointCore[M]):
     """`decode` makes a message of its bytes, `callback` gets each; see `Node.create_subscription`."""
 
     kind = "subscription"
+    shared = ()
     consequence = "no messages will be received from it"
 
     def __init__(  # noqa: PLR0913
@@ -90,17 +92,19 @@ class SubscriptionCore(EndpointCore[M]):
     ) -> None:
         super().__init__(node, topic, support, qos, events, bridging.get("gid"))
         link = node.link
-        self.acks = Acknowledging(self)
+        self.acks = Acknowledging(self) if qos.is_lossless else None
+        self.held_back: frozenset[bytes] = frozenset()
+        """Publishers that get no more room."""
         self._local_only = bridging.get("local_only", False)
         self._role: Role = bridging.get("role", "")
         keeps_all = qos.history is History.KEEP_ALL
         self.receiver: Receiver[M] = Receiver(
             decode or support.decode,
             0 if keeps_all else qos.depth,
-            is_lossless=qos.is_lossless,
+            is_lossless=self.acks is not None,
             on_drop=lambda reason, count: self._report_lost(),
             on_reject=self._reject,
-            on_taken=self.acks.on_taken,
+            on_taken=ignore if self.acks is None else self.acks.on_taken,
         )
         self.counters = DropCounters(self.receiver)
         self._lost_reported = 0
@@ -142,19 +146,18 @@ class SubscriptionCore(EndpointCore[M]):
 
     def hold_back(self, publisher_gid: bytes) -> None:
         """As `Subscription.hold_back`."""
-        self.acks.hold_back(publisher_gid)
+        self.held_back |= {publisher_gid}
         if self.rings is not None:
             self.rings.hold(publisher_gid, is_on=True)
 
     def release(self, publisher_gid: bytes) -> None:
         """As `Subscription.release`."""
-        if publisher_gid not in self.acks.held_back or self.refusal is not None:
+        if publisher_gid not in self.held_back or self.refusal is not None:
             return
-        self.acks.release(publisher_gid)
-        if self.rings is None or not self.rings.hold(publisher_gid, is_on=False):
-            for proxy in self.receiver.tracker.values():
-                if proxy.shown_gid == publisher_gid and proxy.taken_seq > proxy.acked_seq:
-                    self.acks.on_taken(proxy)
+        self.held_back -= {publisher_gid}
+        has_acknowledged = self.rings is not None and self.rings.hold(publisher_gid, is_on=False)
+        if self.acks is not None and not has_acknowledged:
+            self.acks.catch_up(publisher_gid)
         self.link.soon(self.wake)
 
     async def receive(self) -> tuple[M, MessageInfo]:
@@ -227,7 +230,8 @@ class SubscriptionCore(EndpointCore[M]):
     def declared(self, answer: m.Created) -> None:
         super().declared(answer)
         self.receiver.set_depth(answer.depth)
-        self.acks.set_window(answer)
+        if self.acks is not None:
+            self.acks.set_window(answer)
         if self.matches.total:  # a new broker has its counters yet to learn
             self.link.report(self)
         if self.qos.deadline is not None and self._role != "mirror":
@@ -265,7 +269,7 @@ class SubscriptionCore(EndpointCore[M]):
                 super().handle(message)
                 if rings is not None and message.route == "shm":
                     rings.attach(proxy, message, descriptors, received_seq)
-                    if proxy.shown_gid in self.acks.held_back:
+                    if proxy.shown_gid in self.held_back:
                         rings.hold(proxy.shown_gid, is_on=True)
                 self._report_liveliness(1, 0)
             case m.Unmatched(other=other, last_seq=last_seq, lost=is_lost):
@@ -327,7 +331,8 @@ class SubscriptionCore(EndpointCore[M]):
     def end(self, reason: Any) -> None:
         super().end(reason)
         self._arrivals.release()
-        self.acks.end()
+        if self.acks is not None:
+            self.acks.end()
         if self.dispatcher is not None:
             self.dispatcher.end()
         if self.rings is not None:

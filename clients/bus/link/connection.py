@@ -24,8 +24,7 @@ from bus.errors import (
     ConnectionClosed,
     RemoteProtocolError,
 )
-from bus.link.autostart import open_socket
-from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet
+from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet, open_socket
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop

@@ -24,7 +24,7 @@ from bus.errors import (
 from bus.link.connection import Connection
 from bus.logger import get_logger
 from bus.names import join_node_name
-from bus.qos import Liveliness, QoSProfile
+from bus.qos import QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import RefusedForNow
@@ -96,6 +96,8 @@ class LinkEndpoint(Declared, Counted, Protocol):
     topic_name: str
     qos: QoSProfile
     support: TypeSupport[Any]
+    lease_s: float | None
+    """Within what time the broker wants a sign of life of it, or None if it wants none."""
 
     def disconnected(self) -> None: ...
 
@@ -115,13 +117,6 @@ class LinkEndpoint(Declared, Counted, Protocol):
     def abandon(self, reason: BusError) -> None: ...
 
 
-def lease_s(endpoint: LinkEndpoint) -> float | None:
-    """Within what time the broker wants a sign of life of `endpoint`, or None if it wants none."""
-    if endpoint.kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
-        return endpoint.qos.liveliness_lease_duration
-    return None
-
-
 class _Admission(msgspec.Struct):
     """When the answer to the declaration of `what` comes: `act`, or `undo` if no call waits for it any
     more."""
@@ -136,13 +131,13 @@ def gone() -> None:
 
 
 class Declarations:
-    """`by_id` are the endpoints that the broker knows at the moment.
+    """`by_id` are the endpoints that the broker knows at the moment. `on_lease`: one with a lease was added.
 
     References to nodes and endpoints are weak: the event loop holds the link, and the collector must find a
     node that a program has dropped without closing it. A node and its endpoints hold each other.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, on_lease: Callable[[], object]) -> None:
         self.by_id: dict[int, ref[LinkEndpoint]] = {}
         self._nodes: WeakKeyDictionary[LinkNode, WeakKeyDictionary[LinkEndpoint, None]] = WeakKeyDictionary()
         self._admissions: dict[int, _Admission] = {}
@@ -150,6 +145,9 @@ class Declarations:
         self._namesakes: set[str] = set()
         """Names of nodes that the log has said others have too."""
         self._retry: asyncio.Task[None] | None = None
+        self._on_lease = on_lease
+        self._held: dict[LinkNode, object] = {}
+        """Owners of nodes that the collector must not take, whoever refers to them."""
 
     def __iter__(self) -> Iterator[LinkEndpoint]:
         """Every endpoint, in the order in which they were made."""
@@ -159,6 +157,10 @@ class Declarations:
     def nodes(self) -> list[LinkNode]:
         """Every node, in the order in which they were made; for other threads too."""
         return [node for known in self._nodes.keyrefs() if (node := known()) is not None]
+
+    def hold(self, node: LinkNode, owner: object) -> None:
+        """Keep the collector from the `owner` of `node` until `remove_node`."""
+        self._held[node] = owner
 
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
         """Make `node` known to the broker. Raises what the broker refuses it with."""
@@ -194,6 +196,8 @@ class Declarations:
             endpoint.declared(answer)
             self._nodes[node][endpoint] = None
             self.by_id[answer.id] = ref(endpoint)
+            if endpoint.lease_s is not None:
+                self._on_lease()
 
         def undo(answer: m.Created) -> None:
             if node in self._nodes:  # else the broker took the endpoint away with its node
@@ -267,6 +271,7 @@ class Declarations:
         self._revoke(endpoint)
 
     def remove_node(self, node: LinkNode) -> None:
+        self._held.pop(node, None)
         self._revoke(node)
         self._waiting.pop(node, None)
         self._nodes.pop(node, None)
@@ -283,7 +288,7 @@ class Declarations:
 
     def shortest_lease_s(self) -> float | None:
         """The shortest lease of all publishers."""
-        return min((lease for lease in map(lease_s, self) if lease is not None), default=None)
+        return min((one.lease_s for one in self if one.lease_s is not None), default=None)
 
     def _check(self, node: LinkNode) -> None:
         if node not in self._nodes:
