@@ -291,7 +291,7 @@ class World:
         if self.broker.timers.earliest_ns <= monotonic_ns():
             return False
         for number, process in self.processes.items():
-            stream, gathered = process.stream, process.link._gathered
+            stream, gathered = process.stream, process.link.gathered
             if stream is None or not process.gate.is_set():
                 continue
             far = self.peer(number).stream

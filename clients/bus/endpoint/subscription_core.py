@@ -18,6 +18,7 @@ from bus.endpoint.acknowledging import Acknowledging
 from bus.endpoint.core import EndpointCore, NodeContext
 from bus.errors import BusError, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
+from bus.process.waiters import Waiters
 from bus.qos import Durability, History, QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
@@ -111,7 +112,7 @@ class SubscriptionCore(EndpointCore[M]):
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
         self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them
-        self._arrivals = link.waiters()
+        self._arrivals: Waiters | None = None  # since a task waited for the first time
         self.on_arrival: Callable[[], object] | None = None
         self.on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
@@ -170,6 +171,8 @@ class SubscriptionCore(EndpointCore[M]):
         """Wait until messages have come. Raises why the subscription can't be used any more."""
         if self.refusal is not None:
             raise again(self.refusal)
+        if self._arrivals is None:
+            self._arrivals = self.link.waiters()
         await self._arrivals.wait()
 
     def info(self, taken: Taken[M]) -> MessageInfo:
@@ -330,7 +333,8 @@ class SubscriptionCore(EndpointCore[M]):
 
     def end(self, reason: Any) -> None:
         super().end(reason)
-        self._arrivals.release()
+        if self._arrivals:
+            self._arrivals.release()
         if self.acks is not None:
             self.acks.end()
         if self.dispatcher is not None:

@@ -7,7 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, again
 from bus.link.connection import Connection
-from bus.link.declarations import Declarations
+from bus.link.declarations import Counted, Declarations
 from bus.link.reach import NotNow, Patience
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
@@ -32,6 +32,7 @@ class _Link(Protocol):
     loop: asyncio.AbstractEventLoop
     connection: Connection | None
     failure: BusError | None
+    gathered: set[Counted]
     shm_context: ShmContext | None
 
     def connected(self, connection: Connection) -> None: ...
@@ -140,7 +141,8 @@ class Connecting:
                 raise again(self._link.failure)
             if (connection := self._link.connection) is None:
                 raise ConnectionClosed("the connection to busd is closed")
-            self._link.hand_over()  # what was published before must not seem to come after
+            if self._link.gathered or connection.outbox:
+                self._link.hand_over()  # what was published before must not seem to come after
             try:
                 return await action(connection)
             except ConnectionClosed:

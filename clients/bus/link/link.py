@@ -57,7 +57,8 @@ class Link:
         self.connection: Connection | None = None
         """None while the broker is away."""
         self._declarations = Declarations(self._set_heartbeat)
-        self._gathered: set[Counted] = set()
+        self.gathered: set[Counted] = set()
+        """Publishers that have begun a run in this turn of the loop."""
         self._reports = Reports(self.loop, self._report)
         self._incoming = Incoming(self, self._declarations, self._reports)
         self._connecting = Connecting(self, self._declarations, self._incoming.received)
@@ -179,7 +180,7 @@ class Link:
 
     def forget(self, endpoint: LinkEndpoint) -> None:
         """Take an endpoint out of the graph."""
-        self._gathered.discard(endpoint)
+        self.gathered.discard(endpoint)
         self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
@@ -234,9 +235,9 @@ class Link:
 
     def gather(self, publisher: Counted) -> None:
         """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
-        if not self._gathered:
+        if not self.gathered:
             self.soon(self.hand_over)
-        self._gathered.add(publisher)
+        self.gathered.add(publisher)
 
     def send_now(self, frame: Buffer) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
@@ -276,10 +277,10 @@ class Link:
 
     def hand_over(self) -> None:
         """Send what was gathered, and what waits, as far as the socket takes it."""
-        gathered, self._gathered = self._gathered, set()
+        gathered, self.gathered = self.gathered, set()
         for publisher in gathered:
             publisher.hand_over()
-        if self.connection is not None and self.connection.outbox:
+        if self.connection is not None:
             self.connection.flush()
 
     def wrote(self) -> None:

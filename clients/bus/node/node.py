@@ -378,7 +378,9 @@ class Node(ParameterHost, GraphHost):
             support: TypeSupport[Any] = support_of(message_type, raw=raw)
         else:
             support = type_support(message_type)
-        callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
+        on_slow: Callable[[int], object] | None = None
+        if callback is not None:
+            callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
         subscription: Subscription[Any] = Subscription(
             node,
             name,
