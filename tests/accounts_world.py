@@ -84,7 +84,7 @@ class World:
 
     def peer(self, process: int) -> PeerConnection:
         """The connection of that process, as the server has it."""
-        node = self.broker.graph.nodes[self.processes[process].node._id]  # type: ignore[index]
+        node = self.broker.graph.nodes[self.processes[process].node._declared.id]  # type: ignore[index]
         return self.server._peers[node.peer.id]
 
     # --- processes
@@ -111,7 +111,7 @@ class World:
         dead.link.release()
         dead.node._link = None  # a killed process closes no node, and warns of none
         for endpoint in endpoints:
-            endpoint._end(ConnectionClosed("the process died"))
+            endpoint.end(ConnectionClosed("the process died"))
         await self.open_process(shares=process in self.model.sharing)
 
     def take_over(self, number: int) -> None:
@@ -167,7 +167,7 @@ class World:
         # In the order in which busd goes through them: that of their numbers there.
         self.model.publishers = {
             number: self.model.publishers[number]
-            for number in sorted(self.publishers, key=lambda number: self.publishers[number]._id)
+            for number in sorted(self.publishers, key=lambda number: self.publishers[number]._core.id)
         }
         self.model.add_subscription(model.Subscription(self._ids, process, qos))
 
@@ -193,8 +193,8 @@ class World:
         """One end says that it can't share memory in this match."""
         writer, reader = self.publishers[publisher], self.subscriptions[subscription]
         ends = (writer, reader) if by_publisher else (reader, writer)
-        refusal = m.RefuseRoute(endpoint=ends[0]._id, other=ends[1]._id, text="a test")
-        ends[0]._link.send_about(ends[0], refusal)
+        refusal = m.RefuseRoute(endpoint=ends[0]._core.id, other=ends[1]._core.id, text="a test")
+        ends[0]._core.link.send_about(ends[0]._core, refusal)
         self.model.reroute(self.model.publishers[publisher], self.model.subscriptions[subscription])
 
     async def refuse_late(
@@ -272,7 +272,7 @@ class World:
             agree(number, found.expected, found.samples + found.queued + sum(found.dropped.values()))
         routes = {(one.publisher, one.subscription): one.route for one in graph.matches}
         assert routes == {
-            (self.publishers[publisher]._id, self.subscriptions[number]._id): route
+            (self.publishers[publisher]._core.id, self.subscriptions[number]._core.id): route
             for number, one in self.model.subscriptions.items()
             for publisher, route in one.routes.items()
         }
@@ -290,7 +290,7 @@ class World:
         if self.broker.timers.earliest_ns <= monotonic_ns():
             return False
         for number, process in self.processes.items():
-            stream, gathered = process.stream, process.link._gathered
+            stream, gathered = process.stream, process.link.gathered
             if stream is None or not process.gate.is_set():
                 continue
             far = self.peer(number).stream

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.connecting
 import bus.link.connection
-import bus.link.link
 import bus.link.requests
 from bus.link.reach import Patience
 from bus.msg.std_msgs import Int32
@@ -26,7 +26,7 @@ from semantics import until
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
@@ -46,7 +46,7 @@ class TestOpening:
     async def test_something_else_listens(
         self, broker: FakeBroker, answer: bytes, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.1))
+        monkeypatch.setattr(bus.link.connecting, "Patience", lambda: Patience(0.1))
 
         async def answer_all() -> None:
             while True:
@@ -136,7 +136,7 @@ class TestOpening:
     async def test_one_that_never_has_a_place(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.05))
+        monkeypatch.setattr(bus.link.connecting, "Patience", lambda: Patience(0.05))
 
         async def turn_all_away() -> None:
             while True:
@@ -247,7 +247,7 @@ class TestCreating:
         request = await client.create(m.CreatePublisher, 12)
         assert request.node == 11
         publisher = await creating
-        assert publisher._id == 12
+        assert publisher._core.id == 12
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 12
         await node.close()
@@ -399,7 +399,7 @@ class TestComingBack:
         client = await broker.accept()
         await client.create(m.CreateNode, 31)
         await client.create(m.CreatePublisher, 32)
-        await until(lambda: "busd is back" in caplog.text and publisher._id == 32)
+        await until(lambda: "busd is back" in caplog.text and publisher._core.id == 32)
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 32
         await node.close()
@@ -409,7 +409,7 @@ class TestComingBack:
     ) -> None:
         """All are asked for at once; the log says how far it is; it takes longer than one answer may."""
         caplog.set_level(logging.INFO, "bus")
-        monkeypatch.setattr(bus.link.link, "_TELL_S", 0.1)
+        monkeypatch.setattr(bus.link.connecting, "_REPORT_S", 0.1)
         node, client = await opened(broker)
         for id in range(2, 12):
             creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))

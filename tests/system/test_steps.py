@@ -100,7 +100,7 @@ def test_steps_of_a_thread_of_an_executor(route: str) -> None:
 
 
 @natively
-@pytest.mark.parametrize(("route", "most"), [("shm", 94), ("socket", 88)], indirect=["route"])
+@pytest.mark.parametrize(("route", "most"), [("shm", 91), ("socket", 85)], indirect=["route"])
 async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> None:
     async with bus.Node("maker", rosout=False, arguments=[]) as node:
         for number in range(3):  # what is done once is done

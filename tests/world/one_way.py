@@ -29,13 +29,13 @@ class Way:
         self.owner = Owner(qos, type_support(String))
         self.window = window
         self.sender = SocketSender(self.port, self.owner, ThreadQueue(1 << 20))  # type: ignore[arg-type]
-        self.owner.hand_over = self.sender.hand_over
+        self.owner.on_hand_over = self.sender.hand_over
         self.number = 0
         self.declare()
 
     def declare(self, number: int = 1) -> None:
         """A broker knows the publisher, by that number."""
-        self.port.is_away, self.owner._id = False, number
+        self.port.is_away, self.owner.id = False, number
         qos = self.owner.qos
         self.sender.declared(
             m.Created(
@@ -51,7 +51,7 @@ class Way:
 
     def lose(self) -> None:
         self.port.lose()
-        self.owner._id = 0
+        self.owner.id = 0
         self.sender.disconnected()
 
     def match(self, qos: QoSProfile | None = None, gid: bytes = GID, other: int = OTHER) -> None:

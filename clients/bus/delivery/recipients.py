@@ -137,7 +137,7 @@ class Recipients:
         if last_seq is not None:
             if was_lost:
                 self._repeat(other, last_seq)
-            self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner._id, subscription=other))
+            self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner.id, subscription=other))
             self._level = min(self._level, last_seq)  # the broker's credit, too, goes on from there
         place = self._places.pop(gid, None)
         if gid in self.awaited and by_socket and patience is Patience.LONG and last_seq is None:
@@ -245,7 +245,7 @@ class Recipients:
                 break
             if run.first_seq + run.count - 1 > last_seq:
                 rest = run if run.first_seq > last_seq else run.after(last_seq)
-                head = data_head(owner._id, rest.first_seq, rest.count, len(rest.body), only_for=other)
+                head = data_head(owner.id, rest.first_seq, rest.count, len(rest.body), only_for=other)
                 self._port.send_about(owner, head + rest.body)
 
     def _wait_for_lossless(self) -> None:

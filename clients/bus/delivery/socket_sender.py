@@ -88,7 +88,7 @@ class SocketSender:
         if port.is_shared:
             self.run.is_mine = port.owns_thread
         self.run.most = depth or UNBOUNDED
-        support = owner._support
+        support = owner.support
         if not support.bytes_fields:  # a long one must not be encoded with the rest
             self.run.prepare(*support.steps)
         self._window = _make_window(self.run, threads) if qos.is_lossless else None
@@ -174,11 +174,11 @@ class SocketSender:
             if is_last or size >= RUN_BYTES:
                 count = len(parts) // 2
                 flags = REPLAY if is_replay else 0
-                head = data_head(owner._id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
+                head = data_head(owner.id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
                 self._port.send_about(owner, head + b"".join(parts))
                 parts.clear()
                 size = 0
-        self._port.send_about(owner, m.CaughtUp(publisher=owner._id, subscription=subscription))
+        self._port.send_about(owner, m.CaughtUp(publisher=owner.id, subscription=subscription))
 
     def hand_over(self) -> None:
         """End the open run and send it, or queue it where the broker does not take it now."""
@@ -187,7 +187,7 @@ class SocketSender:
         if not samples:
             return
         owner, is_resumed = self._owner, self._is_resumed
-        frame = run.end(owner._id, first_seq, RESUMED if is_resumed else 0)
+        frame = run.end(owner.id, first_seq, RESUMED if is_resumed else 0)
         self.next_seq += samples
         self.samples += samples
         self.bytes += size - samples * RECORD_HEAD_BYTES
@@ -195,7 +195,7 @@ class SocketSender:
         if self._window is not None or self._history is not None:
             self._keep(Run(0, 0, first_seq, samples, memoryview(frame)[DATA_HEAD_BYTES:]))
         if (
-            not owner._id
+            not owner.id
             or self.queue.runs
             or self.recipients.awaited
             # Nothing waits: past the queues, most of what one message costs at a moderate rate.
@@ -279,7 +279,7 @@ class SocketSender:
 
     def _go_on(self) -> None:
         """Nobody is awaited any more: send what waits."""
-        if self._owner._id and self.queue.runs:
+        if self._owner.id and self.queue.runs:
             self._port.make_ready(self.queue)
             self._port.flush()
             self._port.wrote()
@@ -291,7 +291,7 @@ class SocketSender:
 
     def _queue_run(self, run: Run) -> None:
         recipients, is_too_much = self.recipients, 0 < self.queue.depth < self.queue.count + run.count
-        if is_too_much and recipients.awaited and self._owner._id:
+        if is_too_much and recipients.awaited and self._owner.id:
             recipients.go_on()  # a longer wait would cost more than it saves
         runs = self.queue.runs
         is_resumed = bool(runs) and runs[0].is_resumed
@@ -304,7 +304,7 @@ class SocketSender:
             self.replaced += replaced
             self.on_replaced(replaced)
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
-        if self._owner._id and not recipients.awaited:
+        if self._owner.id and not recipients.awaited:
             self._port.make_ready(self.queue)
             self._port.flush()
 

@@ -22,7 +22,7 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.link.heartbeat import Heartbeat
-from bus.link.reach import NotNow, Patience, try_to_connect
+from bus.link.reach import NotNow, Patience, open_socket
 from bus.link.requests import Requests
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
@@ -101,12 +101,7 @@ class Connection:
         Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
         """
         self.path = path
-        try:
-            sock = try_to_connect(path)
-        except (FileNotFoundError, ConnectionRefusedError, NotNow):
-            from bus.link.autostart import open_socket  # late: most programs find a broker
-
-            sock = await open_socket(path, patience, may_start=may_start)
+        sock = await open_socket(path, patience, may_start=may_start)
         self._stream = Stream(
             sock,
             Session(Role.CLIENT),

@@ -5,7 +5,7 @@ Owns what waits, and what became of each message. Must not know nodes, taps or t
 
 from collections.abc import Callable
 
-from bus.endpoint import summed
+from bus.endpoint.core import summed
 from bus.qos import History, QoSProfile
 from bus.vocabulary import DropReason
 from bus_bridge.batch import Batch, Loose

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.events import SubscriptionEvents
 from bus.node import Node
 from bus.qos import Durability, History, QoSProfile, Reliability

@@ -7,7 +7,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from enum import Enum
 
-from bus.endpoint import summed
+from bus.endpoint.core import summed
 from bus.schema import MessageSchema
 from bus_bridge.batch import Batch
 from bus_bridge.engine import Engine, FarEndpoint, Reader

@@ -9,7 +9,7 @@ from functools import partial
 from time import monotonic_ns
 from typing import Any
 
-from bus.endpoint import summed
+from bus.endpoint.core import summed
 from bus.publisher import Publisher
 from bus.qos import Durability, History
 from bus.schema import MessageSchema

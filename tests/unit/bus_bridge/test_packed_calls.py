@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bus import shm
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema

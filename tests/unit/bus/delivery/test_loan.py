@@ -248,8 +248,10 @@ def test_with_a_match_that_leaves_the_ring_meanwhile() -> None:
     stage = Stage("shm")
     stage.publisher.publish(Image(0))
     loan = stage.loan()
-    refusal = m.RefuseRoute(endpoint=stage.subscription._id, other=stage.publisher._id, text="a test")
-    stage.listener.send_about(stage.subscription, refusal)
+    refusal = m.RefuseRoute(
+        endpoint=stage.subscription._core.id, other=stage.publisher._core.id, text="a test"
+    )
+    stage.listener.send_about(stage.subscription._core, refusal)
     stage.world.settle()
     stage.publish(loan)
     stage.publisher.publish(Image(2))

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
