@@ -9,6 +9,7 @@ from bus.errors import RemoteProtocolError
 from bus.link.link import Link
 from bus.link.reach import Patience
 from bus.transport.stream import Stream
+from bus.transport.stream_state import ReadState
 from bus.wire import messages as m
 
 
@@ -26,22 +27,23 @@ class Process:
         self.losses = 0
         """How often it has lost its connection and wants another."""
         self._unread: Stream | None = None
-        connect = link._connect
+        connecting = link._connecting
+        connect = connecting.connect
 
         async def gated(patience: Patience, *, may_start: bool = True) -> Any:
             self.losses += 1
             await self.gate.wait()
-            link._received = self._hear_little if self.is_deaf else self._hear  # type: ignore[method-assign]
+            connecting._on_received = self._hear_little if self.is_deaf else self._hear
             if self.is_deaf:
                 self.gate.clear()
             return await connect(patience, may_start=False)
 
-        self._hear = link._received
-        link._connect = gated  # type: ignore[method-assign]
+        self._hear = link._incoming.received
+        connecting.connect = gated  # type: ignore[method-assign]
 
     @property
     def stream(self) -> Stream | None:
-        return None if self.link._connection is None else self.link._connection._stream
+        return None if self.link.connection is None else self.link.connection._stream
 
     async def ask(self) -> None:
         """An answer says that busd has read all that was sent, and that what it said before is here."""
@@ -55,7 +57,7 @@ class Process:
 
     def go_on_reading(self) -> None:
         unread, self._unread = self._unread, None
-        if unread is not None and not unread.is_closed:
+        if unread is not None and unread.reading is not ReadState.CLOSED:
             asyncio.get_running_loop().add_reader(unread.fileno(), unread._read)
 
     def _hear_little(self, items: Iterable[Any]) -> None:

@@ -21,6 +21,7 @@ from broker_world import whole_graph
 from bus.base.time_namespace import monotonic_offset_ns
 from bus.errors import ConnectionClosed
 from bus.qos import QoSProfile
+from bus.transport.stream_state import WriteState
 from bus.wire import messages as m
 from busd.core.broker import Broker
 from busd.core.limits import Limits
@@ -77,14 +78,13 @@ class World:
         """As kill does it: nobody is told anything."""
         for connection in tuple(self.server._connections):
             connection.close()
-        if self.server._timer is not None:
-            self.server._timer.cancel()
+        self.server._alarm.close()
         self.server._admission.close()
         self.listener.close()
 
     def peer(self, process: int) -> PeerConnection:
         """The connection of that process, as the server has it."""
-        node = self.broker.graph.nodes[self.processes[process].node._id]  # type: ignore[index]
+        node = self.broker.graph.nodes[self.processes[process].node._declared.id]  # type: ignore[index]
         return self.server._peers[node.peer.id]
 
     # --- processes
@@ -111,7 +111,7 @@ class World:
         dead.link.release()
         dead.node._link = None  # a killed process closes no node, and warns of none
         for endpoint in endpoints:
-            endpoint._end(ConnectionClosed("the process died"))
+            endpoint.end(ConnectionClosed("the process died"))
         await self.open_process(shares=process in self.model.sharing)
 
     def take_over(self, number: int) -> None:
@@ -132,19 +132,18 @@ class World:
         """It reads nothing more from its socket. Nobody waits for one that `is_silent` until it is heard."""
         self.model.blocked.add(process)
         connection = self.peer(process)
-        connection.stream.is_blocked = True
+        connection.stream.writing = WriteState.BLOCKED
         if is_silent:
             now_ns = monotonic_ns()
-            self.broker._silences._begin(now_ns, self.broker._peers[connection.id], 0)
-            self.server._carry_out(self.broker.tick(now_ns))
-            self.server._flush()
+            self.broker.entrance._silences._begin(now_ns, self.broker._peers[connection.id], 0)
+            self.server._effects.carry_out(self.broker.tick(now_ns))
+            self.server._effects.flush()
 
     async def unblock_all(self) -> None:
         for process in sorted(self.model.blocked):
             stream = self.peer(process).stream
-            stream.is_blocked = False
-            assert stream._before_write is not None
-            stream._before_write()
+            stream.writing = WriteState.OPEN
+            stream._handlers.before_write()
             stream.flush()
             self.model.unblock(process)
         await self.settle()
@@ -168,7 +167,7 @@ class World:
         # In the order in which busd goes through them: that of their numbers there.
         self.model.publishers = {
             number: self.model.publishers[number]
-            for number in sorted(self.publishers, key=lambda number: self.publishers[number]._id)
+            for number in sorted(self.publishers, key=lambda number: self.publishers[number]._core.id)
         }
         self.model.add_subscription(model.Subscription(self._ids, process, qos))
 
@@ -194,8 +193,8 @@ class World:
         """One end says that it can't share memory in this match."""
         writer, reader = self.publishers[publisher], self.subscriptions[subscription]
         ends = (writer, reader) if by_publisher else (reader, writer)
-        refusal = m.RefuseRoute(endpoint=ends[0]._id, other=ends[1]._id, text="a test")
-        ends[0]._link.send_about(ends[0], refusal)
+        refusal = m.RefuseRoute(endpoint=ends[0]._core.id, other=ends[1]._core.id, text="a test")
+        ends[0]._core.link.send_about(ends[0]._core, refusal)
         self.model.reroute(self.model.publishers[publisher], self.model.subscriptions[subscription])
 
     async def refuse_late(
@@ -273,7 +272,7 @@ class World:
             agree(number, found.expected, found.samples + found.queued + sum(found.dropped.values()))
         routes = {(one.publisher, one.subscription): one.route for one in graph.matches}
         assert routes == {
-            (self.publishers[publisher]._id, self.subscriptions[number]._id): route
+            (self.publishers[publisher]._core.id, self.subscriptions[number]._core.id): route
             for number, one in self.model.subscriptions.items()
             for publisher, route in one.routes.items()
         }
@@ -291,13 +290,15 @@ class World:
         if self.broker.timers.earliest_ns <= monotonic_ns():
             return False
         for number, process in self.processes.items():
-            stream, gathered = process.stream, process.link._gathered
+            stream, gathered = process.stream, process.link.gathered
             if stream is None or not process.gate.is_set():
                 continue
             far = self.peer(number).stream
-            if gathered or stream.outbox or stream.is_blocked or not far.is_quiet:
+            if gathered or stream.outbox or stream.writing is not WriteState.OPEN or not far.is_quiet:
                 return False
-            if number not in self.model.blocked and (far.outbox or far.is_blocked or not stream.is_quiet):
+            if number not in self.model.blocked and (
+                far.outbox or far.writing is not WriteState.OPEN or not stream.is_quiet
+            ):
                 return False
         return True
 

@@ -23,6 +23,7 @@ from typing import Any
 from unittest.mock import patch
 
 from bus.alarms import wake_up
+from bus.endpoint import deadline
 
 _LONGEST_S = 20_000
 """No story lasts longer: it waits for what never comes."""
@@ -80,6 +81,7 @@ def play(story: Callable[[], Coroutine[Any, Any, None]]) -> None:
 @contextmanager
 def _clock_of(loop: JumpingLoop) -> Iterator[None]:
     """All modules of the bus that have a clock have that of `loop`, and none uses the kernel's timers."""
+    assert deadline  # loaded late by those who have one: its clock must be there now
     clocks = {time.monotonic: loop.time, time.monotonic_ns: loop.time_ns}
     with ExitStack() as patches:
         patches.enter_context(patch.object(wake_up, "has_kernel_timer", lambda: False))

@@ -86,7 +86,7 @@ class Neighbours:
                 Int64, "/good/talk", _DEPTH, lambda message: self.heard.append(message.data)
             )
             publisher = await node.create_publisher(Int64, "/good/talk", _DEPTH)
-            ids = publisher._id, subscription._id
+            ids = publisher._core.id, subscription._core.id
             self._ready.set()
             while not self._leave.is_set():
                 publisher.publish(Int64(data=self.sent))
@@ -95,7 +95,7 @@ class Neighbours:
             with contextlib.suppress(TimeoutError):
                 await until(lambda: len(self.heard) >= self.sent)
             self._dropped = subscription.statistics().dropped
-            self._was_cut_off = ids != (publisher._id, subscription._id)
+            self._was_cut_off = ids != (publisher._core.id, subscription._core.id)
 
 
 def wait_until(condition: Callable[[], object]) -> None:

@@ -55,7 +55,7 @@ async def restart_busd(world: World, *order: int) -> None:
     for process in world.processes.values():
         process.gate.clear()
     world.stop_busd()
-    while any(process.link._connection is not None for process in world.processes.values()):  # noqa: ASYNC110
+    while any(process.link.connection is not None for process in world.processes.values()):  # noqa: ASYNC110
         await asyncio.sleep(0)
     world.start_busd()
     for number in order:

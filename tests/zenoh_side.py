@@ -13,12 +13,12 @@ import resource
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 
 from bus.msg.std_msgs import String
 from bus.schema import MessageSchema
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule, Sample
+from bus_bridge.batch import Batch, Loose, Sample
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule
 from bus_bridge.zenoh import qos_text
 from bus_bridge.zenoh.engine import ZenohEngine
 from bus_bridge.zenoh.options import ZenohOptions
@@ -69,7 +69,9 @@ class Publishing:
                 self.replaced += 1
             self.change.clear()
             before = time.perf_counter()
-            gone = self.writer.write(list(self._waiting)) if self.writer.is_wanted else 0
+            gone = 0
+            if self._waiting and self.writer.is_wanted:
+                gone = self.writer.write(Loose(list(self._waiting)))
             self.slowest_s = max(self.slowest_s, time.perf_counter() - before)
             self.sent += gone
             for _ in range(gone):
@@ -127,12 +129,12 @@ class Reading:
         if text not in self.warnings:
             self.warnings.append(text)
 
-    def take(self, gid: bytes, samples: Sequence[Sample]) -> None:
+    def take(self, gid: bytes, batch: Batch) -> None:
         now = time.monotonic()
         if self.arrived_at:
             self.longest_gap_s = max(self.longest_gap_s, now - self.arrived_at)
         self.arrived_at = now
-        for sample in samples:
+        for sample in batch:
             if not self.count:
                 self.first = sample.number
             elif sample.number <= self.last:
@@ -142,7 +144,7 @@ class Reading:
             self.last = max(self.last, sample.number)
             self.count += 1
         if gid in self.readers:
-            self.readers[gid].taken(sum(len(one.payload) for one in samples))
+            self.readers[gid].taken(batch.payload_bytes)
 
     def tell(self) -> dict[str, object]:
         names = ("buses", "count", "first", "last", "missing", "repeated", "longest_gap_s", "warnings")

@@ -1,5 +1,6 @@
 """The broker: one state machine for all peers.
 
+    peer = broker.entrance.attach(now_ns, hello, ...)  who may come, and when: `busd.core.entrance`
     effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
     way = broker.passage(now_ns, peer, endpoint)       may the shell pass on a run by itself? (`passed_on`)
@@ -16,45 +17,38 @@ broke the protocol); it is never an exception. An exception out of the broker is
 """
 
 import logging
-from collections import deque
-from collections.abc import Callable, Hashable
-from itertools import count
+from collections.abc import Callable
 from typing import Any
-
-import msgspec
 
 from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.answers import RefusedForNow
-from bus.wire.layout import NAMESAKES, PLACES, SILENCE
-from bus.wire.runs import Account, Run
+from bus.wire.runs import Run
 from busd.core.absent import Absentees
-from busd.core.access import Access, Subject
+from busd.core.access import Access
 from busd.core.access_guard import AccessGuard
 from busd.core.drops import Drops
-from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Reload, Restart, Send, Stop
-from busd.core.entities import GRAPH, Peer, Publisher, Subscription
+from busd.core.effects import Disconnect, Effect, Note, Send
+from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.entrance import Entrance
 from busd.core.graph import Graph
 from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicRule
 from busd.core.matching import release
+from busd.core.operator import Operator
 from busd.core.overload import Overload
 from busd.core.places import Places
 from busd.core.queries import Queries
 from busd.core.quotas import Quotas
-from busd.core.rate_limit import TokenBucket
 from busd.core.registry import Registry
 from busd.core.router import Router
 from busd.core.routing_times import RoutingTimes
 from busd.core.shm_routes import Routes
 from busd.core.silence import Silences
+from busd.core.tasks import Task, Tasks
 from busd.core.timers import NEVER_NS, Timers
-from busd.core.turns import BUDGET
-from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, UNLIMITED, Meter, Work
-
-_LONGEST_NAME = 64
-"""Characters kept of what a process calls itself, for the log and for GetPeers."""
+from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
 
 
 class Broker:
@@ -79,37 +73,37 @@ class Broker:
         self.graph = Graph()
         self.routing_times = RoutingTimes()
         self.meter = Meter()
-        self.unfinished: dict[PeerId, _Task] = {}
-        """Work to go on with, by peer, present or gone. Opaque to the shell."""
-        self._feeds: dict[PeerId, deque[_Task]] = {}
-        self._withheld: dict[PeerId, list[Effect]] = {}
         self.is_overfull = False
-        self._uid = uid
-        self._clock_ns = clock_ns
         self._peers: dict[PeerId, Peer] = {}
-        self._peer_ids = count(1)
         self.timers = Timers()
         self._out: list[Effect] = []
-        emit = self._emit
+        self._withheld: dict[PeerId, list[Effect]] = {}
+        tasks = self._tasks = Tasks(self._peers, self.meter, self._out, self._withheld)
+        self.unfinished = tasks.unfinished
+        """Peers, present or gone, to go on with before what they send is handled. Opaque to the shell."""
+        self.has_work = tasks.has_work
+        emit = self._out.append
         quotas = self._quotas = Quotas(self.limits)
         self._drops = Drops(self.timers, emit)
-        overload = self._overload = Overload(quotas, self._drops, emit, self._begin)
+        overload = self._overload = Overload(quotas, self._drops, emit, tasks.begin)
         self._router = Router(
             emit,
             self._drops,
             overload,
             self.meter,
-            self._begin,
+            tasks.begin,
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
-        self._silences = Silences(
-            self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut
-        )
+        silences = Silences(self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut)
         self.passed_on = self._router.passed_on
         lease_ns = int(self.limits.lease_s * 1e9)
-        self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
-        self._access_guard = AccessGuard(self.graph, access or Access(uid), self._begin)
+        self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=silences)
+        self._access_guard = AccessGuard(self.graph, access or Access(uid), tasks.begin)
+        self.entrance = Entrance(
+            self._peers, quotas, self._access_guard, self._leases, silences, clock_ns=clock_ns
+        )
+        operator = Operator(self._access_guard, uid)
         self._absentees = Absentees(self.timers, emit, self.meter)
         self._registry = Registry(
             self.graph,
@@ -148,8 +142,8 @@ class Broker:
             m.GetType: queries.get_type,
             m.GetPeers: queries.get_peers,
             m.Observe: queries.observe,
-            m.StopBroker: self._on_stop,
-            m.Reload: self._on_reload,
+            m.StopBroker: operator.stop,
+            m.Reload: operator.reload,
         }
 
     def reconfigure(
@@ -172,73 +166,6 @@ class Broker:
         if access.rules != self._access_guard.access.rules:  # that asks for each endpoint of each guest
             self._renew_access(access)
         return self._take_effects()
-
-    def attach(
-        self,
-        now_ns: int,
-        hello: m.Hello,
-        *,
-        pid: int,
-        uid: int,
-        gids: frozenset[int] | None = frozenset(),
-        process: Hashable = None,
-    ) -> PeerId:
-        """A connection said Hello; `pid`, `uid` and `gids` (None: can't be told) are the kernel's word.
-
-        `process` is equal for connections of one process, and for no others. None: `pid` tells them apart.
-        """
-        user = self._quotas.user(now_ns, uid)
-        peer = Peer(
-            id=PeerId(next(self._peer_ids)),
-            pid=pid,
-            process=process or pid,
-            uid=uid,
-            gids=gids,
-            is_guest=not self._access_guard.access.is_free(uid),
-            hears_of_namesakes=NAMESAKES in hello.capabilities,
-            hears_of_silence=SILENCE in hello.capabilities,
-            clock_ns=hello.clock_ns - self._clock_ns,
-            keeps_places=PLACES in hello.capabilities,
-            user=user,
-            program=_printable(hello.program),
-            version=_printable(hello.release),
-            last_heard_ns=now_ns,
-            lease_ns=self._leases.lease_ns,
-            queued=Account(0, user.queued),
-            history=Account(0, user.history),
-            control=Account(0, user.control),
-            declarations=TokenBucket(1, 1),
-            signals=TokenBucket(1, 1),
-            questions=TokenBucket(1, 1),
-        )
-        self._quotas.enter(peer)
-        self._peers[peer.id] = peer
-        self._silences.watch(now_ns, peer)
-        return peer.id
-
-    def why_turned_away(self, uid: int, gids: frozenset[int] | None) -> str:
-        """Why a process of that user may not connect; "" where it may."""
-        access, who = self._access_guard.access, Subject(uid, gids)
-        return "" if access.may_connect(who) else access.why_turned_away(who)
-
-    def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
-        """Why there is no room for one more process of a user ("": there is), and whether the log has said
-        so."""
-        return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
-
-    def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
-        """One more process of a user, which said Hello then; 0: it may come in, else how long it waits."""
-        return self._quotas.arrive(now_ns, uid, said_ns)
-
-    def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
-        """A connection of a user ended before it was let in; see `busd.core.quotas`."""
-        return self._quotas.come_to_nothing(now_ns, uid, for_want_of_room=for_want_of_room)
-
-    def accounts(self, peer_id: PeerId) -> tuple[Account, Account]:
-        """The accounts that the shell charges for a peer: control frames that wait, messages that are not
-        whole."""
-        peer = self._peers[peer_id]
-        return peer.control, peer.user.unfinished
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """The connection is gone: remove all that the peer had."""
@@ -263,7 +190,7 @@ class Broker:
             self._quotas.spend(now_ns, peer, message, self.graph, self._out)
             work = self._handlers[type(message)](now_ns, peer, message, self._out, *descriptors)
             if work is not None:
-                self._do(now_ns, _Task(peer, work, message))
+                self._tasks.do(now_ns, Task(peer, work, message))
         except BusError as error:
             self._turn_down(now_ns, peer, message, error)
         return self._take_effects()
@@ -274,11 +201,11 @@ class Broker:
             if peer_id in self._peers:
                 self._leases.hear_peer(now_ns, task.peer)  # it is we who are late, not the peer
             try:
-                self._do(now_ns, task)
+                self._tasks.do(now_ns, task)
             except BusError as error:
                 self._turn_down(now_ns, task.peer, task.message, error)
-        if peer_id in self._feeds:
-            self._feed(now_ns, peer_id)
+        if peer_id in self._tasks.feeds:
+            self._tasks.feed(now_ns, peer_id)
         self.is_overfull = self._router.is_overfull
         return self._take_effects()
 
@@ -353,10 +280,7 @@ class Broker:
     def farewell(self, now_ns: int) -> list[Effect]:
         """The daemon ends: report to each subscription the drops that are not reported yet."""
         self._absentees.farewell(now_ns)
-        for peer_id in tuple(self._feeds):
-            while peer_id in self._feeds:
-                self.meter.left = UNLIMITED
-                self._feed(now_ns, peer_id)
+        self._tasks.feed_all(now_ns)
         self._router.trim(now_ns)
         for peer in self._peers.values():
             for subscription in peer.subscriptions():
@@ -378,83 +302,15 @@ class Broker:
                 break
         return self._take_effects()
 
-    def _emit(self, effect: Effect) -> None:
-        self._out.append(effect)
-
     def _take_effects(self) -> list[Effect]:
-        change = self.graph.take_change()
+        change = self.graph.changes.take()
         if change is not None:
             self.meter.left -= self._queries.tell(change, self._out)
         if self._withheld:
-            self._withhold()
+            self._tasks.withhold()
         out = self._out.copy()  # work that is not finished goes on with the list
         self._out.clear()
         return out
-
-    def _do(self, now_ns: int, task: "_Task") -> None:
-        """Do as much of the work as the meter allows; the rest is for `go_on`."""
-        peer, work, meter = task.peer, task.work, self.meter
-        try:
-            while True:
-                price = work.send(now_ns) if task.has_begun else next(work)
-                task.has_begun = True
-                meter.left -= price
-                if meter.left <= 0:
-                    self.unfinished[peer.id] = task
-                    self._emit(Later(peer.id))
-                    if peer.withheld:
-                        self._withheld.setdefault(peer.id, [])
-                    return
-        except StopIteration:
-            pass
-        if peer.id in self._withheld:
-            self._withhold()
-            self._out += self._withheld.pop(peer.id)
-        peer.withheld = 0
-
-    def has_work(self, peer_id: PeerId) -> bool:
-        """Whether there is something to `go_on` with for a peer."""
-        return peer_id in self.unfinished or peer_id in self._feeds
-
-    def _begin(self, peer_id: PeerId, work: Work, *, is_first: bool = False) -> None:
-        """`work` is to be done in turns of a peer, beside its requests; of one that has gone it is not."""
-        if (peer := self._peers.get(peer_id)) is not None:
-            feeds = self._feeds.setdefault(peer_id, deque())
-            (feeds.appendleft if is_first else feeds.append)(_Task(peer, work))
-            self._emit(Later(peer_id))
-
-    def _feed(self, now_ns: int, peer_id: PeerId) -> None:
-        """Do some of what was begun for a peer beside its requests, which get half of its turn."""
-        feeds, meter = self._feeds[peer_id], self.meter
-        least = min(meter.left, BUDGET) // 2
-        while feeds and meter.left > least:
-            task = feeds.popleft()
-            try:
-                meter.left -= task.work.send(now_ns) if task.has_begun else next(task.work)
-            except StopIteration:
-                pass
-            else:
-                task.has_begun = True
-                feeds.appendleft(task)
-            if peer_id not in self._feeds:  # it was cut off
-                return
-        if feeds:
-            self._emit(Later(peer_id))
-        else:
-            del self._feeds[peer_id]
-
-    def _withhold(self) -> None:
-        """Keep back what a peer must not get yet: news of an endpoint before all others know of it."""
-        self._out[:] = [effect for effect in self._out if not self._is_withheld(effect)]
-
-    def _is_withheld(self, effect: Effect) -> bool:
-        if not isinstance(effect, Send | Flush):
-            return False
-        news = self._withheld.get(effect.peer)
-        if news is None or not _concerns(effect, self._peers[effect.peer].withheld):
-            return False
-        news.append(effect)
-        return True
 
     def _turn_down(self, now_ns: int, peer: Peer, message: Any, error: BusError) -> None:
         """The message failed with `error`; a peer that broke the protocol is cut off."""
@@ -478,29 +334,26 @@ class Broker:
         """Answer that it was not done. For a message without an answer (DeclareType) the log has said so."""
         request = getattr(message, "request", None)
         if request is not None:
-            self._emit(Send(peer.id, m.Refused(request=request, text=text, **reason)))
+            self._out.append(Send(peer.id, m.Refused(request=request, text=text, **reason)))
 
     def _cut(self, now_ns: int, peer: Peer, reason: str) -> None:
-        self._emit(Send(peer.id, m.Fault(text=reason)))
-        self._emit(Disconnect(peer.id, reason))
-        self._emit(Note(logging.WARNING, f"cut off {peer.describe()}: {reason}"))
+        self._out.append(Send(peer.id, m.Fault(text=reason)))
+        self._out.append(Disconnect(peer.id, reason))
+        self._out.append(Note(logging.WARNING, f"cut off {peer.describe()}: {reason}"))
         self._forget(now_ns, peer)
 
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
         peer.has_gone = True
-        self.unfinished.pop(peer.id, None)
-        self._feeds.pop(peer.id, None)
-        self._withheld.pop(peer.id, None)
-        peer.withheld = 0
+        self._tasks.drop(peer)
         self._queries.forget(peer)
-        self._do(now_ns, _Task(peer, self._depart(peer)))
+        self._tasks.do(now_ns, Task(peer, self._depart(peer)))
 
     def _depart(self, peer: Peer) -> Work:
         """Take all that `peer` had out of the graph. Its requests are dropped."""
         for node in tuple(peer.nodes.values()):
             yield from self._registry.remove_node(node, self._out, is_lost=True)
-        yield from self.graph.forget_types(peer)
+        yield from self.graph.types.forget(peer)
         self._quotas.leave(peer)
         peer.doorbell = peer.readers = None  # a timer may still know the peer
 
@@ -539,7 +392,7 @@ class Broker:
         self._access_guard.renew(access)
         for peer in self._peers.values():
             if not access.is_free(peer.uid):
-                self._begin(peer.id, self._review(peer), is_first=True)
+                self._tasks.begin(peer.id, self._review(peer), is_first=True)
 
     def _review(self, peer: Peer) -> Work:
         """Cut off a peer that has what the rules deny; back again, it is refused that."""
@@ -549,45 +402,3 @@ class Broker:
             self._cut(now_ns, peer, fault)
         else:
             yield from self._queries.renew(peer, self._out)
-
-    def _on_stop(self, now_ns: int, peer: Peer, message: m.StopBroker, out: list[Effect]) -> None:
-        self._check_operator(peer, "restart" if message.restart else "stop")
-        reason = f"asked by {peer.describe()}"
-        if message.restart:
-            out.append(Restart(peer.id, message.request, reason))
-        else:
-            out += [Send(peer.id, m.Done(request=message.request)), Stop(reason)]
-
-    def _on_reload(self, now_ns: int, peer: Peer, message: m.Reload, out: list[Effect]) -> None:
-        self._check_operator(peer, "reload")
-        out.append(Reload(peer.id, message.request))
-
-    def _check_operator(self, peer: Peer, what: str) -> None:
-        if not self._access_guard.access.is_free(peer.uid):
-            raise ConfigurationError(f"user {peer.uid} may not {what} the busd of user {self._uid}")
-
-
-class _Task(msgspec.Struct):
-    """Work for a peer: to carry out `message`, or what comes of its end, or of runs for it."""
-
-    peer: Peer
-    work: Work
-    message: Any = None
-    has_begun: bool = False
-
-
-def _concerns(effect: Send | Flush, number: int) -> bool:
-    """Whether `effect` brings a peer news of its endpoint `number`, or of the graph (GRAPH)."""
-    if isinstance(effect, Flush):
-        return effect.queue.endpoint == number
-    message = effect.message
-    if number == GRAPH:
-        return isinstance(message, m.GraphChanged)
-    if isinstance(message, m.Created):
-        return message.id == number
-    return any(getattr(message, name, 0) == number for name in ("endpoint", "publisher", "subscription"))
-
-
-def _printable(name: str) -> str:
-    """What a process calls itself, made safe for other users' terminals."""
-    return "".join(c if c.isprintable() else "?" for c in name[:_LONGEST_NAME])

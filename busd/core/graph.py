@@ -1,16 +1,16 @@
-"""The graph: every node, endpoint, topic, match and type, with deltas for observers.
+"""The graph: every node, endpoint, topic and match, with what changes for observers (`busd.core.changes`).
 
-Owns the tables and the revision. Knows no rule of matching and sends nothing.
+Owns the tables. Knows no rule of matching and sends nothing.
 """
 
-from collections import Counter
 from itertools import count
 
 from bus.base.ids import EndpointId, NodeId
-from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
-from busd.core.entities import ROUTE_OF, Match, MessageType, Node, Peer, Publisher, Subscription, Topic
+from bus.wire.messages import MatchRecord
+from busd.core.changes import Changes
+from busd.core.entities import ROUTE_OF, Match, Node, Publisher, Subscription, Topic
 from busd.core.match import MatchEvent
-from busd.core.work import TELL, Work
+from busd.core.type_table import TypeTable
 
 
 class Graph:
@@ -21,22 +21,14 @@ class Graph:
         self.publishers: dict[EndpointId, Publisher] = {}
         self.subscriptions: dict[EndpointId, Subscription] = {}
         self.topics: dict[str, Topic] = {}
-        self.types: dict[MessageType, bytes] = {}
-        self.guest_types: dict[MessageType, bytes] = {}  # by guests, who might lie
-        self.revision = 0
+        self.types = TypeTable()
+        self.changes = Changes()
         self._matches = 0
         self._left_samples = self._left_bytes = 0  # of publishers that are gone
         self._names: dict[str, dict[NodeId, Node]] = {}
         self._gids: dict[bytes, Publisher | Subscription] = {}  # as shown
-        self._declarers: Counter[MessageType] = Counter()  # peers that have declared a type
         self.next_id = count(1).__next__
         """Gives a number that no node or endpoint ever had."""
-        self._nodes_added: list[NodeRecord] = []
-        self._nodes_removed: list[int] = []
-        self._endpoints_added: list[EndpointRecord] = []
-        self._endpoints_removed: list[int] = []
-        self._matches_added: list[MatchRecord] = []
-        self._matches_removed: list[MatchRecord] = []
 
     def __len__(self) -> int:
         """Records in a snapshot (`busd.core.snapshot`)."""
@@ -47,7 +39,7 @@ class Graph:
         self._names.setdefault(node.full_name, {})[node.id] = node
         node.peer.nodes[node.id] = node
         node.peer.user.nodes += 1
-        self._nodes_added.append(node.record())
+        self.changes.nodes_added.append(node.record())
 
     def remove_node(self, node: Node) -> None:
         """The node's endpoints must have been removed."""
@@ -56,7 +48,7 @@ class Graph:
         del self._names[node.full_name][node.id]
         if not self._names[node.full_name]:
             del self._names[node.full_name]
-        self._nodes_removed.append(node.id)
+        self.changes.nodes_removed.append(node.id)
 
     def node_named(self, full_name: str) -> Node | None:
         """The oldest of that name."""
@@ -81,7 +73,7 @@ class Graph:
         peer.user.endpoints += 1
         for holder in (peer, peer.user):
             holder.topics[topic.name] = holder.topics.get(topic.name, 0) + 1
-        self._endpoints_added.append(endpoint.record())
+        self.changes.endpoints_added.append(endpoint.record())
 
     def withdraw(self, endpoint: Publisher | Subscription) -> None:
         """From now on nothing new matches the endpoint. May be called again."""
@@ -112,7 +104,7 @@ class Graph:
             holder.topics[topic.name] -= 1
             if not holder.topics[topic.name]:
                 del holder.topics[topic.name]
-        self._endpoints_removed.append(endpoint.id)
+        self.changes.endpoints_removed.append(endpoint.id)
 
     def add_match(self, match: Match, *, is_shared: bool, last_seq: int | None = None) -> None:
         """A new match: of a mirror, or on the route shm, or on the route socket.
@@ -131,49 +123,24 @@ class Graph:
             match.begin_routing()
         self._matches += 1
         _count_match(match, 1)
-        self._matches_added.append(match_record(match))
+        self.changes.matches_added.append(match_record(match))
 
     def reroute(self, match: Match) -> None:
         """From the route shm to the route socket, by which it gets nothing yet."""
         before = match_record(match)
         match.on(MatchEvent.REROUTE)
-        self._matches_removed.append(before)
-        self._matches_added.append(match_record(match))
+        self.changes.matches_removed.append(before)
+        self.changes.matches_added.append(match_record(match))
 
     def remove_match(self, match: Match) -> int:
         """Returns the last number that the subscription has had or that was routed to it."""
         record = match_record(match)
         last_seq = match.end()
-        self._matches_removed.append(record)
+        self.changes.matches_removed.append(record)
         del match.publisher.matches[match.subscription.id], match.subscription.matches[match.publisher.id]
         self._matches -= 1
         _count_match(match, -1)
         return last_seq
-
-    def add_type(self, peer: Peer, kind: MessageType, schema: bytes, *, is_free: bool) -> None:
-        """`peer` has declared a type. The first description stays as long as any peer has the type."""
-        held = (self.types if is_free else self.guest_types).setdefault(kind, schema)
-        peer.types[kind] = len(held)
-        self._declarers[kind] += 1
-        for holder in (peer, peer.user):
-            holder.schema_bytes += len(held)
-
-    def forget_types(self, peer: Peer) -> Work:
-        """Forget the schemas that only `peer` had declared."""
-        while peer.types:
-            kind, size = peer.types.popitem()
-            for holder in (peer, peer.user):
-                holder.schema_bytes -= size
-            self._declarers[kind] -= 1
-            if not self._declarers[kind]:
-                del self._declarers[kind]
-                self.types.pop(kind, None)
-                self.guest_types.pop(kind, None)
-            yield TELL
-
-    def schema(self, kind: MessageType) -> bytes | None:
-        """The description of a type: a guest's counts only where there is no other."""
-        return self.types.get(kind) or self.guest_types.get(kind)
 
     def routed(self) -> tuple[int, int]:
         """Samples and bytes that have come through the broker, of all publishers that ever were."""
@@ -182,43 +149,6 @@ class Graph:
             self._left_samples + sum(publisher.samples for publisher in present),
             self._left_bytes + sum(publisher.bytes for publisher in present),
         )
-
-    def take_change(self) -> GraphChanged | None:
-        """What changed since the last call, as the next revision."""
-        if not (
-            self._nodes_added
-            or self._nodes_removed
-            or self._endpoints_added
-            or self._endpoints_removed
-            or self._matches_added
-            or self._matches_removed
-        ):
-            return None
-        self.revision += 1
-        change = GraphChanged(
-            revision=self.revision,
-            nodes_added=tuple(self._nodes_added),
-            nodes_removed=tuple(self._nodes_removed),
-            endpoints_added=tuple(self._endpoints_added),
-            endpoints_removed=tuple(self._endpoints_removed),
-            matches_added=tuple(self._matches_added),
-            matches_removed=tuple(self._matches_removed),
-        )
-        for pending in (
-            self._nodes_added,
-            self._nodes_removed,
-            self._endpoints_added,
-            self._endpoints_removed,
-            self._matches_added,
-            self._matches_removed,
-        ):
-            pending.clear()
-        return change
-
-    def skip_revision(self) -> int:
-        """Begin a revision in which only what observers may see changes; returns it."""
-        self.revision += 1
-        return self.revision
 
     def find_endpoint(self, number: EndpointId) -> Publisher | Subscription | None:
         """The endpoint of that number."""

@@ -73,7 +73,7 @@ class Queries:
 
     def get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> Work:
         kind = (message.type_name, message.type_hash)
-        schema = self._graph.schema(kind)
+        schema = self._graph.types.find(kind)
         is_shown, view = schema is not None, self._view(peer)
         if view is not None:
             yield from view.fill()
@@ -145,11 +145,11 @@ class Queries:
                 if view is None:
                     return
                 price = 0
-                if (pending := graph.take_change()) is not None:
+                if (pending := graph.changes.take()) is not None:
                     price = self.tell(pending, out)  # else it would tell of the same matches
                 looks, few = guard.access.looks, [one for one in some if one.id in table]
-                if (change := view.ask_again(few, graph.revision + 1)) is not None:
-                    graph.skip_revision()
+                if (change := view.ask_again(few, graph.changes.revision + 1)) is not None:
+                    graph.changes.skip_revision()
                     price += RECORD * (len(change.matches_added) + len(change.matches_removed) + len(few))
                     if peer.id in self._observers:
                         out.append(Send(peer.id, change))

@@ -96,7 +96,8 @@ class Registry:
                 "in busd.toml it is schema_bytes of [limits]"
             )
             return
-        self._graph.add_type(peer, kind, message.schema, is_free=self._access_guard.access.is_free(peer.uid))
+        is_trusted = self._access_guard.access.is_free(peer.uid)
+        self._graph.types.add(peer, kind, message.schema, is_trusted=is_trusted)
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
         names.validate_node_name(message.name)

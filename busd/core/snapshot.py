@@ -35,7 +35,7 @@ def take_snapshot(
 
     What changes after the first step is not in it.
     """
-    revision = graph.revision
+    revision = graph.changes.revision
     nodes = list(graph.nodes.values())
     endpoints: list[Publisher | Subscription] = [*graph.publishers.values(), *graph.subscriptions.values()]
     matches = [

@@ -19,7 +19,8 @@ from bus.base.ids import PeerId
 from bus.base.version import RELEASE
 from bus.errors import RemoteProtocolError
 from bus.shm.descriptors import doorbell_fault, readers_fault, ring_fault
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream
+from bus.transport.stream_state import WRITE_OVER, ReadState
 from bus.wire.layout import BRIDGES, LEAVING, PROTOCOL_VERSION
 from bus.wire.messages import (
     CreatePublisher,
@@ -61,6 +62,20 @@ once where more waits for it than may, else after `_STALL_PART` of the lease."""
 _STALL_PART = 0.75
 
 
+class Scheduler(Protocol):
+    """When a connection is served, and what becomes of what was read."""
+
+    def may_read(self, connection: "PeerConnection") -> bool: ...
+
+    def may_write(self, connection: "PeerConnection") -> bool: ...
+
+    def before_write(self, connection: "PeerConnection") -> None: ...
+
+    def receive(self, connection: "PeerConnection", count: int) -> None: ...
+
+    def resume(self, connection: "PeerConnection") -> None: ...
+
+
 class PeerHost(Protocol):
     """What a connection needs of the server."""
 
@@ -68,13 +83,8 @@ class PeerHost(Protocol):
     is_background: bool
     began_ns: int
 
-    def may_read(self, connection: "PeerConnection") -> bool: ...
-
-    def may_write(self, connection: "PeerConnection") -> bool: ...
-
-    def receive(self, connection: "PeerConnection", count: int) -> None: ...
-
-    def resume(self, connection: "PeerConnection") -> None: ...
+    @property
+    def serving(self) -> Scheduler: ...
 
     def hear(self, connection: "PeerConnection") -> None: ...
 
@@ -138,12 +148,14 @@ class PeerConnection:
             sock,
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
             Outbox(control),
-            on_bytes=partial(host.receive, self),
-            on_lost=self._lost,
-            takes_descriptors=True,
-            taker=strangers,
-            may_read=partial(host.may_read, self),
-            may_write=partial(host.may_write, self),
+            Handlers(
+                on_bytes=partial(host.serving.receive, self),
+                on_lost=self._lost,
+                before_write=partial(host.serving.before_write, self),
+                may_read=partial(host.serving.may_read, self),
+                may_write=partial(host.serving.may_write, self),
+            ),
+            strangers,
         )
         self.stream.session.open(hello)
         self.account = control
@@ -154,13 +166,9 @@ class PeerConnection:
         self.stream.outbox.put(greeting(self._host))
         self.stream.flush()
 
-    def send(self, message: Message) -> None:
-        """Queue a control message."""
-        self.put(encode_frame(message))
-
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control frame. Where many wait, the peer is not read until it has taken most of them."""
-        if self.stream.is_unheard:
+        if self.stream.writing in WRITE_OVER:
             return
         self.stream.outbox.put(frame, descriptors)
         if not self.is_choked and self.account.used > self.account.limit // _CHOKED_PART:
@@ -203,15 +211,15 @@ class PeerConnection:
         if self._choke is None:
             return
         is_drained = self.account.used <= self.account.limit // (2 * _CHOKED_PART)
-        if is_drained or self.stream.is_unheard:  # it has gone, and nothing waits for it any more
+        if is_drained or self.stream.writing in WRITE_OVER:  # it has gone, and nothing waits for it any more
             self._choke.cancel()
             self._choke, self.is_choked = None, False
             self.stream.release()
-            self._host.resume(self)
+            self._host.serving.resume(self)
 
     def pause(self, seconds: float) -> None:
         """Don't read the peer for so long from now."""
-        if self.stream.is_closed:
+        if self.stream.reading is ReadState.CLOSED:
             return
         if self._pause_end is None:
             self.stream.hold()
@@ -225,7 +233,7 @@ class PeerConnection:
             self._pause_end.cancel()
             self._pause_end = None
             self.stream.release()
-            self._host.resume(self)
+            self._host.serving.resume(self)
 
     def relieve(self) -> None:
         """Cut the peer off: it does not take what waits for it."""
@@ -233,16 +241,16 @@ class PeerConnection:
 
     def refuse(self, reason: str) -> None:
         """Tell the peer why, and cut the connection."""
-        if not self.stream.is_closed:
+        if self.stream.reading is not ReadState.CLOSED:
             self.stream.outbox.put(encode_frame(Fault(text=reason)))
             self._end(reason)
 
     def leave(self, text: str) -> None:
         """busd ends: have the peer stop sending, and read all that it has sent."""
         hello = self.stream.session.peer
-        self.stream.linger()
         if hello is not None and LEAVING in hello.capabilities:
-            self.send(Leaving(text=text))
+            self.stream.linger()
+            self.put(encode_frame(Leaving(text=text)))
             self.stream.flush()
         else:
             self.stream.hear_out()
@@ -274,6 +282,6 @@ class PeerConnection:
         self._host.lose(self, str(error) if error else "closed its connection", is_cut=False)
 
     def _end(self, reason: str) -> None:
-        if not self.stream.is_closed:
+        if self.stream.reading is not ReadState.CLOSED:
             self._host.lose(self, reason, is_cut=True)
             self.close()

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable, Collection
 from time import monotonic
 
+from bus.transport.stream_state import ReadState
 from busd.server.peer import PeerConnection
 
 __all__ = ["Drain"]
@@ -24,8 +25,9 @@ _log = logging.getLogger("busd")
 class Drain:
     """Begins at once. `connections` are looked at until all are closed; then `on_end` is called, once.
 
-    `on_heard` is called, at least once, when all that peers have sent was read. `longest_s`: what peers have
-    not taken by then is left, and the log says how much. A peer has half of that time to heed Leaving.
+    `on_poll` is called each time that they are looked at again. `on_heard` is called, at least once, when all
+    that peers have sent was read. `longest_s`: what peers have not taken by then is left, and the log says
+    how much. A peer has half of that time to heed Leaving.
     """
 
     def __init__(
@@ -34,10 +36,12 @@ class Drain:
         text: str,
         *,
         longest_s: float,
+        on_poll: Callable[[], None],
         on_heard: Callable[[], None],
         on_end: Callable[[], None],
     ) -> None:
         self._connections = connections
+        self._on_poll = on_poll
         self._on_heard = on_heard
         self._on_end = on_end
         self._loop = asyncio.get_running_loop()
@@ -45,7 +49,6 @@ class Drain:
         self._longest_s = longest_s
         self._passed_s = 0.0
         self._looked_s = monotonic()
-        self._has_ended = False
         for connection in tuple(connections):
             connection.leave(text)
         self._look()
@@ -57,11 +60,15 @@ class Drain:
             self._timer.cancel()
         self._look()
 
+    def _look_again(self) -> None:
+        self._on_poll()
+        self._look()
+
     def _look(self) -> None:
         now_s = monotonic()
         self._passed_s += min(now_s - self._looked_s, _STEP_S)
         self._looked_s = now_s
-        speakers = [one for one in self._open if not one.stream.has_ended]
+        speakers = [one for one in self._open if one.stream.reading is not ReadState.ENDED]
         if self._passed_s >= self._longest_s / 2:
             for connection in speakers:
                 connection.stream.hear_out()
@@ -72,14 +79,13 @@ class Drain:
                 if is_over or connection.stream.is_drained:
                     _close(connection)
         if self._open:
-            self._timer = self._loop.call_later(_LOOK_S, self._look)
-        elif not self._has_ended:
-            self._has_ended = True
+            self._timer = self._loop.call_later(_LOOK_S, self._look_again)
+        else:
             self._on_end()
 
     @property
     def _open(self) -> list[PeerConnection]:
-        return [one for one in self._connections if not one.stream.is_closed]
+        return [one for one in self._connections if one.stream.reading is not ReadState.CLOSED]
 
 
 def _close(connection: PeerConnection) -> None:

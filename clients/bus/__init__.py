@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from bus.base.version import RELEASE as __version__
     from bus.blocking import BlockingNode, BlockingPublisher, BlockingSubscription, connect
     from bus.clock import Rate
-    from bus.endpoint import Match
+    from bus.endpoint.matches import Match
     from bus.errors import (
         AccessDenied,
         BrokerUnavailable,
@@ -96,7 +96,7 @@ _HOMES = {
     "bus.blocking": ("BlockingNode", "BlockingPublisher", "BlockingSubscription", "connect"),
     "bus.service.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.clock": ("Rate",),
-    "bus.endpoint": ("Match",),
+    "bus.endpoint.matches": ("Match",),
     "bus.errors": (
         "AccessDenied",
         "BrokerUnavailable",

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import msgspec
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError
 from bus.node import SERVICE_QOS, Node
 from bus.publisher import Publisher
@@ -84,7 +85,7 @@ class ServerEndpoints:
             self.goal = await node.create_service(
                 support.send_goal, f"{begin}send_goal", qos=qos.goal_service, on_request=on_goal
             )
-            self.goal._requests._on_end = on_end
+            core_of(self.goal._requests).on_end = on_end
         except BaseException:
             await self.close()
             raise
@@ -96,7 +97,7 @@ class ServerEndpoints:
 
     def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
         """As `respond` of the service, behind the feedback that was published before."""
-        self.feedback._hand_over()  # by the socket it would wait for the end of this turn
+        core_of(self.feedback).hand_over()  # by the socket it would wait for the end of this turn
         self.result.respond(request_id, response, error)
 
     async def close(self) -> None:

@@ -1,11 +1,10 @@
 """Action servers on asyncio: each goal is a task, and a canceled goal is a task that is cancelled.
 
-Owns: the tasks of goals, their results, and who waits for them. Which state follows which is in `goal_state`,
-whom a cancel request means in `goal_table`.
+Owns: the goals' results, and the requests that wait for them. Which state follows which is in `goal_state`,
+which goals a cancel request means in `goal_table`, which goals have a task in `executions`.
 """
 
 import asyncio
-from collections import deque
 from collections.abc import AsyncGenerator, Callable, Iterator
 from contextlib import aclosing, contextmanager, suppress
 from time import monotonic_ns
@@ -31,6 +30,7 @@ from bus.service.server import RequestId
 from bus.types.support import type_support
 from bus_actions.action_type import ActionSupport, action_support
 from bus_actions.endpoints import ActionQoS, ServerEndpoints
+from bus_actions.executions import Executions
 from bus_actions.goal_state import GoalEvent, GoalStatus
 from bus_actions.goal_table import CancelCode, Goal, GoalExists, GoalTable, TooManyGoals
 
@@ -81,7 +81,6 @@ class ServerGoal:
         self._result: Any = None
         self._response: Any = None  # since the end
         self._waiting: list[RequestId] = []
-        self._task: asyncio.Task[None] | None = None
         self._is_given_up = False
 
     def __repr__(self) -> str:
@@ -187,19 +186,18 @@ class ActionServer:
         self._execute = watched(execute, what, logger)
         self._goal_callback = goal_callback and watched(goal_callback, what, logger)
         self._cancel_callback = cancel_callback and watched(cancel_callback, what, logger)
-        self._at_once = at_once
         self._qos = qos or ActionQoS()
         self._table = GoalTable(round(result_timeout * _NS))
         self._goals: dict[bytes, ServerGoal] = {}
-        self._queue: deque[ServerGoal] = deque()
-        self._running: set[asyncio.Task[None]] = set()
+        self._executions = Executions(at_once, self._begin, self._settle_unfinished)
         self._early: list[tuple[Callable[[Any, RequestId], Any], Any, RequestId]] = []
         self._ends: ServerEndpoints | None = None
         self._expiry: asyncio.TimerHandle | None = None
         self._is_status_due = False
         self._is_stopped = False
-        self._counts = dict.fromkeys(("accepted", "rejected", "feedback"), 0)
-        self._ended = dict.fromkeys((GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED), 0)
+        self._counts = dict.fromkeys(
+            ("accepted", "rejected", "succeeded", "canceled", "aborted", "feedback"), 0
+        )
 
     def __repr__(self) -> str:
         state = "" if self._ends is not None else "not open "
@@ -250,8 +248,7 @@ class ActionServer:
         try:
             await ends.goal.close()
             self._stop()
-            if others := self._running - {asyncio.current_task()}:
-                await asyncio.wait(others)
+            await self._executions.wait()
         finally:
             if self._is_status_due:
                 self._publish_status_now()
@@ -269,13 +266,7 @@ class ActionServer:
 
     def statistics(self) -> ActionServerStatistics:
         """Its counters until now; they stay when it is closed."""
-        return ActionServerStatistics(
-            **self._counts,
-            succeeded=self._ended[GoalStatus.SUCCEEDED],
-            canceled=self._ended[GoalStatus.CANCELED],
-            aborted=self._ended[GoalStatus.ABORTED],
-            active=len(self._table.active()),
-        )
+        return ActionServerStatistics(**self._counts, active=len(self._table.active()))
 
     # --- goals that come
 
@@ -339,24 +330,15 @@ class ActionServer:
         self._ends.goal.respond(request_id, response)
         goal = self._goals[record.id] = ServerGoal(self, record, request.goal)
         self._publish_status()
-        self._queue.append(goal)
-        self._start_next()
+        self._executions.add(goal)
 
     # --- executing
 
-    def _start_next(self) -> None:
-        while self._queue and len(self._running) < self._at_once and self._ends is not None:
-            goal = self._queue.popleft()
-            self._advance(goal, GoalEvent.EXECUTE)
-            goal._task = asyncio.get_running_loop().create_task(
-                self._run(goal), name=f"goal {goal.id.hex()} of {self.name}"
-            )
-            self._running.add(goal._task)
-            goal._task.add_done_callback(self._forget_task)
-
-    def _forget_task(self, task: asyncio.Task[None]) -> None:
-        self._running.discard(task)
-        self._start_next()
+    def _begin(self, goal: ServerGoal) -> asyncio.Task[None]:
+        self._advance(goal, GoalEvent.EXECUTE)
+        return asyncio.get_running_loop().create_task(
+            self._run(goal), name=f"goal {goal.id.hex()} of {self.name}"
+        )
 
     async def _run(self, goal: ServerGoal) -> None:
         try:
@@ -406,19 +388,23 @@ class ActionServer:
             self._send_result(request_id, response)
         self._expire()
 
+    def _settle_unfinished(self, goal: ServerGoal) -> None:
+        """Its task has ended. A task that was cancelled before its first step has not run `_run` at all."""
+        if goal._response is None:
+            if goal.is_cancel_requested:
+                goal.canceled()
+            self._settle(goal)
+
     def _stop(self, reason: BusError | None = None) -> None:
         """No goals can come any more: give up those that are here."""
         self._is_stopped = True
         if self._expiry is not None:
             self._expiry.cancel()
-        waiting, self._queue = self._queue, deque()
+        waiting, running = self._executions.stop()
         for goal in waiting:
             self._settle(goal)
-        for goal in self._goals.values():
-            if goal._task in self._running:
-                goal._is_given_up = True
-        for task in self._running - {asyncio.current_task()}:
-            task.cancel()
+        for goal in running:
+            goal._is_given_up = True
 
     # --- cancel requests
 
@@ -454,10 +440,7 @@ class ActionServer:
             self._ends.cancel.respond(request_id, response)
         for goal in canceled:
             self._advance(goal, GoalEvent.CANCEL_GOAL)
-            if goal._task is not None:
-                goal._task.cancel()
-            else:
-                self._queue.remove(goal)
+            if not self._executions.cancel(goal):
                 goal.canceled()
                 self._settle(goal)
 
@@ -503,7 +486,7 @@ class ActionServer:
     def _advance(self, goal: ServerGoal, event: GoalEvent) -> None:
         self._table.advance(goal._record, event, monotonic_ns())
         if goal.status.is_end:
-            self._ended[goal.status] += 1
+            self._counts[goal.status.name.lower()] += 1
         self._publish_status()
 
     def _check_result(self, result: Any) -> None:

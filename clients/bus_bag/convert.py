@@ -23,6 +23,7 @@ from bus_bag.record.choice import Choice, Wanted
 from bus_bag.record.splitting import Splitting
 from bus_bag.storage import BagMessage, BagReader, BagWriter, open_bag
 from bus_bag.storage.merge import Place, merge, timed
+from bus_bag.storage.registry import DEFAULT, writable_storage
 from bus_bag.topic_names import absolute_names
 from bus_bag.yaml_text import load
 from bus_ros.cdr import codec_of
@@ -60,6 +61,7 @@ class Output(msgspec.Struct, frozen=True, kw_only=True):
     """A bag to be written."""
 
     uri: Path
+    storage: str = DEFAULT.identifier
     preset: str = "none"
     wanted: Wanted | None = None
     """None: all topics, hidden ones too."""
@@ -102,10 +104,11 @@ class _Options:
         uri = self._take("uri", str, "")
         if not uri:
             raise BagError("an entry of 'output_bags' has no 'uri'")
-        if (storage := self._take("storage_id", str, "mcap")) not in ("", "mcap"):
-            raise BagError(f"storage_id '{storage}' can't be written; bags are written as 'mcap'")
+        storage = self._take("storage_id", str, "") or DEFAULT.identifier
+        writable_storage(storage)
         output = Output(
             uri=Path(uri),
+            storage=storage,
             preset=self._preset(),
             wanted=self._wanted(),
             most_bytes=self._take("max_bagfile_size", int, 0),
@@ -289,7 +292,11 @@ class _Writer:
         said = readers[0].metadata
         custom = output.custom_data if output.custom_data is not None else said.custom_data
         self._writer = BagWriter(
-            output.uri, preset=output.preset, custom_data=custom, ros_distro=said.ros_distro
+            output.uri,
+            storage=writable_storage(output.storage),
+            preset=output.preset,
+            custom_data=custom,
+            ros_distro=said.ros_distro,
         )
         self._channels: dict[str, int] = {}
         for name, (topic, definition, extra) in chosen.items():

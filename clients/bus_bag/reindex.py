@@ -9,8 +9,7 @@ from bus.base.counted import counted
 from bus_bag.errors import BagError
 from bus_bag.metadata import NAME, VERSION
 from bus_bag.storage import BagReader, Problem
-from bus_bag.storage.mcap_reader import McapFile
-from bus_bag.storage.rewriting import rewrite
+from bus_bag.storage.registry import find_storage
 from bus_bag.storage.writer import write_metadata_file
 
 __all__ = ["reindex"]
@@ -29,13 +28,12 @@ def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
     lost: list[Problem] = []
     with BagReader(folder, all_files=True) as reader:
         for file in reader.files:
-            if not isinstance(file, McapFile) or file.path.suffix != ".mcap" or file.has_message_index:
+            storage = find_storage(file.path.suffix)  # none has that of a compressed file
+            left_out = None if storage is None else storage.repair(file, reader.metadata)
+            if left_out is None:
                 continue
-            rewrite(file, reader.metadata)
             lost += file.problems
-            if file.attachments:
-                text = f"{counted(file.attachments, 'attachment', 'is', 'are')} left out"
-                lost.append(Problem(str(file.path), None, text))
+            lost += [Problem(str(file.path), None, text) for text in left_out]
             messages = counted(file.summary.message_count, "message")
             say(f"{file.path.name}: written anew with an index, {messages}")
     with BagReader(folder, all_files=True) as reader:

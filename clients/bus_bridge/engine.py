@@ -6,12 +6,13 @@ hears something in a thread of its own brings it there, bounded. Values and prot
 """
 
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, Protocol
 
 import msgspec
 
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
+from bus_bridge.batch import Batch
 
 __all__ = [
     "LONG_BYTES",
@@ -28,7 +29,6 @@ __all__ = [
     "LocalNode",
     "Reader",
     "RouteRule",
-    "Sample",
     "Writer",
 ]
 
@@ -44,17 +44,6 @@ LONG_BYTES = 16 << 10
 """From this size on a message does not go with small ones, but with others that are long."""
 LONG_PACK_BYTES = 6 * PACK_BYTES
 """What long messages that go together take at most. A longer one goes alone."""
-
-
-class Sample(NamedTuple):
-    """One message on its way."""
-
-    payload: bytes
-    """MessagePack, as on every bus."""
-    number: int
-    """Which of its publisher's messages it is, from 1; 0 where the engine does not know."""
-    source_time_ns: int
-    """When it was published: wall clock of the publisher's machine."""
 
 
 class RouteRule(msgspec.Struct, frozen=True):
@@ -106,11 +95,9 @@ class Writer(Protocol):
     def lost(self) -> dict[str, int]:
         """Messages that `write` counted as gone and the engine has dropped, by reason."""
 
-    def write(self, samples: Sequence[Sample]) -> int:
-        """Send `samples`, in order; never blocks. Returns how many of them, from the front, have gone.
-
-        They may be `Packed`. The rest waits with the caller until `on_change`, or is lost there and counted.
-        """
+    def write(self, batch: Batch) -> int:
+        """Send the messages of `batch`, in order; never blocks. Returns how many of them have gone, from the
+        front. The rest waits with the caller until `on_change`, or is lost there and counted."""
 
     def close(self) -> None:
         """The publisher has gone, and so does its mirror on the far side, behind what was written."""
@@ -246,7 +233,7 @@ class Engine(Protocol):
         self,
         endpoint: FarEndpoint,
         schema: MessageSchema,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> Reader:
         """Have what the far publisher sends brought here. With transient local, first what it keeps.
 

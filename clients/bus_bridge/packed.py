@@ -4,15 +4,15 @@ What would cost more than all else is to make an object of each message: so they
 zenoh and from zenoh to the mirror, as long as nothing has to be done with single ones.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from struct import Struct
-from typing import Literal, NamedTuple, overload
+from typing import NamedTuple
 
 from bus import shm
 from bus.subscription import Pack
-from bus_bridge.engine import Sample
+from bus_bridge.batch import Batch, Sample
 
-__all__ = ["RECORD", "Packed", "number_and_time", "payload_bytes", "scan"]
+__all__ = ["RECORD", "Packed", "scan"]
 
 RECORD = Struct("<QqI")
 """In front of each message: its number, its source time, its size."""
@@ -36,22 +36,10 @@ class Scan(NamedTuple):
     """Whether each has the number behind that of the one before it."""
 
 
-class Packed(Sequence[Sample]):
-    """Behaves as the list of its samples, and is never changed.
+class Packed(Batch):
+    """A batch in one buffer."""
 
-    `first` and `last` are the number and the source time of the first and the last one.
-    """
-
-    __slots__ = (
-        "_count",
-        "_last_at",
-        "first",
-        "is_consecutive",
-        "last",
-        "payload_bytes",
-        "start",
-        "whole",
-    )
+    __slots__ = ("_last_at", "size", "start", "whole")
 
     def __init__(
         self, whole: bytes, start: int, count: int, payload_bytes: int, last_at: int, is_consecutive: bool
@@ -59,13 +47,14 @@ class Packed(Sequence[Sample]):
         self.whole = whole
         """The buffer; the samples begin at byte `start` of it."""
         self.start = start
-        self._count = count
+        self.size = len(whole) - start
+        """Bytes of the records."""
+        self.count = count
         self.payload_bytes = payload_bytes
         self._last_at = last_at
         self.is_consecutive = is_consecutive
-        self.first = self.last = _HEAD.unpack_from(whole, start)
-        if last_at != start:
-            self.last = _HEAD.unpack_from(whole, last_at)
+        self.last_number, self.last_time_ns = _HEAD.unpack_from(whole, last_at)
+        self.first_number = self.last_number if last_at == start else _HEAD.unpack_from(whole, start)[0]
 
     @classmethod
     def taken(cls, pack: Pack) -> "Packed":
@@ -74,62 +63,30 @@ class Packed(Sequence[Sample]):
     @classmethod
     def read(cls, data: bytes, most_number: int) -> "Packed | None":
         """None where that is not records and nothing else, or a number is higher."""
-        found = scan(data, 0, _ALL)
-        if not found.records or found.stop != len(data) or found.highest > most_number:
+        records, stop, payload_bytes, highest, last_at, is_consecutive = _scan(data, 0, _ALL)
+        if not records or stop != len(data) or highest > most_number:
             return None
-        return cls(data, 0, found.records, found.payload_bytes, found.last_at, found.is_consecutive)
-
-    @property
-    def data(self) -> bytes:
-        """The records."""
-        return self.whole[self.start :] if self.start else self.whole
-
-    @property
-    def size(self) -> int:
-        """Bytes of the records."""
-        return len(self.whole) - self.start
+        return cls(data, 0, records, payload_bytes, last_at, is_consecutive)
 
     def after(self, count: int) -> "Packed":
-        """All but the first `count`; one is left at least."""
         if not count:
             return self
         gone = scan(self.whole, self.start, count)
-        left, size = self._count - count, self.payload_bytes - gone.payload_bytes
+        left, size = self.count - count, self.payload_bytes - gone.payload_bytes
         return Packed(self.whole, gone.stop, left, size, self._last_at, self.is_consecutive)
-
-    def __len__(self) -> int:
-        return self._count
 
     def __iter__(self) -> Iterator[Sample]:
         whole, at, head, size = self.whole, self.start, RECORD.unpack_from, RECORD.size
-        for _ in range(self._count):
+        for _ in range(self.count):
             number, source_time_ns, length = head(whole, at)
             at += size
             yield Sample(whole[at : at + length], number, source_time_ns)
             at += length
 
-    @overload
-    def __getitem__(self, which: int) -> Sample: ...
-    @overload
-    def __getitem__(self, which: slice) -> Sequence[Sample]: ...
-
-    def __getitem__(self, which: int | slice) -> Sample | Sequence[Sample]:
-        if isinstance(which, slice):
-            start, stop, step = which.indices(self._count)
-            if (stop, step) == (self._count, 1):
-                return self.after(start) if start < stop else []
-            return list(self)[which]
-        if which in (0, -1) and self._count:
-            at = self._last_at if which else self.start
-            number, source_time_ns, length = RECORD.unpack_from(self.whole, at)
-            at += RECORD.size
-            return Sample(self.whole[at : at + length], number, source_time_ns)
-        return list(self)[which]
-
 
 def scan(data: bytes, start: int, limit: int) -> Scan:
     """Look through the first `limit` records from byte `start` on; ends before what is none."""
-    return Scan(*_scan_native(data, start, limit)) if _scan_native else scan_here(data, start, limit)
+    return Scan(*_scan(data, start, limit))
 
 
 def scan_here(data: bytes, start: int, limit: int) -> Scan:
@@ -148,16 +105,4 @@ def scan_here(data: bytes, start: int, limit: int) -> Scan:
     return Scan(count, at, size, highest, last_at, is_consecutive)
 
 
-_scan_native = shm.native.scan_packed if shm.has_core() else None  # to ask each time costs as much as to scan
-
-
-def payload_bytes(samples: Sequence[Sample]) -> int:
-    """Of all of them together."""
-    return samples.payload_bytes if type(samples) is Packed else sum([len(one[0]) for one in samples])
-
-
-def number_and_time(samples: Sequence[Sample], which: Literal[0, -1]) -> tuple[int, int]:
-    """The number and the source time of the first or the last of them, without a copy of the message."""
-    if type(samples) is Packed:
-        return samples.last if which else samples.first
-    return samples[which][1:]
+_scan = shm.native.scan_packed if shm.has_core() else scan_here  # to ask each time costs as much as to scan

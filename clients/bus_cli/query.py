@@ -236,6 +236,6 @@ def _start(path: Path, patience: Patience, *, may_start: bool) -> socket.socket:
         raise NotRunning(f"no busd listens on {path}")
     import asyncio
 
-    from bus.link.autostart import open_socket
+    from bus.link.reach import open_socket
 
     return asyncio.run(open_socket(path, patience))

@@ -3,7 +3,8 @@
 from typing import Any
 from unittest.mock import patch
 
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
+from bus_bridge.batch import Sample
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode
 from bus_bridge.zenoh import keys, presence, records
 from bus_bridge.zenoh.arrival import Arrival
 from bus_bridge.zenoh.presence import Presence
@@ -76,7 +77,7 @@ def _take(content: Content, assembler: Assembler) -> None:
         samples = [] if whole is None else [whole]
     else:
         samples = list(content)
-        assert samples and samples[-1] == content[-1]
+        assert len(samples) == content.count and samples[-1].number == content.last_number
     assert all(one.number <= MAX_NUMBER for one in samples)
 
 

@@ -281,7 +281,7 @@ def _end(world: World, witness: Process) -> None:
     witness.die()
     core = world.broker
     assert not core._peers
-    assert not core.graph.types
+    assert not core.graph.types.trusted
     assert not core.graph.topics
     assert all(account.used == 0 for account in accounts)
     world.advance(100.0 + KEEP_NS / SECOND)

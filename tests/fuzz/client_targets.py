@@ -11,11 +11,13 @@ from typing import Any
 import msgspec
 
 from bus.base.descriptor import Descriptor
-from bus.endpoint import NodeContext
+from bus.endpoint.core import EndpointCore, NodeContext
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, RemoteProtocolError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import graph_of
 from bus.link.connection import Connection
+from bus.link.declarations import LinkNode
 from bus.link.link import Link
 from bus.logger import get_logger
 from bus.msg.std_msgs import String
@@ -23,6 +25,7 @@ from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.shm import segments
 from bus.subscription import Subscription
+from bus.transport.stream_state import WriteState
 from bus.types.support import type_support
 from bus.wire import messages as m
 from bus.wire.layout import (
@@ -54,22 +57,10 @@ _SHORT = ("liveliness", "lost", "refused", "done", "pong", "ping", "graph*", "ty
 
 
 class _Silent:
-    """Stands for a node, and for the stream to the broker, which takes nothing."""
+    """Stands for the stream to the broker, which takes nothing."""
 
-    full_name = "/node"
-    _origin: m.Origin | None = None
     is_quiet = True
-    is_blocked = False
-
-    def __init__(self) -> None:
-        self._id = 0
-        self._made_at = (__file__, 0)
-
-    def _declaration(self, request: int, node: int) -> m.Message:
-        return m.CreateNode(request=request, name="node")
-
-    def _declared(self, answer: m.Created) -> None:
-        self._id = answer.id
+    writing = WriteState.OPEN
 
     def flush(self) -> None:
         pass
@@ -115,12 +106,12 @@ class _Client:
         self.session = Session(Role.CLIENT)
         self.connection = Connection(
             self.link.shm_context,
-            on_received=self.link._received,
+            on_received=self.link._incoming.received,
             on_lost=lambda reason: None,
             on_wrote=lambda: None,
         )
         self.connection._stream = _Silent()  # type: ignore[assignment]
-        self.link._connection = self.connection
+        self.link.connection = self.connection
         self.link._users = 1
         self.rings: list[HostileRing] = []
         self.asked: list[asyncio.Task[Any]] = []
@@ -136,18 +127,23 @@ class _Client:
             for qos in (QoSProfile(depth=3), lossless)
         ]
 
+    @property
+    def cores(self) -> list[EndpointCore[String]]:
+        return [core_of(one) for one in (*self.publishers, *self.subscriptions)]
+
     def fail(self, error: BaseException) -> None:
         raise error
 
     async def begin(self) -> None:
         """Declare all, to a broker that answers well or not."""
-        node = self.node = _Silent()  # the link itself refers to it weakly
+        node = self.node = LinkNode("node", "/", None, (__file__, 0))  # the link refers to it weakly
         self.hear(m.encode_frame(m.Hello(version=1)))
-        for number, what in enumerate((node, *self.publishers, *self.subscriptions), 1):
-            if isinstance(what, _Silent):
+        everything: list[LinkNode | EndpointCore[String]] = [node, *self.cores]
+        for number, what in enumerate(everything, 1):
+            if isinstance(what, LinkNode):
                 task = asyncio.create_task(self.link.declare_node(what))
             else:
-                task = asyncio.create_task(self.link.declare(node, what))  # type: ignore[arg-type]
+                task = asyncio.create_task(self.link.declare(node, what))
             self.asked.append(task)
             await asyncio.sleep(0)
             if self.script.byte() < 240:
@@ -278,15 +274,15 @@ class _Client:
             return
         try:
             for item in feed(self.session, raw):
-                self.link._received([item])
+                self.link._incoming.received([item])
         except RemoteProtocolError:
             self.is_cut = True
 
     def check(self) -> None:
         """All that it says can be understood."""
-        for endpoint in (*self.publishers, *self.subscriptions):
-            if endpoint._id:
-                self.link.send_about(endpoint, endpoint._totals())
+        for endpoint in self.cores:
+            if endpoint.id:
+                self.link.send_about(endpoint, endpoint.totals())
         receiver = Session(Role.BROKER)
         list(feed(receiver, m.encode_frame(m.Hello(version=1))))
         while (taken := self.connection.outbox.take())[1]:
@@ -295,9 +291,9 @@ class _Client:
             list(feed(receiver, b"".join(taken[0])))
 
     async def end(self) -> None:
-        for ended in (*self.subscriptions, *self.publishers):
+        for ended in reversed(self.cores):
             self.link.forget(ended)
-            ended._end(BusError("the end"))
+            ended.end(BusError("the end"))
         self.link.release()
         for task in self.asked:
             task.cancel()

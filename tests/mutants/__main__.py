@@ -27,6 +27,7 @@ _FILES = (
     "CONTRIBUTING.md",
     "Makefile",
     "MANIFEST.in",
+    "SECURITY.md",
     "setup.py",
 )
 _NATIVE = "tests/native/"

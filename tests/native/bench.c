@@ -52,8 +52,8 @@ static void measure_alone(uint32_t size, uint64_t capacity, unsigned burst, size
     ring_join(&r, 0);
     for (size_t i = 0; i < readers; i++)
         gates[i].slot = (void *)((char *)segments + i * readers_segment_bytes(1) + sizeof(struct readers_header));
-    w.gates = gates;
-    w.gate_count = readers;
+    w.gates.list = gates;
+    w.gates.count = readers;
     ring_gates_changed(&w);
     uint64_t writing = 0, taking = 0, count = 0;
     const uint64_t end = now_ns() + length_ns;
@@ -181,8 +181,8 @@ static void measure_across(uint32_t size, uint64_t capacity, bool is_lossless, e
     struct ring_gate gate = {.slot = slot, .is_lossless = is_lossless};
     struct ring_writer w;
     ring_writer_attach(&w, memory);
-    w.gates = &gate;
-    w.gate_count = 1;
+    w.gates.list = &gate;
+    w.gates.count = 1;
     ring_gates_changed(&w);
     uint64_t rung = 0, rings = 0, waits = 0, now = now_ns();
     const uint64_t begin = now;

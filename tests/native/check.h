@@ -12,7 +12,8 @@
 #define RING_LARGE 256u /* rings are small here, so that what is large is, too */
 #endif
 
-#include "../../clients/bus/shm/ring.h"
+#include "../../clients/bus/shm/reader.h"
+#include "../../clients/bus/shm/writer.h"
 
 /* Exit status of a test that saw what must not happen; a broken build is expected to end with it. */
 #define FORBIDDEN 3

@@ -3,10 +3,13 @@
  * keeps what it has pinned. */
 #include "fuzz.h"
 
-enum { CAPACITY = 4096, INDEX = 32, SLOTS = 3, MOST_GATES = 5 };
+#include "../../clients/bus/shm/gates.h"
+
+enum { CAPACITY = 4096, INDEX = 32, SLOTS = 3, MOST_GATES = 5, KEYS = 6 };
 
 static unsigned char *readers;
 static struct ring_writer writer;
+static struct reading_process hostile;
 static bool is_open;
 
 /* The honest one. */
@@ -77,19 +80,32 @@ static void publish(bool force)
     CHECK(writer.latest + 1 - writer.oldest <= INDEX);
 }
 
-static void change_gates(struct reader_slot *slots)
+/* Some keys come twice: then the gate is put in place of the one before. */
+static void change_gates(void)
 {
-    const unsigned how = next_byte();
-    if (how & 1 && writer.gate_count < MOST_GATES) {
-        const struct reader_slot *slot = &slots[(how >> 2) % SLOTS];
-        writer.gates[writer.gate_count++] = (struct ring_gate){.slot = slot, .is_lossless = how & 2};
-        ring_gates_changed(&writer);
-        ring_admit(&writer, slot);
-    } else if (writer.gate_count > 1) { /* the first is the honest one's */
-        writer.gates[1 + (how >> 2) % (writer.gate_count - 1)] = writer.gates[writer.gate_count - 1];
-        writer.gate_count--;
-        ring_gates_changed(&writer);
-    }
+    const unsigned how = next_byte(), which = how >> 2;
+    struct ring_gate *others = &writer.gates.list[1]; /* the first is the honest one's */
+    const size_t other_count = writer.gates.count - 1;
+    if (how & 1 && writer.gates.count < MOST_GATES)
+        CHECK(ring_add_gate(&writer, 1 + which % KEYS, &hostile, which % SLOTS, how & 2));
+    else if (how & 2 && other_count != 0)
+        ring_make_lossy(&writer, &others[which % other_count]);
+    else if (other_count != 0)
+        CHECK(ring_remove_gate(&writer, &others[which % other_count]) == &hostile);
+    CHECK_EQ(hostile.gates, writer.gates.count - 1);
+}
+
+static void count_rung(int doorbell, uint64_t knock)
+{
+    CHECK(doorbell == hostile.doorbell && knock != 0); /* the honest one does not sleep */
+}
+
+/* Their pins and sleeps say anything: no more than an answer comes of it. */
+static void ring_all(bool is_for_any)
+{
+    CHECK(gates_ring(&writer.gates, is_for_any, count_rung) <= 1);
+    for (size_t i = 1; i < writer.gates.count; i++)
+        gate_has_pins(&writer.gates.list[i]);
 }
 
 static void carry(void)
@@ -110,8 +126,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     is_open = false;
     struct readers_geometry geometry;
     struct reader_slot slot = {0};
-    struct ring_gate gates[MOST_GATES] = {{.slot = &slot}};
-    uint64_t rung = 0;
+    const struct bell awake = {0};
+    struct reading_process honest = {.arrival = &awake, .slots = &slot, .slot_count = 1, .doorbell = 7};
     readers = zeroed(readers_segment_bytes(SLOTS));
     readers_format(readers, SLOTS);
     for (unsigned lies = next_byte() % 4; lies != 0; lies--) {
@@ -120,9 +136,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     void *memory = new_ring(CAPACITY, INDEX, 1);
     ring_writer_attach(&writer, memory);
-    writer.gates = gates;
-    writer.gate_count = 1;
-    ring_gates_changed(&writer);
+    CHECK(ring_add_gate(&writer, 0, &honest, 0, false));
+    hostile = (struct reading_process){
+        .arrival = &((struct readers_header *)readers)->arrival,
+        .slots = readers_slots(readers),
+        .slot_count = SLOTS,
+        .doorbell = 8,
+    };
     open_reader(&reader, memory, &slot);
     ring_join(&reader, 0);
     is_holding = false;
@@ -139,10 +159,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             publish(true);
             break;
         case 4:
-            change_gates(readers_slots(readers));
+            change_gates();
             break;
         case 5:
-            bell_is_due(&((struct readers_header *)readers)->arrival, &rung, 0);
+            ring_all(next_byte() % 2);
             if (ring_wait_for_room(&writer))
                 bell_disarm(&writer.header->room);
             break;
@@ -156,6 +176,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             write_somewhere();
         }
     }
+    gates_free(&writer.gates);
     free(memory);
     free(readers);
     return 0;

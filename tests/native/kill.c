@@ -100,8 +100,8 @@ static void kill_a_reader(uint64_t after_ns)
     open_reader(&r, memory, slot);
     ring_join(&r, 0);
     ring_tell_cursor(&r);
-    w.gates = &gate;
-    w.gate_count = 1;
+    w.gates.list = &gate;
+    w.gates.count = 1;
     ring_gates_changed(&w);
     const pid_t pid = fork();
     if (pid == 0) {
@@ -134,7 +134,7 @@ static void kill_a_reader(uint64_t after_ns)
     for (int i = 0; i < 1000 && status == RING_OK; i++)
         status = ring_write(&w, bytes, 500, 0, 0, true);
     CHECK_EQ(status, RING_FULL);
-    w.gate_count = 0;
+    w.gates.count = 0;
     ring_gates_changed(&w);
     for (int i = 0; i < 1000; i++)
         CHECK_EQ(ring_write(&w, bytes, 500, 0, 0, true), RING_OK);

@@ -36,8 +36,8 @@ static void start(bool is_lossless)
     readers_format(readers, 1);
     ring_writer_attach(&w, memory);
     gate = (struct ring_gate){.slot = readers_slots(readers), .is_lossless = is_lossless};
-    w.gates = &gate;
-    w.gate_count = 1;
+    w.gates.list = &gate;
+    w.gates.count = 1;
     open_reader(&r, memory, readers_slots(readers));
     ring_join(&r, 0);
     ring_tell_cursor(&r);
@@ -77,7 +77,7 @@ static void prepare_pin(void)
     atomic_store_explicit(&readers_slots(readers)->pins[0], 0, memory_order_relaxed);
     do
         put(96);
-    while (w.oldest == 1 || w.hole_count != 0);
+    while (w.oldest == 1 || w.gates.hole_count != 0);
     r.next = w.oldest;
     ring_poll(&r, 0);
     CHECK_EQ(ring_look(&r, &record), RING_OK);
@@ -98,7 +98,7 @@ static void prepare_admit(void)
     struct reader_slot *slot = readers_slots(readers);
     atomic_store_explicit(&slot->pins[0], 0, memory_order_relaxed);
     gate = (struct ring_gate){.slot = slot};
-    w.gate_count = 0;
+    w.gates.count = 0;
     ring_gates_changed(&w);
     for (int i = 0; i < CAPACITY / 128; i++) /* no gap of an earlier pin is left */
         put(96);
@@ -111,13 +111,13 @@ static int left_admit(void)
 {
     void *first, *second;
 #ifdef BROKEN_EARLY_ADMIT
-    ring_admit(&w, gate.slot);
+    ring_admit(&w, &gate);
 #endif
     CHECK_EQ(ring_reserve(&w, 96, true, &first), RING_OK);
     ring_publish(&w, 96, 0, 0);
-    w.gate_count = 1;
+    w.gates.count = 1;
     ring_gates_changed(&w);
-    ring_admit(&w, gate.slot);
+    ring_admit(&w, &gate);
     delay(mix(ticket) % 256);
     CHECK_EQ(ring_reserve(&w, 96, true, &second), RING_OK);
     return first == record.payload || second == record.payload;

@@ -180,8 +180,8 @@ static void open_gates(struct ring_writer *w)
 {
     for (int i = 0; i < READERS; i++)
         gates[i] = (struct ring_gate){.slot = readers_slots(reader_memory[i]), .is_lossless = is_lossless};
-    w->gates = gates;
-    w->gate_count = READERS;
+    w->gates.list = gates;
+    w->gates.count = READERS;
     ring_gates_changed(w);
 }
 

@@ -21,8 +21,8 @@ static struct ring_writer open_writer(void *memory, size_t gate_count)
     ring_writer_attach(&w, memory);
     for (size_t i = 0; i < gate_count; i++)
         gates[i].slot = &slots[i];
-    w.gates = gates;
-    w.gate_count = gate_count;
+    w.gates.list = gates;
+    w.gates.count = gate_count;
     ring_gates_changed(&w);
     return w;
 }
@@ -50,11 +50,11 @@ static void test_a_pinned_record_outlives_laps(void)
         CHECK(is_filled(got, w.latest, record.size));
         ring_step(&r);
     }
-    CHECK_EQ(w.hole_count, 1);
+    CHECK_EQ(w.gates.hole_count, 1);
     ring_unpin(&slots[0], pin);
     for (int i = 0; i < 20; i++)
         put(&w, 1000);
-    CHECK_EQ(w.hole_count, 0);
+    CHECK_EQ(w.gates.hole_count, 0);
     CHECK(!is_filled(held.payload, 1, 500));
     free(memory);
 }
@@ -107,7 +107,7 @@ static void test_pins_may_fill_the_ring(void)
     CHECK_EQ(ring_reserve(&w, 900, true, &payload), RING_PINNED);
     CHECK_EQ(ring_reserve(&w, 10, true, &payload), RING_OK); /* 8 * 960 bytes leave a little */
     CHECK_EQ(ring_reserve(&w, 900, true, &payload), RING_PINNED);
-    w.gate_count = 1;
+    w.gates.count = 1;
     ring_gates_changed(&w);
     CHECK_EQ(put(&w, 900), RING_OK);
     free(memory);

@@ -216,8 +216,8 @@ static void test_lossless_reader_holds_its_writer_back(void)
     open_reader(&r, memory, &slot);
     ring_join(&r, 0);
     ring_tell_cursor(&r);
-    w.gates = &gate;
-    w.gate_count = 1;
+    w.gates.list = &gate;
+    w.gates.count = 1;
     ring_gates_changed(&w);
     uint64_t rung = 0, taken = 0;
     CHECK(!ring_wait_for_room(&w)); /* nothing to wait for */
@@ -243,7 +243,7 @@ static void test_lossless_reader_holds_its_writer_back(void)
         r.room_rung = 0;
         CHECK(!ring_room_is_due(&r)); /* awake */
     }
-    w.gate_count = 0; /* the broker says that the reader is gone */
+    w.gates.count = 0; /* the broker says that the reader is gone */
     ring_gates_changed(&w);
     put(&w, 64);
     free(memory);
@@ -260,8 +260,8 @@ static void test_the_slowest_lossless_reader_counts(void)
     };
     struct ring_writer w;
     ring_writer_attach(&w, memory);
-    w.gates = gates;
-    w.gate_count = 3;
+    w.gates.list = gates;
+    w.gates.count = 3;
     CHECK_EQ(ring_taken(&w), 3);
     atomic_store(&slots[1].cursor, 12);
     CHECK_EQ(ring_taken(&w), 9);

@@ -20,8 +20,8 @@ static void open_ring(struct ring *ring, uint64_t keep, bool is_lossless)
     *ring = (struct ring){.memory = new_ring(CAPACITY, INDEX, 1)};
     ring_writer_attach(&ring->w, ring->memory);
     ring->gate = (struct ring_gate){.slot = &ring->slot, .is_lossless = is_lossless};
-    ring->w.gates = &ring->gate;
-    ring->w.gate_count = 1;
+    ring->w.gates.list = &ring->gate;
+    ring->w.gates.count = 1;
     ring->w.keep = keep;
     atomic_store(&ring->slot.cursor, 1);
     ring_gates_changed(&ring->w);

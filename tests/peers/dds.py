@@ -3,7 +3,7 @@
 import asyncio
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -17,19 +17,11 @@ from cyclonedds.topic import Topic
 from bus.msg.std_msgs import String
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.schema import MessageSchema
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import raw
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.options import DdsOptions
-from bus_bridge.engine import (
-    FarBus,
-    FarEndpoint,
-    FarNode,
-    LocalEndpoint,
-    LocalNode,
-    RouteRule,
-    Sample,
-    Writer,
-)
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule, Writer
 from conftest import WAIT_S
 from ports import own_domain
 
@@ -125,15 +117,15 @@ class Bridge:
     def send(self, writer: Writer, *texts: str) -> None:
         for text in texts:
             self.numbers += 1
-            assert writer.write([sample_of(text, self.numbers)]) == 1
+            assert writer.write(Loose([sample_of(text, self.numbers)])) == 1
 
     async def read(self, topic: str) -> Any:
         """From now on what its publisher says is in `heard`."""
         endpoint = await until(lambda: self.far.find("publisher", topic), f"no publisher of {topic}")
         return self.engine.read(endpoint, await self.engine.find_schema(endpoint), self.hear)
 
-    def hear(self, samples: Sequence[Sample]) -> None:
-        self.heard += [msgspec.msgpack.decode(sample.payload)[0] for sample in samples]
+    def hear(self, batch: Batch) -> None:
+        self.heard += [msgspec.msgpack.decode(sample.payload)[0] for sample in batch]
 
 
 def _local(kind: Any, topic: str, qos: QoSProfile, schema: MessageSchema = STRING) -> LocalEndpoint:

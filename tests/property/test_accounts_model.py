@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from accounts_cuts import Cuts, pick
 from accounts_world import World
 from bus import shm
-from bus.link import link
+from bus.link import connecting
 from bus.qos import QoSProfile
 from busd.core import absent, drops
 from conftest import TEST_S
@@ -244,7 +244,7 @@ def test_against_the_model(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv("BUS_ROUTE", raising=False)
-    monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
+    monkeypatch.setattr(connecting, "_RETRY_S", (0.0, 0.001))
     monkeypatch.setattr(drops, "DROP_REPORT_NS", 0)
     monkeypatch.setattr(absent, "RETURN_NS", 0)
 
@@ -273,7 +273,7 @@ async def test_a_match_by_its_ring_is_lost_before_it_is_heard_of(
     if not shm.is_available():
         pytest.skip(shm.why_not())
     monkeypatch.delenv("BUS_ROUTE", raising=False)
-    monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
+    monkeypatch.setattr(connecting, "_RETRY_S", (0.0, 0.001))
     beginning: Beginning = ([True, True], [(1, QoSProfile())], [(0, QoSProfile()), (1, QoSProfile())])
     again = [("publish", 0, 8), ("leave", 0)]
     async with asyncio.timeout(TEST_S):

@@ -318,7 +318,9 @@ class Books:
         for process in (*self.processes.values(), self.watcher.process):
             process.die()
         graph = self.world.broker.graph
-        assert not any((graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types))
+        assert not any(
+            (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types.trusted)
+        )
         self.world.advance(self.LIMITS.lease_s)
         self.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
         assert self.world.broker.next_deadline_ns() is None

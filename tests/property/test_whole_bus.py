@@ -144,7 +144,7 @@ class Story:
         for publisher, client in self.publishers.items():
             assert client.publish(publisher) == 1
             self.come_to_rest()
-            newest = self.world.number_of(publisher), publisher.statistics().published
+            newest = self.world.number_of(publisher._core), publisher.statistics().published
             for subscription in self.subscriptions.keys() - self.mirrors:
                 if any(match.gid == publisher.gid for match in subscription.matches):
                     assert newest in self.heard[subscription]
@@ -193,13 +193,13 @@ class Story:
         readers = [
             (one, match)
             for one in self.subscriptions
-            for match in one._matches.items()
+            for match in one._core.matches.items()
             if match[1].route == "shm"
         ]
         if readers:
             subscription, (other, _) = pick(readers, at + which)
-            refusal = m.RefuseRoute(endpoint=subscription._id, other=other, text="a test")
-            self.subscriptions[subscription].send_about(subscription, refusal)
+            refusal = m.RefuseRoute(endpoint=subscription._core.id, other=other, text="a test")
+            self.subscriptions[subscription].send_about(subscription._core, refusal)
 
     def choke(self, at: int) -> None:
         client = pick(self.clients, at)
@@ -268,7 +268,7 @@ class Story:
         readers = [one for one in self.subscriptions if one.qos.is_lossless]
         if readers and self.publishers:
             subscription, gid = pick(readers, at), pick(self.publishers, which).gid
-            if gid in subscription._held_back:
+            if gid in subscription._core.held_back:
                 subscription.release(gid)
             else:
                 subscription.hold_back(gid)
@@ -294,7 +294,7 @@ class Story:
             if client.connection is not None and client.connection.is_blocked:
                 client.connection.unblock()
         for subscription in self.subscriptions:
-            for gid in subscription._held_back:
+            for gid in subscription._core.held_back:
                 subscription.release(gid)
         world.settle()
         world.connect_all()
@@ -317,11 +317,11 @@ class Story:
                 mine, its = here.origin, there.origin
                 is_of_one_bus = mine is not None and its is not None and mine.buses & its.buses
                 is_matched = any(match.gid == publisher.gid for match in subscription.matches)
-                is_tap = subscription._role == "tap"
+                is_tap = subscription._core._role == "tap"
                 if is_tap and publisher.qos.is_lossless is not subscription.qos.is_lossless:
                     assert not is_matched
                 else:
-                    is_kept_out = is_of_one_bus or (subscription._local_only and its is not None)
+                    is_kept_out = is_of_one_bus or (subscription._core._local_only and its is not None)
                     assert is_matched is not bool(is_kept_out)
                 is_counted = any(match.gid == subscription.gid for match in publisher.matches)
                 assert is_counted is (is_matched and not is_tap)
@@ -350,7 +350,7 @@ class Story:
     def gaps(self, heard: list[tuple[int, int]]) -> int:
         """How many numbers of the publishers that are there are missing between others."""
         found = 0
-        for number in map(self.world.number_of, self.publishers):
+        for number in [self.world.number_of(publisher._core) for publisher in self.publishers]:
             its = [one for publisher, one in heard if publisher == number]
             found += its[-1] + 1 - its[0] - len(its) if its else 0
         return found

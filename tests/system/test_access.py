@@ -253,7 +253,7 @@ class TestOtherRules:
         gone = await guest.create_publisher(String, "/gone", 10)
         busd.reload(kept)
         with acting_as(GUEST):  # it connects again meanwhile
-            await until(lambda: isinstance(gone._refusal, AccessDenied))
+            await until(lambda: isinstance(gone._core.refusal, AccessDenied))
         with pytest.raises(AccessDenied, match=f"user {GUEST} may not publish on '/gone'"):
             gone.publish(String(data="no"))
         await publisher.wait_for_subscriptions(1)

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from bus.errors import BrokerUnavailable, ConfigurationError
-from bus.link.autostart import open_socket
-from bus.link.reach import Patience
+from bus.link.reach import Patience, open_socket
 from bus_cli.query import Query
 from busd.config.access import SocketTable
 from busd.server.listener import open_listener

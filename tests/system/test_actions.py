@@ -439,7 +439,7 @@ class TestBadEnds:
             await anext(goal)
             async with losing(client):
                 may_end.set()
-                await until(lambda: not server._running)
+                await until(lambda: not server._executions._running)
             assert (await goal.result()).reached == 7
 
     async def test_the_server_closes(self, node: bus.Node, other: bus.Node) -> None:

@@ -64,7 +64,7 @@ async def test_cancelled_while_it_starts(path: Path, turns: int) -> None:
 
 async def started_again(path: Path) -> bool:
     async with asyncio.timeout(WAIT_S):
-        (await autostart.open_socket(path, Patience())).close()
+        (await reach.open_socket(path, Patience())).close()
     return bool(autostart._started)
 
 
@@ -96,7 +96,7 @@ async def test_who_comes_second_leaves_the_log_alone(path: Path) -> None:
 
 async def test_not_where_the_caller_forbids_it(path: Path) -> None:
     with pytest.raises(BrokerUnavailable) as caught:
-        await autostart.open_socket(path, Patience(), may_start=False)
+        await reach.open_socket(path, Patience(), may_start=False)
     assert str(caught.value) == f"no busd listens on {path}"
     assert not autostart._started
 
@@ -117,7 +117,7 @@ async def test_a_start_without_a_socket_gives_its_reason(path: Path, monkeypatch
     monkeypatch.setattr(autostart, "start", nothing)
     monkeypatch.setattr(asyncio, "sleep", sleep)
     with pytest.raises(BrokerUnavailable, match=r"does not answer: nothing listens there; tried for 0\.05 s"):
-        await autostart.open_socket(path, patience)
+        await reach.open_socket(path, patience)
     assert now_s == pytest.approx(1.05)
 
 
@@ -129,7 +129,7 @@ async def test_a_stranger_s_socket_is_named_as_it_is(path: Path, monkeypatch: py
 
     monkeypatch.setattr(reach, "check_server", refuse)
     with pytest.raises(BrokerUnavailable) as caught:
-        await autostart.open_socket(path, Patience())
+        await reach.open_socket(path, Patience())
     assert str(caught.value) == "served by a stranger"
 
 

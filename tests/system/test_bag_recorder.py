@@ -18,6 +18,7 @@ from bus_bag.record import recorder as module
 from bus_bag.record.choice import Wanted
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.recorder import Recorder
+from bus_bag.record.state import RecordingState
 from bus_bag.storage import open_bag
 from recording import Bag
 from semantics import KEEP_ALL, send_all, until
@@ -34,7 +35,7 @@ async def recording(bag: Bag, **options: Any) -> AsyncIterator[Recorder]:
     async with bus.Node("rosbag2_recorder", arguments=[], rosout=False) as node:
         recorder = Recorder(node, RecordOptions(folder=bag.folder, **{"wanted": ALL, **options}))
         running = asyncio.create_task(recorder.run())
-        await until(lambda: recorder._has_begun)
+        await until(lambda: recorder.state is RecordingState.RECORDING)
         try:
             yield recorder
         finally:
@@ -160,7 +161,7 @@ async def test_what_fails_in_the_middle_ends_it_with_a_whole_bag(
             def fail(graph: bus.Graph) -> None:
                 raise ZeroDivisionError
 
-            monkeypatch.setattr(recorder._choice, "choose", fail)
+            monkeypatch.setattr(recorder._discovery._choice, "choose", fail)
             await node.create_publisher(Int32, "later", 10)
             await until(lambda: recorder._error)
     assert bag.losses()["/topic"] == TopicLosses(1, 1)
@@ -202,7 +203,7 @@ async def test_a_lossless_topic_waits_for_the_disk(node: bus.Node, bag: Bag) -> 
 
         recorder.pipeline._thread.run(hold_up, 9 << 20)
         sending = asyncio.create_task(send_all(publisher, [String(data="x" * 1000)] * count))
-        await until(lambda: recorder._held)
+        await until(lambda: recorder.pipeline.is_crowded)
         assert recorder.pipeline.cached < 12_000_000
         may_write.set()
         await sending

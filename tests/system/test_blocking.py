@@ -400,8 +400,8 @@ def test_a_script_that_does_something_else_for_a_minute_is_no_news(
 ) -> None:
     """Nobody runs its event loop meanwhile, and so it is meant."""
     link = node._node._link
-    assert link is not None and link._connection is not None
-    link._connection.note_standstill(time.monotonic_ns() + 60 * 10**9)
+    assert link is not None and link.connection is not None
+    link.connection.note_standstill(time.monotonic_ns() + 60 * 10**9)
     assert capfd.readouterr().err == ""
 
 

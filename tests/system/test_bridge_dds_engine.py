@@ -21,12 +21,12 @@ from bridging import Running, world
 from bus.msg.std_msgs import String
 from bus.qos import Durability, QoSProfile, Reliability
 from bus.schema import MessageSchema
+from bus_bridge.batch import Loose, Sample
 from bus_bridge.dds import raw, reading
 from bus_bridge.dds.engine import DdsEngine
 from bus_bridge.dds.graph import NodeEntities, decode, encode
-from bus_bridge.dds.node_info import _info_type
+from bus_bridge.dds.node_topic import info_type
 from bus_bridge.dds.options import DdsOptions
-from bus_bridge.engine import Sample
 from bus_bridge.errors import BridgeError, NotCarried
 from conftest import SOON_S, WAIT_S
 from peers import peer
@@ -140,7 +140,7 @@ async def test_a_program_of_dds_hears(bridge: Bridge, alone: Alone) -> None:
     reader = alone.reader("/chatter")
     await until(lambda: writer.is_wanted)
     sample = sample_of("hi", 1)
-    assert writer.write([sample]) == 1
+    assert writer.write(Loose([sample])) == 1
     found = await until(lambda: raw.taker_of(reader)(10))
     assert [(data, info.source_timestamp) for data, info in found] == [(cdr("hi"), sample.source_time_ns)]
     raw.delete(reader)
@@ -153,7 +153,7 @@ async def test_a_program_of_dds_hears(bridge: Bridge, alone: Alone) -> None:
 async def test_late_joiners_get_what_is_kept_both_ways(bridge: Bridge, alone: Alone) -> None:
     writer = bridge.publish("/map", LATCHED)
     bridge.send(writer, "old", "map")
-    assert writer.write([sample_of("map", bridge.numbers)]) == 1  # given again: it is there already
+    assert writer.write(Loose([sample_of("map", bridge.numbers)])) == 1  # given again: it is there already
     reader = alone.reader("/map", *_LATCHED[:2], Policy.History.KeepAll)
     await until(lambda: writer.is_wanted)
     bridge.send(writer, "new")
@@ -257,13 +257,13 @@ async def test_nodes_of_this_bus_are_told_and_go(bridge: Bridge, alone: Alone) -
 
 
 def _info_reader(alone: Alone, size: int) -> Any:
-    topic = alone.topic("ros_discovery_info", _info_type(size))
+    topic = alone.topic("ros_discovery_info", info_type(size))
     return DataReader(alone.participant, topic, Qos(*_LATCHED[:2], Policy.History.KeepAll))
 
 
 @contextmanager
 def info_writer(alone: Alone, size: int, user_data: bytes) -> Iterator[Any]:
-    topic = alone.topic("ros_discovery_info", _info_type(size))
+    topic = alone.topic("ros_discovery_info", info_type(size))
     writer = DataWriter(alone.participant, topic, Qos(*_LATCHED, Policy.Userdata(user_data)))
     yield writer
     raw.delete(writer)
@@ -357,7 +357,7 @@ async def test_a_payload_that_is_no_message_is_counted(bridge: Bridge, alone: Al
     reader = alone.reader("/chatter")
     writer = bridge.publish("/chatter")
     await until(lambda: writer.is_wanted)
-    assert writer.write([Sample(b"\xc1", 1, 1), Sample(b"\x91\x05", 2, 1), sample_of("right", 3)]) == 3
+    assert writer.write(Loose([Sample(b"\xc1", 1, 1), Sample(b"\x91\x05", 2, 1), sample_of("right", 3)])) == 3
     await until(lambda: taken(reader) == ["right"])
     assert writer.lost == {"undecodable": 2}
 
@@ -372,12 +372,12 @@ async def test_a_peer_that_hangs_holds_nobody_up(bridge: Bridge) -> None:
         os.kill(far.process.pid, 19)
         samples = [sample_of(f"{number} " + "x" * 50_000, number) for number in range(1, 1001)]
         begun = loop.time()
-        gone = writer.write(samples)
+        gone = writer.write(Loose(samples))
         assert loop.time() - begun < SOON_S and 0 < gone < 1000
         os.kill(far.process.pid, 18)
         while gone < len(samples):
             room.clear()
-            gone += writer.write(samples[gone:])
+            gone += writer.write(Loose(samples[gone:]))
             if gone < len(samples):
                 await asyncio.wait_for(room.wait(), WAIT_S)
         heard = await asyncio.to_thread(far.wait, "/chatter", 1000)
@@ -484,7 +484,7 @@ async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
     bridge.engine.refuse(f"dds{DOMAIN}", "it lies")
     assert not bridge.far.buses
     assert [(link.state, link.text) for link in bridge.engine.links()] == [("refused", "it lies")]
-    assert writer.write([sample_of("gone")]) == 1
+    assert writer.write(Loose([sample_of("gone")])) == 1
     writer.close()
     for announce in (bridge.publish, bridge.listen):  # so it is in no count of what is shown there
         with pytest.raises(NotCarried):

@@ -15,7 +15,7 @@ from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
-from bus_bridge.engine import Sample
+from bus_bridge.batch import Loose, Sample
 from conftest import SOON_S
 from peers import peer
 from peers.dds import DOMAIN, LATCHED, STRING, Bridge, until
@@ -89,7 +89,7 @@ async def test_messages_both_ways(bridge: Bridge, distro: peer.Distro) -> None:
             assert got.pop() == message
             await until(lambda writer=writer: writer.is_wanted)
             sample = Sample(msgspec.msgpack.encode(message), 1, time.time_ns())
-            assert writer.write([sample]) == 1
+            assert writer.write(Loose([sample])) == 1
             (heard,) = await asyncio.to_thread(ros.wait, f"{topic}/down")
             if schema is STRING:
                 assert heard == values

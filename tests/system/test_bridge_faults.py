@@ -10,9 +10,10 @@ import pytest
 import bus
 from bridging import KEPT, LATCHED, LOSSLESS, Made, Talk, World, received, world
 from bus.msg.std_msgs import Int32, String
-from bus_bridge.core import export, imports, mirrors
+from bus_bridge.batch import Sample
+from bus_bridge.core import export, far_reading, staying
 from bus_bridge.core.bounds import Bounds
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode, Sample
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode
 from bus_bridge.errors import BridgeError
 from conftest import WAIT_S
 from engine_pair import WINDOW_BYTES
@@ -96,8 +97,8 @@ async def test_what_is_latched_comes_once_though_nodes_go_before_their_bus(world
 async def test_what_is_latched_is_there_for_late_joiners_however_long_the_link_was_down(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mirrors, "_LINGER_S", 0.0)
-    monkeypatch.setattr(mirrors, "_GONE_S", 0.0)
+    monkeypatch.setattr(staying, "_LINGER_S", 0.0)
+    monkeypatch.setattr(staying, "_GONE_S", 0.0)
     async with world() as made:
         talk = await made.talk(LATCHED, heard=KEPT)
         talk.publisher.publish(Int32(data=7))
@@ -146,7 +147,7 @@ async def test_a_busd_that_is_killed_and_comes_back(world: Made, side: str) -> N
 async def test_what_is_missed_while_busd_is_away_is_counted(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(imports, "_LINGER_S", 0.0)
+    monkeypatch.setattr(far_reading, "_LINGER_S", 0.0)
     async with world() as made:
         talk = await made.talk()
         await talk.exchange()

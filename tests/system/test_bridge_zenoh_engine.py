@@ -3,7 +3,7 @@
 import asyncio
 import socket
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ pytest.importorskip("zenoh", reason="needs the extra zenoh: make setup installs 
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
-from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule, Sample
+from bus_bridge.batch import Batch, Loose, Sample
+from bus_bridge.engine import FarBus, FarEndpoint, FarNode, LocalEndpoint, LocalNode, RouteRule
 from bus_bridge.errors import BridgeError
 from bus_bridge.zenoh import engine, presence
 from bus_bridge.zenoh.engine import ZenohEngine
@@ -121,10 +122,10 @@ class Taken:
         self.reader: ZenohReader | None = None
         self.takes = True
 
-    def __call__(self, samples: Sequence[Sample]) -> None:
-        self.samples += samples
+    def __call__(self, batch: Batch) -> None:
+        self.samples += batch
         if self.reader is not None and self.takes:
-            self.reader.taken(sum(len(one.payload) for one in samples))
+            self.reader.taken(batch.payload_bytes)
         self.news.set()
 
     @property
@@ -163,7 +164,7 @@ class Publisher:
             while self.number < last:
                 piece = range(self.number + 1, min(last, self.number + 100) + 1)
                 self.change.clear()
-                gone = self.writer.write([Sample(payload, number, time.time_ns()) for number in piece])
+                gone = self.writer.write(Loose([Sample(payload, number, time.time_ns()) for number in piece]))
                 self.number += gone
                 await (asyncio.sleep(0) if gone == len(piece) else self.change.wait())
 
@@ -308,7 +309,7 @@ async def test_a_lossless_route_waits_for_the_far_bus_and_others_go_on() -> None
         await quick.send(1000, 10_000)
         await taken.until(1000)
         assert slow.number <= 419  # 4 MiB
-        assert not sending.done() and slow.writer.write([Sample(bytes(10_000), 9999, 0)]) == 0
+        assert not sending.done() and slow.writer.write(Loose([Sample(bytes(10_000), 9999, 0)])) == 0
         assert held.reader is not None
         held.takes = True
         held.reader.taken(sum(len(one.payload) for one in held.samples))
@@ -396,7 +397,7 @@ async def test_one_that_claims_the_id_of_another_bus_does_it_no_harm(monkeypatch
             await liar.far.until(lambda: liar.far.buses)
             (text,) = await laptop.far.until(lambda: laptop.far.warnings)
             assert text.startswith("two buses have the id 'robot', and the one that came first is heard")
-            for run in (liar.engine._run, "0"):
+            for run in (liar.engine._own.run, "0"):
                 liar.engine._opened().token(f"@busd/3/robot/N/{run}/1/bad%00name/%2F/,")
             assert await laptop.engine.find_schema(endpoint) == SCHEMA
             await publisher.send(3)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import bus
-import bus.link.connection
+import bus.link.requests
 import bus_cli.query
 from bus.msg.std_msgs import Float64MultiArray, Int64, String
 from bus.wire import messages as m
@@ -375,7 +375,7 @@ async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch
     """For longer than it is waited for."""
     async with screen() as shown:
         await shown.until("/rosout|nothing lost", "sums")
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)
         daemon.process.send_signal(signal.SIGSTOP)
         await shown.until("busd does not answer", "sums")
         daemon.process.send_signal(signal.SIGCONT)

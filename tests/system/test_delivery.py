@@ -301,4 +301,4 @@ class TestRaw:
         publisher.publish_encoded(b"\xc1 no message")
         publisher.publish(String(data="x"))
         first, second = [(await subscription.receive())[0] for _ in range(2)]
-        assert [first, second] == [b"\xc1 no message", publisher._support.encode(String(data="x"))]
+        assert [first, second] == [b"\xc1 no message", publisher._core.support.encode(String(data="x"))]

@@ -12,7 +12,7 @@ import pytest
 
 import bus
 from bus.errors import BrokerUnavailable
-from bus.link import autostart
+from bus.link import reach
 from bus.wire import messages as m
 from bus_cli import query
 from bus_cli.query import Query
@@ -106,7 +106,7 @@ class TestFullBacklog:
     async def test_a_program_waits_until_there_is_room(
         self, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        tries = count_tries(monkeypatch, autostart)
+        tries = count_tries(monkeypatch, reach)
         with full_backlog(daemon):
             node = bus.Node("patient", arguments=[], rosout=False)
             opening = asyncio.ensure_future(node.open())

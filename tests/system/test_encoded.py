@@ -111,7 +111,7 @@ class TestSubscriptions:
             publisher.publish(Wheel("left"))
             assert (await subscription.receive())[0] == msgspec.msgpack.encode(Wheel("left"))
         link: Any = node._link
-        assert not link._observers
+        assert not link.observers
 
     async def test_a_wait_ends_with_the_node(self, node: bus.Node) -> None:
         async with bus.Node("short", arguments=[]) as short:

@@ -231,8 +231,8 @@ class TestNames:
 
     async def test_a_type_can_be_had_from_the_bus(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Wheel, "wheel", 10)
-        foreign = await node.get_type(publisher._support.name, publisher._support.hash)
-        data = publisher._support.encode(Wheel("front", [0.5]))
+        foreign = await node.get_type(publisher._core.support.name, publisher._core.support.hash)
+        data = publisher._core.support.encode(Wheel("front", [0.5]))
         rebuilt = msgspec.msgpack.decode(data, type=foreign)
         assert (rebuilt.name, rebuilt.speeds) == ("front", [0.5])  # type: ignore[attr-defined]
 

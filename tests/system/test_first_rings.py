@@ -237,13 +237,13 @@ class TestWithoutBroker:
         publisher = await node.create_publisher(Int32, "t", qos)
         await publisher.wait_for_subscriptions()
         daemon.kill()
-        await until(lambda: not publisher._id)
+        await until(lambda: not publisher._core.id)
         for first in range(0, 10 * LAP, 10):
             await send_all(publisher, numbers(first, first + 10))
             assert await take(subscription, 10) == list(range(first, first + 10))
         assert made == [FIRST]
         daemon.restart()
-        await until(lambda: publisher._id and subscription._id)
+        await until(lambda: publisher._core.id and subscription._core.id)
         while made == [FIRST]:  # what was published before it was back may seem slow
             await send_all(publisher, numbers(0, 10))
             assert await take(subscription, 10) == list(range(10))

@@ -253,7 +253,7 @@ class TestDeclarations:
         async with asyncio.timeout(WAIT_S), bus.Node("victim", arguments=[], rosout=False) as victim:
             publisher = await victim.create_publisher(String, "/t", events=events)
             await until(lambda: len(told) == len(schemas))
-            assert publisher._id
+            assert publisher._core.id
         assert {event.node for event in told} == {"/liar"}
         assert all(event.text.startswith(f"both call it {STRING.name}, but ") for event in told)
         assert sum("their definitions differ" in event.text for event in told) >= 3
@@ -266,8 +266,8 @@ class TestDeclarations:
         async with asyncio.timeout(WAIT_S), bus.Node("curious", arguments=[], rosout=False) as node:
             publisher = await node.create_publisher(String, "/t")
             asking = asyncio.ensure_future(node.get_type("bad/msg/T", "hash"))
-            await until(lambda: asking.done() or not publisher._id)
-            assert publisher._id, "the answer cost the connection"
+            await until(lambda: asking.done() or not publisher._core.id)
+            assert publisher._core.id, "the answer cost the connection"
             with pytest.raises(bus.ConfigurationError):
                 await asking
 

@@ -99,7 +99,7 @@ async def liar(node: bus.Node, topic: str, support: Any) -> Publisher[Any]:
     publisher: Publisher[Any] = Publisher(
         node._opened(), topic, support, bus.QoSProfile(1000), PublisherEvents()
     )
-    await node._endpoints.declare(publisher)
+    await node._endpoints.declare(publisher._core)
     return publisher
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.connecting
 import bus.link.graph_watch
-import bus.link.link
 from bus.link import declarations
 from bus.link.connection import Connection
 from bus.link.declarations import Declarations
@@ -33,7 +33,7 @@ SILENT_S = 1e6
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
@@ -196,7 +196,7 @@ class TestDeclaringAgain:
         request = await client.expect(m.CreateNode)
         client.send(m.Refused(request=request.request, text="not that name"))
         await client.create(m.CreateNode, 13)
-        assert (await with_publisher(staying, client, 14))._id == 14
+        assert (await with_publisher(staying, client, 14))._core.id == 14
         with pytest.raises(bus.ConfigurationError, match="not that name"):
             publisher.publish(Int32())
         with pytest.raises(bus.ConnectionClosed, match="/node"):
@@ -247,7 +247,7 @@ class TestDeclaringAgain:
             request = await client.expect(m.CreatePublisher)
             client.send(m.Refused(request=request.request, text="gid 00 is here", again=True))
         await client.create(m.CreatePublisher, 12)
-        await until(lambda: publisher._id == 12)
+        await until(lambda: publisher._core.id == 12)
         name = "the publisher on '/t'"
         assert caplog.text.count(f"busd has no room for {name}: gid 00 is here; asking again") == 1
         await node.close()
@@ -266,7 +266,7 @@ class TestDeclaringAgain:
         await client.create(m.CreatePublisher, 13)
         await publisher.close()
         client.send(m.Refused(request=request.request, text="", resource="endpoints", used=1, limit=1))
-        await until(lambda: staying._id == 13 and "busd is back" in caplog.text)
+        await until(lambda: staying._core.id == 13 and "busd is back" in caplog.text)
         assert not node._link._declarations._waiting
         await node.close()
 
@@ -333,7 +333,7 @@ class TestClosing:
                 raise RuntimeError("no")
             await asyncio.Event().wait()
 
-        monkeypatch.setattr(subscription, "close", close)
+        monkeypatch.setattr(subscription._core, "close", close)
         closing = asyncio.ensure_future(leaving.close())
         await asyncio.sleep(0)
         if how == "cancelled":
@@ -365,7 +365,7 @@ class TestReceiving:
         def handle(message: Any, descriptors: Any) -> None:
             raise RuntimeError("a bug")
 
-        monkeypatch.setattr(publisher, "_handle", handle)
+        monkeypatch.setattr(publisher._core, "handle", handle)
         client.send(matched(2), m.Ping(number=5))
         assert (await client.expect(m.Pong)).number == 5
         assert [repr(one["exception"]) for one in told] == ["RuntimeError('a bug')"]

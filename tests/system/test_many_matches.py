@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 import pytest
 
 import bus
-from bus.link.link import Link
+from bus.link.incoming import Incoming
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
 from bus.wire.session import Carried
@@ -22,17 +22,17 @@ Costs: TypeAlias = dict[tuple[type, str], list[int]]
 def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
     """Bytecodes that each message from busd made this process run, by what it is and what it is for."""
     costs: Costs = {}
-    handle = Link._handle
+    handle = Incoming._handle
 
-    def counted(link: Link, message: Any) -> None:
+    def counted(incoming: Incoming, message: Any) -> None:
         with StepCounter() as steps:
-            handle(link, message)
+            handle(incoming, message)
         message = message.message if isinstance(message, Carried) else message
-        endpoint = link._declarations.concerned(message)
+        endpoint = incoming._declarations.concerned(message)
         if endpoint is not None:
-            costs.setdefault((type(message), endpoint._kind), []).append(steps.bytecodes)
+            costs.setdefault((type(message), endpoint.kind), []).append(steps.bytecodes)
 
-    monkeypatch.setattr(Link, "_handle", counted)
+    monkeypatch.setattr(Incoming, "_handle", counted)
     return costs
 
 
@@ -47,7 +47,7 @@ async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, m
             await node.create_subscription(Int32, "t") for _ in range(MANY if many == "subscriptions" else 1)
         ]
         hub = subscriptions[0] if many == "publishers" else publishers[0]
-        await until(lambda: hub._ready_matches() == MANY)
+        await until(lambda: hub._core.count_ready() == MANY)
         for endpoint in (publishers if many == "publishers" else subscriptions)[:-1]:
             await endpoint.close()
         await until(lambda: len(hub.matches) == 1)
@@ -55,7 +55,7 @@ async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, m
     if route == "shm" and many == "subscriptions":
         kinds.append(m.Attached)
     for kind in kinds:
-        bytecodes = costs[kind, hub._kind]
+        bytecodes = costs[kind, hub._core.kind]
         assert len(bytecodes) >= MANY - 1, kind
         first, last = sum(bytecodes[:FEW]), sum(bytecodes[-FEW:])
         assert last <= 1.25 * first, (

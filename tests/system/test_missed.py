@@ -9,7 +9,7 @@ from typing import Self
 import pytest
 
 import bus
-import bus.link.link
+import bus.link.connecting
 from bus.msg.std_msgs import Int32
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -83,7 +83,7 @@ class Talk:
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker

@@ -31,7 +31,7 @@ READER = f"""
         samples = Packed.read(pack[1], 1 << 48)
         for payload, number, _ in samples:
             assert payload == right[(number - 1) % {_KINDS}], f"{{number}} is torn"
-        taken += len(samples)
+        taken += samples.count
 """
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.connecting
 import bus.link.connection
-import bus.link.link
+import bus.link.requests
 from bus.link.reach import Patience
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
@@ -25,7 +26,7 @@ from semantics import until
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
@@ -45,7 +46,7 @@ class TestOpening:
     async def test_something_else_listens(
         self, broker: FakeBroker, answer: bytes, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.1))
+        monkeypatch.setattr(bus.link.connecting, "Patience", lambda: Patience(0.1))
 
         async def answer_all() -> None:
             while True:
@@ -82,7 +83,7 @@ class TestOpening:
     async def test_one_that_does_not_answer(
         self, broker: FakeBroker, greets: bool, socket_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)
         opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
         client = await broker.meet()
         if greets:
@@ -135,7 +136,7 @@ class TestOpening:
     async def test_one_that_never_has_a_place(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.05))
+        monkeypatch.setattr(bus.link.connecting, "Patience", lambda: Patience(0.05))
 
         async def turn_all_away() -> None:
             while True:
@@ -155,7 +156,7 @@ class TestWaiting:
     async def test_while_there_are_signs_of_life(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.5)
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
@@ -165,7 +166,7 @@ class TestWaiting:
         for at in range(0, len(answer) - 1, 4):  # a sign of life may be a part of the answer
             client.write(answer[at : min(at + 4, len(answer) - 1)])
             await asyncio.sleep(0.1)
-        assert len(answer) // 4 * 0.1 > 2 * bus.link.connection.ANSWER_S
+        assert len(answer) // 4 * 0.1 > 2 * bus.link.requests.ANSWER_S
         client.write(answer[-1:])
         assert (await asking).nodes == ()
         await node.close()
@@ -174,7 +175,7 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """What it said before does not count: the time runs from the question."""
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.2)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.2)
         node, client = await opened(broker)
         began_s = time.monotonic()
         with pytest.raises(TimeoutError, match=r"has said nothing for 0\.2 s"):
@@ -188,9 +189,9 @@ class TestWaiting:
     async def test_the_log_says_once_that_it_waits(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
     ) -> None:
-        for module in ("bus.link.reach", "bus.link.connection"):
+        for module in ("bus.link.reach", "bus.link.requests"):
             monkeypatch.setattr(f"{module}.TELL_S", 0.1)
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.4)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.4)
         node, client = await opened(broker)
         for _ in range(2):
             with pytest.raises(TimeoutError):
@@ -202,7 +203,7 @@ class TestWaiting:
     async def test_each_question_has_its_own_time(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.4)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.4)
         node, client = await opened(broker)
 
         async def wait() -> float:
@@ -225,7 +226,7 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """This process was held up, not the broker."""
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
@@ -246,7 +247,7 @@ class TestCreating:
         request = await client.create(m.CreatePublisher, 12)
         assert request.node == 11
         publisher = await creating
-        assert publisher._id == 12
+        assert publisher._core.id == 12
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 12
         await node.close()
@@ -398,7 +399,7 @@ class TestComingBack:
         client = await broker.accept()
         await client.create(m.CreateNode, 31)
         await client.create(m.CreatePublisher, 32)
-        await until(lambda: "busd is back" in caplog.text and publisher._id == 32)
+        await until(lambda: "busd is back" in caplog.text and publisher._core.id == 32)
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 32
         await node.close()
@@ -408,13 +409,13 @@ class TestComingBack:
     ) -> None:
         """All are asked for at once; the log says how far it is; it takes longer than one answer may."""
         caplog.set_level(logging.INFO, "bus")
-        monkeypatch.setattr(bus.link.link, "_TELL_S", 0.1)
+        monkeypatch.setattr(bus.link.connecting, "_REPORT_S", 0.1)
         node, client = await opened(broker)
         for id in range(2, 12):
             creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
             await client.create(m.CreateSubscription, id)
             await creating
-        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.5)
         await client.close()
         client = await broker.accept()
         await client.create(m.CreateNode, 21)

@@ -100,9 +100,9 @@ async def until_said(program: subprocess.Popen[str], text: str) -> str:
 async def until_restarted(daemon: Daemon, *endpoints: bus.Publisher[Int32] | bus.Subscription[Int32]) -> None:
     """Kill busd, start another, wait until it knows the endpoints."""
     daemon.kill()
-    await until(lambda: not any(one._id for one in endpoints))
+    await until(lambda: not any(one._core.id for one in endpoints))
     daemon.restart()
-    await until(lambda: all(one._id for one in endpoints))
+    await until(lambda: all(one._core.id for one in endpoints))
 
 
 class TestClients:
@@ -200,7 +200,7 @@ class TestBroker:
         subscription = await node.create_subscription(Int32, "t", 100)
         publisher = await node.create_publisher(Int32, "t", 3)
         daemon.kill()
-        await until(lambda: not publisher._id)
+        await until(lambda: not publisher._core.id)
         for number in range(10):
             publisher.publish(Int32(data=number))
             await asyncio.sleep(0)
@@ -220,7 +220,7 @@ class TestBroker:
             publisher.publish(Int32(data=number))
         await until(lambda: len(heard) == 4)
         daemon.kill()
-        await until(lambda: not publisher._id)
+        await until(lambda: not publisher._core.id)
         publisher.publish(Int32(data=4))
         publisher.publish(Int32(data=5))
         daemon.restart()
@@ -258,7 +258,7 @@ class TestBroker:
             await until_nodes(node, "talker0", "talker1", "talker2")
             await subscription.wait_for_publishers(3)
             daemon.kill()
-            await until(lambda: not subscription._id)
+            await until(lambda: not subscription._core.id)
             daemon.restart()
             await subscription.receive()
         for talker in talkers:
@@ -283,12 +283,12 @@ class TestBroker:
         async def wait_patiently() -> None:
             async with asyncio.timeout(WAIT_S), bus.Node("patient", arguments=[], rosout=False) as node:
                 publisher = await node.create_publisher(Int32, "t")
-                before = publisher._id
+                before = publisher._core.id
                 daemon.process.send_signal(signal.SIGSTOP)
                 await asyncio.sleep(LEASE_S)
                 daemon.process.send_signal(signal.SIGCONT)
                 await node.graph()
-                assert publisher._id == before
+                assert publisher._core.id == before
 
         asyncio.run(wait_patiently())
 
@@ -299,7 +299,7 @@ class TestBroker:
             publisher = await node.create_publisher(Int32, "t", LATCHED)
             subscription = await node.create_subscription(Int32, "t", 10)
             daemon.kill()
-            await until(lambda: not publisher._id)
+            await until(lambda: not publisher._core.id)
             publisher.publish(Int32(data=1))
             await node.close()
             with pytest.raises(bus.ConnectionClosed):
@@ -316,7 +316,7 @@ class TestBroker:
             await node.open()
             publisher = await node.create_publisher(Int32, "t")
             daemon.kill()
-            await until(lambda: not publisher._id)
+            await until(lambda: not publisher._core.id)
             waiting = [
                 asyncio.ensure_future(node.create_publisher(Int32, "other")),
                 asyncio.ensure_future(node.graph()),
@@ -330,7 +330,7 @@ class TestBroker:
     async def test_endpoints_made_while_it_is_away(self, daemon: Daemon, node: bus.Node) -> None:
         first = await node.create_publisher(Int32, "t")
         daemon.kill()
-        await until(lambda: not first._id)
+        await until(lambda: not first._core.id)
         making = asyncio.ensure_future(node.create_subscription(Int32, "t", 10))
         await asyncio.sleep(0)
         daemon.restart()
@@ -345,15 +345,15 @@ class TestBroker:
         subscription = await node.create_subscription(Int32, "t", 10)
         publishers = [await node.create_publisher(Int32, "t", 10) for _ in range(3)]
         daemon.kill()
-        await until(lambda: not subscription._id)
+        await until(lambda: not subscription._core.id)
         (tmp_path / "busd.toml").write_text("[limits]\nendpoints_per_peer = 3\n")
         daemon.arguments = ("--config", str(tmp_path / "busd.toml"))
         daemon.restart()
         await until(lambda: "endpoints of a process: 3 of 3 in use" in caplog.text)
-        assert [bool(one._id) for one in publishers] == [True, True, False]
+        assert [bool(one._core.id) for one in publishers] == [True, True, False]
         publishers[1].publish(Int32(data=2))
         assert (await subscription.receive())[0].data == 2
         await publishers[0].close()
-        await until(lambda: publishers[2]._id)
+        await until(lambda: publishers[2]._core.id)
         publishers[2].publish(Int32(data=3))
         assert (await subscription.receive())[0].data == 3

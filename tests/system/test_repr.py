@@ -91,12 +91,12 @@ async def test_a_node(daemon: Daemon) -> None:
 async def test_while_busd_is_away_and_in_the_child_of_a_fork(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (3600.0,))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (3600.0,))
     node = bus.Node("talker", arguments=[], rosout=False)
     await node.open()
     endpoints = [await node.create_publisher(Int32, "a"), await node.create_subscription(Int32, "b")]
     daemon.stop()
-    await until(lambda: not any(one._id for one in endpoints))
+    await until(lambda: not any(one._core.id for one in endpoints))
     assert [repr(one).split()[:3] for one in endpoints] == [
         ["<Publisher", "not", "connected"],
         ["<Subscription", "not", "connected"],

@@ -134,7 +134,7 @@ async def test_endpoints_keep_their_node(daemon: Daemon) -> None:
         await heard.wait()
     del publisher, node
     assert subscription.matches == () or subscription.statistics().delivered == 1
-    subscription._link._declarations.nodes[0]._must_be_closed = False  # type: ignore[attr-defined]
+    subscription._core.on_error.__self__._reminder.must_be_closed = False  # type: ignore[attr-defined]
 
 
 async def test_in_its_async_with_a_node_stays(daemon: Daemon) -> None:

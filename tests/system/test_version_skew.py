@@ -15,7 +15,7 @@ import msgspec
 import pytest
 
 import bus
-import bus.link.link
+import bus.link.connecting
 from bus.base.version import RELEASE
 from bus.wire import messages as m
 from bus.wire.layout import CONTROL, FRAME_HEAD_BYTES, LEAVING, PROTOCOL_VERSION
@@ -116,7 +116,7 @@ class TestThisBusd:
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
 
@@ -165,7 +165,7 @@ class TestThisLibrary:
             newer.send(m.Hello(version=PROTOCOL_VERSION + 1, program="busd"))
         right = await broker.accept()
         await right.create(m.CreateNode, 2)
-        await until(lambda: node._id == 2)
+        await until(lambda: node._declared.id == 2)
         await node.close()
         said = [record.getMessage() for record in caplog.records]
         assert len([line for line in said if OLDER_PROGRAM in line]) == 1
@@ -177,6 +177,6 @@ async def test_a_node_leaves_in_order_with_a_busd_that_ends(daemon: Daemon) -> N
     async with bus.Node("new", arguments=[], rosout=False) as node:
         await node.graph()
         daemon.process.terminate()
-        await until(lambda: not node._id)
+        await until(lambda: not node._declared.id)
     daemon.process.wait(WAIT_S)
     assert "does not read" not in daemon.log.read_text()

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("route")
 
 def observers(node: bus.Node) -> list[Any]:
     assert node._link is not None
-    return node._link._observers
+    return node._link.watch()._observers
 
 
 def same(one: bus.Graph, other: bus.Graph) -> bool:
@@ -151,7 +151,7 @@ async def test_leaving_the_loop_leaves_nothing_behind(node: bus.Node) -> None:
             await watching
         assert not observers(node)
     assert node._link is not None
-    await until(lambda: node._link is None or node._link._mirroring is None)
+    await until(lambda: node._link is None or node._link.watch()._asking is None)
     seen = await anext(node.watch_graph())
     assert same(seen, await node.graph())
 
@@ -177,7 +177,7 @@ async def test_where_the_node_closes_while_busd_is_away(daemon: Daemon) -> None:
             await stays.create_publisher(Wheel, "t", 10)
             daemon.kill()
             link: Any = stays._link
-            await until(lambda: link._connection is None)
+            await until(lambda: link.connection is None)
             watching = asyncio.create_task(newest(short.watch_graph(), lambda graph: False))
             await asyncio.sleep(0.02)
         with pytest.raises(AssertionError, match="it has ended"):

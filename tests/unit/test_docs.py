@@ -17,8 +17,12 @@ from bus.types.support import type_support
 from bus.vocabulary import DropReason
 from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
+from bus_bridge.core import continuity
+from bus_bridge.core.continuity import ContinuityEvent
 from bus_cli.main import COMMANDS, make_parser
 from busd.core.match import TRANSITIONS, MatchEvent
+from busd.server import life
+from busd.server.life import LifeEvent
 from feeding import frame_record
 from rows import for_each
 
@@ -208,6 +212,14 @@ class TestArchitecture:
     def test_the_states_of_a_match(self) -> None:
         drawn = rows_of(self.text, "state", *[event.value for event in MatchEvent])
         assert drawn == as_rows(TRANSITIONS, MatchEvent)
+
+    def test_the_states_of_a_way_over_a_bridge(self) -> None:
+        drawn = rows_of(self.text, "next number", *[event.value for event in ContinuityEvent])
+        assert drawn == as_rows(continuity.TRANSITIONS, ContinuityEvent)
+
+    def test_the_states_of_busd(self) -> None:
+        drawn = rows_of(self.text, "state", *[event.value for event in LifeEvent])
+        assert drawn == as_rows(life.TRANSITIONS, LifeEvent)
 
     def test_the_core_is_described(self) -> None:
         described = {row[0] for row in rows_of(section(self.text, "## The broker"), "module", "subject")}

@@ -27,6 +27,7 @@ OF_SEVERAL = {
     "bus/test_timing.py",  # all that goes by the clock
     "test_packaging.py",
     "test_tree.py",
+    "test_tree_map.py",
 }
 """Unit tests of no one module: these are named after what they tell."""
 

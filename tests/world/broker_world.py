@@ -232,7 +232,7 @@ class Process:
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
         self.pid = next(world.pids) if key is None else 0
         world.alive.add(self.pid)
-        self.id = world.broker.attach(world.now_ns, hello, pid=self.pid, uid=uid, process=key)
+        self.id = world.broker.entrance.attach(world.now_ns, hello, pid=self.pid, uid=uid, process=key)
         world.processes[self.id] = self
         self.outbox.put(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
         self.read()

@@ -31,7 +31,7 @@ import broker_world
 from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.port import ShmPort
-from bus.endpoint import NodeContext
+from bus.endpoint.core import NodeContext
 from bus.errors import ConnectionClosed
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.declarations import _ABOUT
@@ -222,7 +222,7 @@ class Client(ListPort):
     ) -> Publisher[Any]:
         made = Publisher(self._context, topic, support, qos, PublisherEvents(), **more)
         made._write = made._put  # type: ignore[method-assign, assignment]  # not by the machine's clock
-        self._add(made)
+        self._add(made._core)
         return made
 
     def subscription(
@@ -234,7 +234,7 @@ class Client(ListPort):
         **bridging: Any,
     ) -> Subscription[Any]:
         made = Subscription(self._context, topic, support, qos, SubscriptionEvents(), callback, **bridging)
-        self._add(made)
+        self._add(made._core)
         return made
 
     def publish(self, publisher: Publisher[Numbered], count: int = 1, padding: str = "") -> int:
@@ -242,7 +242,7 @@ class Client(ListPort):
         for taken in range(count):
             number = publisher.statistics().published + 1
             if not publisher._put(
-                SUPPORT.encode(Numbered(self._world.number_of(publisher), number, padding))
+                SUPPORT.encode(Numbered(self._world.number_of(publisher._core), number, padding))
             ):
                 return taken
         return count
@@ -259,15 +259,16 @@ class Client(ListPort):
     def close(self, endpoint: Any) -> None:
         """As `Endpoint.close`, of a publisher that has handed over what it could."""
         if isinstance(endpoint, Publisher):
-            endpoint._hand_over()
+            endpoint._core.hand_over()
+        endpoint = endpoint._core
         self._gathered.pop(endpoint, None)
         self._reports.send_last(endpoint)
         self.endpoints.pop(endpoint, None)
-        self._by_id.pop(endpoint._id, None)
+        self._by_id.pop(endpoint.id, None)
         self._asked = {number: one for number, one in self._asked.items() if one is not endpoint}
-        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint._id))
-        endpoint._id = 0
-        endpoint._end(ConnectionClosed("closed"))
+        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
+        endpoint.id = 0
+        endpoint.end(ConnectionClosed("closed"))
 
     def connect(self) -> None:
         """There was no connection, and now there is one. All is declared once more."""
@@ -312,7 +313,7 @@ class Client(ListPort):
         """The test is over: let go of what is open."""
         self.is_dead = True
         for endpoint in self.endpoints:
-            endpoint._refusal or endpoint._end(ConnectionClosed("the test is over"))
+            endpoint.refusal or endpoint.end(ConnectionClosed("the test is over"))
         if isinstance(self.shm_context, SharedMemory):
             self.shm_context.close()
         self.connection = None
@@ -360,10 +361,10 @@ class Client(ListPort):
         if isinstance(self.shm_context, SharedMemory) and not self._has_shared:
             self._has_shared = True
             self._send(m.Share(), (self.shm_context.doorbell, self.shm_context.segment))
-        support = endpoint._support
+        support = endpoint.support
         kind = m.DeclareType(type_name=support.name, type_hash=support.hash, schema=support.description)
         self._send(kind)
-        self._request(endpoint, lambda number: endpoint._declaration(number, self._node), endpoint._shared)
+        self._request(endpoint, lambda number: endpoint.declaration(number, self._node), endpoint.shared)
 
     def _request(
         self, what: Any, make: Callable[[int], m.Message], descriptors: tuple[Descriptor, ...] = ()
@@ -401,7 +402,7 @@ class Client(ListPort):
                     if subscription is not None:
                         item.received_ns = self.now_ns()
                         touched[subscription] = None
-                        subscription._receive_run(item)
+                        subscription.receive_run(item)
                 else:
                     self._handle(item)
             self._is_receiving = False
@@ -413,7 +414,7 @@ class Client(ListPort):
 
     def _deliver(self, owners: dict[Any, None]) -> None:
         for owner in owners:
-            owner._wake()
+            owner.wake()
         self._reports.add_all(owners)
 
     def _handle(self, message: Any) -> None:
@@ -430,7 +431,7 @@ class Client(ListPort):
             elif what is None:  # closed meanwhile
                 self._send(m.DestroyEndpoint(endpoint=message.id))
             else:
-                what._declared(message)
+                what.declared(message)
                 self._by_id[message.id] = what
             if not self._asked:  # all are declared
                 self.flush()
@@ -438,7 +439,7 @@ class Client(ListPort):
         elif (field := _ABOUT.get(type(message))) is not None:
             endpoint = self._by_id.get(getattr(message, field))
             if endpoint is not None and not isinstance(message, m.Incompatible):  # it would ask with a task
-                endpoint._handle(message, descriptors)
+                endpoint.handle(message, descriptors)
 
     def _lost(self) -> None:
         self.connection = None
@@ -446,7 +447,7 @@ class Client(ListPort):
         self._node = 0
         self._by_id.clear()
         for endpoint in self.endpoints:
-            endpoint._disconnected()
+            endpoint.disconnected()
 
 
 class ClientWorld(broker_world.World):
@@ -459,7 +460,7 @@ class ClientWorld(broker_world.World):
         self.clients: list[Client] = []
         self.brokers = 1
         self._limits = limits
-        self._numbers: dict[bytes, int] = {}
+        self._numbers: dict[Any, int] = {}
         super().__init__(limits)
         ClientWorld.all_open.append(self)
 
@@ -492,9 +493,9 @@ class ClientWorld(broker_world.World):
             one for one, shm in contexts if isinstance(shm, SharedMemory) and shm.identity == identity
         )
 
-    def number_of(self, endpoint: Any) -> int:
+    def number_of(self, core: Any) -> int:
         """From 1, in the order in which endpoints were made."""
-        return self._numbers.setdefault(endpoint._own_gid, len(self._numbers) + 1)
+        return self._numbers.setdefault(core, len(self._numbers) + 1)
 
     def settle(self) -> None:
         """Let all that is on its way arrive, but at clients that are held."""

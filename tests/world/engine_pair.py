@@ -7,6 +7,7 @@ from typing import Any
 
 from bus.qos import Durability
 from bus.schema import MessageSchema
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.engine import (
     FarBus,
     FarEndpoint,
@@ -16,7 +17,6 @@ from bus_bridge.engine import (
     LocalEndpoint,
     LocalNode,
     RouteRule,
-    Sample,
 )
 from bus_bridge.errors import BridgeError
 
@@ -103,21 +103,21 @@ class _Writer:
     def is_wanted(self) -> bool:
         return bool(self.readers)
 
-    def write(self, samples: Sequence[Sample]) -> int:
-        sent = len(samples)
+    def write(self, batch: Batch) -> int:
+        sent = batch.count
         if self.local.qos.is_lossless and self.readers:
             sent, room = 0, WINDOW_BYTES - max(self.readers.values())
-            for sample in samples:
+            for sample in batch:
                 if room <= 0:
                     break
                 room -= len(sample.payload)
                 sent += 1
-        batch = list(samples[:sent])
-        self.history.extend(batch)
-        size = sum(len(sample.payload) for sample in batch)
+        samples = list(batch)[:sent]
+        self.history.extend(samples)
+        size = sum(len(sample.payload) for sample in samples)
         for reader in self.readers:
             self.readers[reader] += size
-            reader.send(batch)
+            reader.send(samples)
         return sent
 
     def close(self) -> None:
@@ -126,11 +126,11 @@ class _Writer:
 
 
 class _Reader:
-    def __init__(self, link: Switch, writer: _Writer, on_samples: Callable[[Sequence[Sample]], None]) -> None:
+    def __init__(self, link: Switch, writer: _Writer, on_batch: Callable[[Batch], None]) -> None:
         self.lost: dict[str, int] = {}
         self._link = link
         self._writer = writer
-        self._on_samples = on_samples
+        self._on_batch = on_batch
         self.is_closed = False
         link.carry(self._want)
 
@@ -149,7 +149,7 @@ class _Reader:
             changed = self._link.change(samples)
             self._link.crossed += len(changed)
             if changed:
-                self._on_samples(changed)
+                self._on_batch(Loose(changed))
 
     def taken(self, size: int) -> None:
         self._link.carry(lambda: self._credit(size))
@@ -260,12 +260,12 @@ class PairEngine:
         self,
         endpoint: FarEndpoint,
         schema: MessageSchema,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> _Reader:
         bus = endpoint.node.partition("/")[0]
         for other, link in self.links_to.items():
             if other.bus == bus and link.is_up and endpoint.gid in other.writers:
-                reader = _Reader(link, other.writers[endpoint.gid], on_samples)
+                reader = _Reader(link, other.writers[endpoint.gid], on_batch)
                 self.readers.append(reader)
                 return reader
         raise BridgeError(f"nobody has '{endpoint.topic}'")

@@ -169,20 +169,20 @@ class Waiters:
 
 
 class Owner:
-    """As little of a publisher or subscription as delivery needs. `_id` 0: the broker does not know it."""
+    """As little of a publisher or subscription as delivery needs. `id` 0: the broker does not know it."""
 
     def __init__(self, qos: QoSProfile, support: TypeSupport[Any], number: int = 1) -> None:
-        self._id = number
+        self.id = number
         self.topic_name = "/topic"
         self.qos = qos
-        self._support = support
-        self._refusal = None
-        self.hand_over: Callable[[], object] = int
+        self.support = support
+        self.refusal = None
+        self.on_hand_over: Callable[[], object] = int
 
-    def _hand_over(self) -> None:
-        self.hand_over()
+    def hand_over(self) -> None:
+        self.on_hand_over()
 
-    def _totals(self) -> m.Report:
+    def totals(self) -> m.Report:
         raise NotImplementedError
 
 
@@ -270,7 +270,7 @@ class ListPort:
     def send_about(
         self, owner: Any, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
-        if owner._id and message and not self.is_away:
+        if owner.id and message and not self.is_away:
             self.outbox.put(message if isinstance(message, bytes) else m.encode_frame(message), descriptors)
             self.flush()
 
@@ -288,7 +288,7 @@ class ListPort:
     def hand_over(self) -> None:
         gathered, self._gathered = self._gathered, {}
         for owner in gathered:
-            owner._hand_over()
+            owner.hand_over()
         self.flush()
 
     def make_ready(self, queue: RunQueue) -> None:

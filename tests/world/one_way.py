@@ -29,13 +29,13 @@ class Way:
         self.owner = Owner(qos, type_support(String))
         self.window = window
         self.sender = SocketSender(self.port, self.owner, ThreadQueue(1 << 20))  # type: ignore[arg-type]
-        self.owner.hand_over = self.sender.hand_over
+        self.owner.on_hand_over = self.sender.hand_over
         self.number = 0
         self.declare()
 
     def declare(self, number: int = 1) -> None:
         """A broker knows the publisher, by that number."""
-        self.port.is_away, self.owner._id = False, number
+        self.port.is_away, self.owner.id = False, number
         qos = self.owner.qos
         self.sender.declared(
             m.Created(
@@ -51,11 +51,11 @@ class Way:
 
     def lose(self) -> None:
         self.port.lose()
-        self.owner._id = 0
+        self.owner.id = 0
         self.sender.disconnected()
 
     def match(self, qos: QoSProfile | None = None, gid: bytes = GID, other: int = OTHER) -> None:
-        self.sender.matched(other, gid, qos or self.owner.qos, by_socket=True)
+        self.sender.recipients.matched(other, gid, qos or self.owner.qos, by_socket=True)
         self.port.flush()
 
     def put(self, count: int = 1, size: int = 0) -> None:
@@ -64,7 +64,7 @@ class Way:
             self.number += 1
             payload = b"%d" % self.number + b"x" * size
             stamp_ns = self.port.now_ns()
-            if not self.sender.add(payload, stamp_ns):
+            if not self.sender.run.add(payload, stamp_ns):
                 self.sender.put(payload, stamp_ns)
 
     def put_apart(self, count: int) -> None:

@@ -9,7 +9,11 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from bus.endpoint import Match
+from bus.endpoint.core import EndpointCore
+from bus.endpoint.endpoint import core_of
+from bus.endpoint.matches import Match
+from bus.endpoint.publisher_core import PublisherCore
+from bus.endpoint.subscription_core import SubscriptionCore
 from bus.errors import again
 from bus.events import MatchedChange, PublisherEvents
 from bus.node import Node
@@ -35,6 +39,7 @@ class _BlockingEndpoint:
     """What the two have in common."""
 
     _native: Publisher[Any] | Subscription[Any]
+    _core: EndpointCore[Any]
 
     def __init__(self, foreground: Foreground) -> None:
         self._foreground = foreground
@@ -64,6 +69,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
     """
 
     _native: Publisher[M]
+    _core: PublisherCore[M]
 
     def __init__(self, foreground: Foreground) -> None:
         super().__init__(foreground)
@@ -83,6 +89,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         self = cls(foreground)
         events = PublisherEvents(matched=self._matched)
         self._native = await node.create_publisher(message_type, topic, qos, events=events)
+        self._core = core_of(self._native)
         return self
 
     def publish(self, message: M, timeout: float | None = None) -> None:
@@ -93,12 +100,12 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
         `bus.Publisher.publish`.
         """
-        native = self._native
-        sender = native._sender
+        core = self._core
+        sender = core.sender
         with self._guard:
-            is_taken = sender.publish(message)
+            is_taken = sender.quick.publish(message)
             if is_taken is not True:
-                is_taken = native._publish_on(message, is_taken)
+                is_taken = self._native._publish_on(message, is_taken)
             if sender.goes_by_socket:
                 self._send()
         if self._loop.is_interrupted:
@@ -106,7 +113,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         # A reader waits for the message: whatever else there is to do comes after it.
         if self._foreground.is_free():
             self._foreground.attend_often()
-            if self._has_new_matches or not native._id:
+            if self._has_new_matches or not core.id:
                 self._reach()
         if not is_taken:
             self._wait_for_room(message, timeout)
@@ -135,27 +142,23 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
     @property
     def _is_open(self) -> bool:
         """It was not closed."""
-        return self._native._refusal is None
+        return self._core.refusal is None
 
     def _warn_if_unheard(self) -> None:
         """A script that ends before anybody listens must not look as if it had been heard."""
-        native = self._native
-        if (
-            native._total_matches
-            or native.qos.durability is not Durability.VOLATILE
-            or native._refusal is not None
-        ):
+        core = self._core
+        if core.matches.total or core.qos.durability is not Durability.VOLATILE or core.refusal is not None:
             return
-        if count := native.statistics().published:
+        if count := core.statistics().published:
             what = "a message was" if count == 1 else f"{count} messages were"
-            native._logger.warning(
-                f"{what} published on '{native.topic_name}' and reached nobody: no subscription was there"
+            core.logger.warning(
+                f"{what} published on '{core.topic_name}' and reached nobody: no subscription was there"
                 " (wait_for_subscriptions waits for one)"
             )
 
     def close(self) -> None:
         """Hand over what was published, leave the graph. Closing twice is allowed."""
-        if self._native._refusal is None:
+        if self._core.refusal is None:
             self._warn_if_unheard()
             self._foreground.run(self._native.close)
 
@@ -167,7 +170,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
     def _send(self) -> None:
         """Under the guard: send now what waits for the end of the turn, and wait until a long message has
         left."""
-        link = self._native._link
+        link = self._core.link
         link.hand_over()
         if link.is_writing and self._foreground.is_free():
             self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
@@ -178,15 +181,15 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         A script that sleeps after each message runs the loop at no other time. The bounds keep it from being
         held up with every message.
         """
-        native, wait = self._native, self._foreground.wait
+        core, wait = self._core, self._foreground.wait
         now_ns = monotonic_ns()
         with self._guard:
-            if not native._id and now_ns >= self._next_try_ns:
-                wait(Condition(lambda: native._id != 0), now_ns + _RETURN_NS)
+            if not core.id and now_ns >= self._next_try_ns:
+                wait(Condition(lambda: core.id != 0), now_ns + _RETURN_NS)
                 self._next_try_ns = monotonic_ns() + _PAUSE_NS
             if self._has_new_matches:
                 self._has_new_matches = False
-                all_are_ready = Condition(lambda: native._ready_matches() == native.get_subscription_count())
+                all_are_ready = Condition(lambda: core.count_ready() == len(core.matches))
                 wait(all_are_ready, now_ns + _READY_NS)
 
     def _wait_for_room(self, message: M, timeout: float | None) -> None:
@@ -205,13 +208,15 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
     """
 
     _native: Subscription[M]
+    _core: SubscriptionCore[M]
 
     def __init__(self, foreground: Foreground, native: Subscription[M]) -> None:
         super().__init__(foreground)
         self._native = native
-        self._receiver = native._receiver
+        self._core = core = core_of(native)
+        self._receiver = core.receiver
         self._arrival = Signal()
-        native._on_arrival = native._on_end = self._arrival.set
+        core.on_arrival = core.on_end = self._arrival.set
 
     def __iter__(self) -> Iterator[M]:
         return self.listen()
@@ -234,7 +239,7 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
         taken = next(self._found(timeout, with_info=True), None)
         if taken is None:
             raise TimeoutError(f"no message on '{self.topic_name}' within {timeout:g} s")
-        return taken[0], self._native._info(taken)
+        return taken[0], self._core.info(taken)
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
@@ -265,7 +270,7 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
 
     def close(self) -> None:
         """Leave the graph. Closing twice is allowed."""
-        if self._native._refusal is None:
+        if self._core.refusal is None:
             self._foreground.run(self._native.close)
 
     # --- inside
@@ -278,15 +283,15 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
         each step of Python is slow.
         """
         foreground, loop, guard, arrival = self._foreground, self._loop, self._guard, self._arrival
-        native, receiver = self._native, self._receiver
+        core, receiver = self._core, self._receiver
         look = sleep = None
-        if native.qos.deadline is None:  # else the deadline must see each message
+        if core.qos.deadline is None:  # else the deadline must see each message
             look, sleep = receiver.quick_take(with_info=with_info), receiver.quick_wait(with_info=with_info)
         ahead, runs = receiver.waiting
         found: Any
         while True:
             deadline_ns = 0 if timeout is None else deadline_after(timeout)
-            if sleep is not None and not ahead and not runs and native._refusal is None:
+            if sleep is not None and not ahead and not runs and core.refusal is None:
                 found = loop.wait(sleep, deadline_ns)
                 if found is not None:
                     yield found
@@ -294,7 +299,7 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
             foreground.attend_rarely()
             with guard:
                 found = (not with_info and receiver.take_messages(1)) or receiver.take()
-                while not found and native._refusal is None:
+                while not found and core.refusal is None:
                     arrival.is_set = False
                     if found := loop.run(arrival, deadline_ns, look):
                         found = found[0] if with_info else found
@@ -310,5 +315,5 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
             if not found:
                 break
             yield found if with_info else found[0]
-        if native._refusal is not None:
-            raise again(native._refusal)
+        if core.refusal is not None:
+            raise again(core.refusal)

@@ -18,8 +18,10 @@ import msgspec
 from bus.blocking.endpoint import BlockingPublisher, BlockingSubscription
 from bus.errors import ConnectionClosed
 from bus.graph import Graph
+from bus.link.link import Link
 from bus.logger import Logger
-from bus.node import Node, unclosed
+from bus.node import Node
+from bus.node.node import link_of, reminder_of
 from bus.process.foreground import Foreground, Signal, deadline_after
 from bus.process.termination import say_nothing_of_signals
 from bus.qos import QoS
@@ -50,8 +52,9 @@ class BlockingNode:
         self.full_name: str = node.full_name
         """Namespace and name, as the graph shows them."""
         self._node = node
-        node._how_to_close = "use with bus.connect(...), or its close()"
-        node._when_dropped = foreground.dropped
+        self._reminder = reminder_of(node)
+        self._reminder.how_to_close = "use with bus.connect(...), or its close()"
+        self._reminder.when_dropped = foreground.dropped
         self._foreground = foreground
         self._is_closed = False
         self._publishers: dict[tuple[str, QoS], BlockingPublisher[Any]] = {}
@@ -62,15 +65,15 @@ class BlockingNode:
     def __repr__(self) -> str:
         return f"<Blocking{repr(self._node)[1:]}"
 
-    def __del__(self, _warn: Callable[[Node], None] = unclosed.warn) -> None:
+    def __del__(self, _link_of: Callable[[Node], Link | None] = link_of) -> None:
         """Nothing can close the node any more: warn. Its endpoints keep it open while they are in use."""
         if self.__dict__.get("_is_closed", True) or self._foreground.failure is not None:
             return
-        self._node._must_be_closed = False
+        self._reminder.must_be_closed = False
         try:
-            _warn(self._node)
+            self._reminder.warn(self._node)
         finally:
-            link = self._node._link
+            link = _link_of(self._node)  # a default, because a module's names may be gone at the end
             if link is not None and not sys.is_finalizing() and self._foreground.may_attend():
                 with self._foreground.loop.guard:
                     link.report_now()  # else reports that are due keep the node from the collector

@@ -7,6 +7,9 @@ its oldest messages, as at its bound; else the kernel would kill the process. Se
 from bus.shm.headroom import spare
 from bus.wire.runs import RunQueue
 
+QUEUE_BYTES = 64 << 20
+"""The bound of a publisher's queue, and of what a lossless one keeps in case it must be sent again."""
+
 STEP_BYTES = 4 << 20
 _LEAST_SPARE_BYTES = 4 * STEP_BYTES  # besides what waits, there is what is being worked on
 

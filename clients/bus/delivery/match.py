@@ -196,7 +196,7 @@ class LocalMatch(Generic[_S, _E]):
         owner, other = self._owner, self.matched
         mine, others = self.kinds
         return (
-            f"the match on '{owner.topic_name}' of {mine} {owner._id} (here) "
+            f"the match on '{owner.topic_name}' of {mine} {owner.id} (here) "
             f"and {others} {other.other} ({other.node})"
         )
 

@@ -22,16 +22,16 @@ RETURN_S = 10.0
 class Owner(Protocol):
     """The publisher or subscription that delivery works for."""
 
-    _id: int
+    id: int
     """The broker's number; 0: it does not know the endpoint at the moment."""
     topic_name: str
     qos: QoSProfile
-    _support: TypeSupport[Any]
-    _refusal: BusError | None
+    support: TypeSupport[Any]
+    refusal: BusError | None
 
-    def _hand_over(self) -> None: ...
+    def hand_over(self) -> None: ...
 
-    def _totals(self) -> m.Report: ...
+    def totals(self) -> m.Report: ...
 
 
 class Timer(Protocol):

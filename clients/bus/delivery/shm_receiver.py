@@ -99,7 +99,7 @@ class ShmReceiver:
         except (OSError, ValueError, MemoryError) as error:
             self._refuse(proxy, str(error) or "no memory")
         else:
-            attach = m.Attach(subscription=self._owner._id, source=proxy.number, slot=slot)
+            attach = m.Attach(subscription=self._owner.id, source=proxy.number, slot=slot)
             self._port.send_about(self._owner, attach)
 
     def replace(self, proxy: PublisherProxy, descriptors: tuple[Descriptor, ...]) -> None:
@@ -274,7 +274,7 @@ class ShmReceiver:
             self._shm_context.look_soon()
 
     def _refuse(self, proxy: PublisherProxy, text: str) -> None:
-        refusal = m.RefuseRoute(endpoint=self._owner._id, other=proxy.number, text=text[:1000])
+        refusal = m.RefuseRoute(endpoint=self._owner.id, other=proxy.number, text=text[:1000])
         self._port.send_about(self._owner, refusal)
 
 

@@ -51,7 +51,6 @@ class ShmSender:
         self._shm_context = shm_context
         self._owner = owner
         self._is_lossless = qos.is_lossless
-        self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         keeps_all = qos.history is History.KEEP_ALL
         self._depth = 1 if keeps_all else qos.depth
         self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
@@ -62,7 +61,7 @@ class ShmSender:
         self.writer.is_report_due = False
         if port.is_shared:
             self.writer.is_mine = port.owns_thread
-        support = owner._support
+        support = owner.support
         self.writer.prepare(*support.steps)
         if support.text_fields:
             self.writer.longest = LONG_TEXT
@@ -178,7 +177,7 @@ class ShmSender:
         if self._is_lossless:
             # Not without a broker: readers would not learn of the new ring, and the one they have would stay
             # full.
-            return bool(self._owner._id) and is_filled_by_few(writer) and self._grow(0, must=False)
+            return bool(self._owner.id) and is_filled_by_few(writer) and self._grow(0, must=False)
         # Keep last, and a subscription that keeps all: take more memory, and where that ends, lose samples.
         if self._grow(0, must=False):
             return True
@@ -341,7 +340,7 @@ class ShmSender:
         self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
         if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
-            self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
+            self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
         self._set_hold()
         if self._gates:
             self._return = self._port.later(RETURN_S, self._drop_stale)
@@ -374,12 +373,13 @@ class ShmSender:
     def _written(self, status: bool | int) -> None:
         if status is not True:  # for the first time since the counters were reported
             self._port.report(self._owner)
-        if self._is_manual:  # the broker does not see what goes by ring
-            self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
+        # The broker does not see what goes by ring.
+        if self._owner.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
+            self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner.id))
 
     def _drop_stale(self) -> None:
         for gid, gate in tuple(self._gates.items()):
-            if gate.state in STALE and self._owner._id:
+            if gate.state in STALE and self._owner.id:
                 self.unmatched(gid, is_lost=True)
                 self._shm_context.wake_waiting(self)
 
@@ -430,7 +430,7 @@ class ShmSender:
 
         Not without a broker: readers would not learn of another ring.
         """
-        return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner._id)
+        return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner.id)
 
     def _watch_laps(self) -> None:
         self._rest = None
@@ -460,6 +460,6 @@ class ShmSender:
         self.descriptor = descriptor
         self._set_hold()
         self._shm_context.wake_waiting(self)
-        if self._owner._id:
-            self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
+        if self._owner.id:
+            self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
         return True

@@ -1,6 +1,7 @@
 """What other threads publish, until the event loop collects it: bounded, counted, behind a lock."""
 
 from collections import deque
+from collections.abc import Callable
 from threading import Lock
 
 from bus.wire.layout import RECORD_HEAD_BYTES
@@ -49,10 +50,15 @@ class ThreadQueue:
             self._is_announced = False
             return skipped
 
-    def forget_oldest(self) -> None:
-        """Take the oldest of `late` out of the count: it is counted elsewhere now."""
-        with self._lock:
-            self._hold(-1, -len(self.late.popleft()[0]))
+    def hand_on(self, take: Callable[[bytes, int], bool]) -> None:
+        """On the event loop: give what is `late` to `take`, the oldest first, until that has no room (False).
+
+        What is taken is not held any more: it is counted elsewhere now.
+        """
+        late = self.late
+        while late and take(*late[0]):
+            with self._lock:
+                self._hold(-1, -len(late.popleft()[0]))
 
     def _hold(self, count: int, size: int) -> None:
         self.count += count

@@ -90,14 +90,12 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
 
 
 def timed_by_caller(
-    callback: Callable[..., Any] | None, what: str, logger: Logger
-) -> tuple[Callable[..., Any] | None, Callable[[int], object] | None]:
+    callback: Callable[..., Any], what: str, logger: Logger
+) -> tuple[Callable[..., Any], Callable[[int], object] | None]:
     """For a caller that times plain callbacks: what to call, and what gets the nanoseconds of slow calls.
 
     An async callback comes back as `watched` makes it, and needs no timing.
     """
-    if callback is None:
-        return None, None
     if is_async(callback):
         return watched(callback, what, logger), None
     return callback, SlowWatch(callback, what, logger).note

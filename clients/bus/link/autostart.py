@@ -1,4 +1,4 @@
-"""Connects to the broker's socket, and starts a busd in the background where none listens.
+"""Starts a busd in the background, for a program that found none.
 
 Any number of processes may do this at once: each starts one, the daemon's lock lets one of them live, and
 all connect to that one. Its readiness comes as sd_notify's READY=1.
@@ -9,11 +9,10 @@ import contextlib
 import os
 import socket
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bus.errors import BrokerUnavailable, ConfigurationError
-from bus.link.reach import NotNow, Patience, try_to_connect
 from bus.link.socket_owner import prepare_folder
 from bus.logger import get_logger
 from bus.process.address import is_default_folder
@@ -33,39 +32,6 @@ _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 _started: set[int] = set()
 """Process ids of the busds that this process started and that it has not seen end."""
-
-
-def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
-    """Whether a busd may be started: BUSD_AUTOSTART is not 0."""
-    return environ.get("BUSD_AUTOSTART", "1") not in ("0", "no", "off", "false")
-
-
-async def open_socket(
-    path: str | os.PathLike[str], patience: Patience, *, may_start: bool = True
-) -> socket.socket:
-    """A non-blocking socket connected to the broker at `path`; one is started, if it `may_start`.
-
-    Raises BrokerUnavailable where none answers and none may be or could be started, or where `patience` ends.
-    """
-    try:
-        return await _connect(path, patience)
-    except (FileNotFoundError, ConnectionRefusedError):
-        if not may_start:
-            raise BrokerUnavailable(f"no busd listens on {path}") from None
-        if not is_allowed():
-            raise BrokerUnavailable(
-                f"no busd listens on {path}; start one with: busd --socket {path}"
-                " (or let programs start it: unset BUSD_AUTOSTART)"
-            ) from None
-    await start(path)
-    patience.renew()
-    while True:
-        try:
-            return await _connect(path, patience)
-        except (FileNotFoundError, ConnectionRefusedError):
-            # Another process's busd was first: it holds the lock, but may not listen yet.
-            why = f"busd was started at {path} but does not answer: nothing listens there"
-        await asyncio.sleep(patience.pause_s(why))
 
 
 async def start(
@@ -224,12 +190,3 @@ class _PidFile:
 def _settle(future: asyncio.Future[None]) -> None:
     if not future.done():
         future.set_result(None)
-
-
-async def _connect(path: str | os.PathLike[str], patience: Patience) -> socket.socket:
-    while True:
-        try:
-            return try_to_connect(path)
-        except NotNow as error:
-            pause_s = patience.pause_s(str(error), error.longest_pause_s)
-        await asyncio.sleep(pause_s)

@@ -4,15 +4,12 @@ It ends with the first loss; coming back is the link's work. It hands samples an
 owner.
 """
 
-import asyncio
 import os
 import sys
 from collections.abc import Callable, Iterable
 from itertools import count
 from time import monotonic_ns
 from typing import Any, TypeVar
-
-import msgspec
 
 from bus.base.descriptor import Descriptor
 from bus.base.time_namespace import monotonic_offset_ns
@@ -24,12 +21,13 @@ from bus.errors import (
     ConnectionClosed,
     RemoteProtocolError,
 )
-from bus.link.autostart import open_socket
-from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet
+from bus.link.heartbeat import Heartbeat
+from bus.link.reach import NotNow, Patience, open_socket
+from bus.link.requests import Requests
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
-from bus.process.shared_loop import GuardedLoop
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream, trusting
+from bus.transport.stream_state import WriteState
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
@@ -48,24 +46,13 @@ from bus.wire.session import Role, Session
 
 A = TypeVar("A", bound=m.Message)
 
-ANSWER_S = 10.0
-"""How long a broker that owes an answer may say nothing at all before it counts as hung."""
-
-_UNREAD_S = 0.05
-"""How long until the next look where this process has not read yet what has come."""
-
-_LATE_NS = 1_000_000_000
-"""A timer that is so late shows that this event loop stood still."""
 _NEVER_NS = 1 << 63
 
 _log = get_logger("bus")
 
 
-class _Request(msgspec.Struct):
-    """A request that the broker has not answered yet."""
-
-    answer: asyncio.Future[Any]
-    since_ns: int
+class _PassingFault(RemoteProtocolError):
+    """The broker refuses this process for a reason that passes."""
 
 
 class Connection:
@@ -84,19 +71,17 @@ class Connection:
         on_wrote: Callable[[], None],
     ) -> None:
         self.outbox = Outbox()
-        self._shm_context = shm_context
-        self._has_shared = False
+        self.path = ""
         self.hello = m.Hello(version=PROTOCOL_VERSION)
         """The broker's, once the connection is open."""
         self._on_received = on_received
         self._on_lost = on_lost
         self._on_wrote = on_wrote
-        self._loop = asyncio.get_running_loop()
-        self._path = ""
         self._stream: Stream | None = None
-        self._loss: ConnectionClosed | None = None
-        self._was_silent = False
-        self._is_for_now = False
+        self._unshared = shm_context
+        """How other processes wake this one; None once the broker has it, or if no memory is shared."""
+        self._loss: Exception | None = None
+        """What ended the connection; None, too, if the broker closed it without a word."""
         self._farewell = ""
         self.heard_ns = 0
         """When anything last came from the broker; the owner sets it."""
@@ -104,67 +89,56 @@ class Connection:
         """When the event loop last had a turn; every callback of ours sets it."""
         self.late_ns = _NEVER_NS
         """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
-        self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
-        self._told_ns = 0
-        """When the log last said that the broker is silent; 0: never."""
-        self._requests: dict[int, _Request] = {}
         self.numbers = count(1)
-        """For requests, one each."""
-        self._watch: asyncio.TimerHandle | None = None
-        self._watch_ns = 0  # when that is due
-        self._stood_still_ns = 0  # until then requests may not have left, nor answers been read
+        """For requests, one each; number 0 is Hello."""
+        self._requests = Requests(self)
+        self._heartbeat = Heartbeat(self._beat)
         self._types: set[tuple[str, str]] = set()
-        self._heartbeat: asyncio.TimerHandle | None = None
-        self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
 
     async def open(self, path: str, patience: Patience, *, may_start: bool = True) -> None:
         """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
 
         Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
         """
-        self._path = path
+        self.path = path
         sock = await open_socket(path, patience, may_start=may_start)
         self._stream = Stream(
             sock,
             Session(Role.CLIENT),
             self.outbox,
-            on_received=self._on_received,
-            on_lost=self._lost,
-            takes_descriptors=self._shm_context is not None,
+            Handlers(on_received=self._on_received, on_lost=self._lost, before_write=self._on_wrote),
+            None if self._unshared is None else trusting,
         )
-        self._stream.before_write(self._on_wrote)
-        self.send(
-            m.Hello(
-                version=PROTOCOL_VERSION,
-                capabilities=(LEAVING, NAMESAKES, SILENCE, PLACES),
-                pid=os.getpid(),
-                program=_program(),
-                release=RELEASE,
-                clock_ns=monotonic_offset_ns(),
-            )
-        )
-        self._requests[0] = _Request(self._greeted, monotonic_ns())
-        self._watch_in(min(TELL_S, ANSWER_S))
+        greeted = self._requests.begin(0)
         try:
-            hello = await self._greeted
-        except TimeoutError:
-            raise BrokerUnavailable(no_answer(path, ANSWER_S)) from None
+            self.send(
+                m.Hello(
+                    version=PROTOCOL_VERSION,
+                    capabilities=(LEAVING, NAMESAKES, SILENCE, PLACES),
+                    pid=os.getpid(),
+                    program=_program(),
+                    release=RELEASE,
+                    clock_ns=monotonic_offset_ns(),
+                )
+            )
+            self.hello = await greeted
+        except TimeoutError as error:
+            raise BrokerUnavailable(str(error)) from None
         except ConnectionClosed:
-            raise self._refusal(path) from None
+            raise self._refusal() from None
         finally:
-            self._requests.pop(0, None)
-            if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
+            self._requests.waiting.pop(0, None)
+            if not greeted.done() or greeted.cancelled() or greeted.exception():
                 self.close()
         if self._stream is None:  # its last word came right behind its Hello
-            raise self._refusal(path)
-        self.hello = hello
+            raise self._refusal()
 
-    def _refusal(self, path: str) -> BrokerUnavailable:
+    def _refusal(self) -> BrokerUnavailable:
         """The error for a connection that has ended before it could be used."""
-        if self._was_silent:  # so does a broker that ends with connections in its backlog
-            return NotNow(f"busd at {path} closed the connection without a word")
-        kind = NotNow if self._is_for_now else BrokerUnavailable
-        return kind(f"busd at {path} refused this process: {self._loss}")
+        if not isinstance(self._loss, RemoteProtocolError):  # so does a broker that ends with a backlog
+            return NotNow(f"busd at {self.path} closed the connection without a word")
+        kind = NotNow if isinstance(self._loss, _PassingFault) else BrokerUnavailable
+        return kind(f"busd at {self.path} refused this process: {self._loss}")
 
     def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Send a control message, or a frame in turn with these; does nothing once the connection has
@@ -180,14 +154,14 @@ class Connection:
 
     def share(self) -> None:
         """Before an endpoint is declared: send how to wake this process, once for each connection."""
-        if self._shm_context is not None and not self._has_shared:
-            self._has_shared = True
-            self.send(m.Share(), (self._shm_context.doorbell, self._shm_context.segment))
+        if (context := self._unshared) is not None:
+            self._unshared = None
+            self.send(m.Share(), (context.doorbell, context.segment))
 
     @property
     def is_writing(self) -> bool:
         """Whether the socket has yet to take some of what was chosen for it."""
-        return self._stream is not None and self._stream.is_blocked
+        return self._stream is not None and self._stream.writing is not WriteState.OPEN
 
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
@@ -209,52 +183,12 @@ class Connection:
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")
-        answer = self._loop.create_future()
-        self._requests[number] = _Request(answer, monotonic_ns())
+        answer = self._requests.begin(number)
         try:
             self.send(message, descriptors)
-            if self._watch is None and self._stream is not None:
-                self._watch_in(min(TELL_S, ANSWER_S))
             return expect(await answer, kind)
         finally:
-            self._requests.pop(number, None)
-
-    def _watch_in(self, time_s: float) -> None:
-        """Look then whether answers are late. All share one timer: most answers come long before it."""
-        self._watch_ns = monotonic_ns() + int(time_s * 1e9)
-        self._watch = self._loop.call_later(time_s, self._look_for_late)
-
-    def _look_for_late(self) -> None:
-        """End the waits for answers where the broker has said nothing at all for ANSWER_S.
-
-        A broker that is only busy says something meanwhile, and is not given up. After TELL_S the log says
-        that this process waits.
-        """
-        self._watch = None
-        now_ns = monotonic_ns()
-        if now_ns - self._watch_ns > _LATE_NS:
-            self._stood_still_ns = now_ns
-        heard_ns = max(self.heard_ns, self._stood_still_ns)
-        due_s = []
-        longest_s = 0.0
-        for request in self._requests.values():
-            left_s = ANSWER_S - (now_ns - max(request.since_ns, heard_ns)) / 1e9
-            if request.answer.done():
-                continue
-            longest_s = max(longest_s, ANSWER_S - left_s)
-            if left_s > 0:
-                tell_s = left_s - ANSWER_S + TELL_S
-                due_s.append(tell_s if 0 < tell_s < left_s else left_s)
-            elif self.is_quiet:
-                request.answer.set_exception(TimeoutError(no_answer(self._path, ANSWER_S)))
-            else:
-                due_s.append(_UNREAD_S)
-        is_news = not self._told_ns or self._told_ns < self.heard_ns
-        if is_news and due_s and longest_s >= TELL_S and self.is_quiet:
-            self._told_ns = now_ns
-            _log.warning(no_answer_yet(self._path))
-        if due_s:
-            self._watch_in(min(due_s))
+            self._requests.waiting.pop(number, None)
 
     def declare_type(self, support: TypeSupport[Any]) -> None:
         """Make a message type known, once for each connection.
@@ -283,22 +217,18 @@ class Connection:
         Raises RemoteProtocolError for the broker's last word.
         """
         match message:
-            case m.Hello():
-                if not self._greeted.done():
-                    self._greeted.set_result(message)
             case m.Ping(number=number):
                 self.send(m.Pong(number=number))
             case m.Pong():
                 pass
             case m.Fault(text=text):
-                self._is_for_now = message.again
-                raise RemoteProtocolError(text)
+                raise _PassingFault(text) if message.again else RemoteProtocolError(text)
             case m.Leaving(text=text):
                 self._farewell = text
                 if self._stream is not None:
                     self._stream.finish()
-            case m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.GraphSnapshot():
-                request = self._requests.get(message.request)
+            case m.Hello() | m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.GraphSnapshot():
+                request = self._requests.waiting.get(getattr(message, "request", 0))
                 if request is not None and not request.answer.done():
                     request.answer.set_result(message)
             case _:
@@ -307,27 +237,16 @@ class Connection:
 
     def beat(self, interval_s: float) -> None:
         """Send a sign of life every `interval_s` seconds from now on."""
-        if self._heartbeat is not None:
-            self._heartbeat.cancel()
         if self._stream is not None:
-            self._beat_ns = monotonic_ns()
-            self._due_ns = self._beat_ns + int(interval_s * 1e9)
-            self.late_ns = self._due_ns + _LATE_NS
-            self._heartbeat = self._loop.call_later(interval_s, self._beat, interval_s)
+            self.late_ns = self._heartbeat.start(interval_s)
 
     def note_standstill(self, now_ns: int) -> None:
         """The event loop stood still. If for longer than the lease, warn here: the fault is this
         program's."""
         self.late_ns = _NEVER_NS
-        most_s = (now_ns - self._beat_ns) / 1e9
-        if most_s < self.hello.lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):
-            return
-        if (turn_ns := max(self.turn_ns, self.heard_ns)) > self._beat_ns:
-            time = f"{(now_ns - turn_ns) / 1e9:.0f} s"
-        else:
-            least, most = f"{(now_ns - self._due_ns) / 1e9:.0f}", f"{most_s:.0f}"
-            time = f"{most} s" if least == most else f"{least} to {most} s"
-        _log.warning(f"this program's event loop stood still for {time}: what waited for it has gone on")
+        turn_ns = max(self.turn_ns, self.heard_ns)
+        if time := self._heartbeat.standstill(now_ns, turn_ns, self.hello.lease_s):
+            _log.warning(f"this program's event loop stood still for {time}: what waited for it has gone on")
 
     def close(self) -> None:
         """Send what the socket still takes, and end."""
@@ -349,26 +268,14 @@ class Connection:
         self.beat(interval_s)
 
     def _lost(self, error: Exception | None) -> None:
-        why = str(error) if error else self._farewell or "busd closed the connection"
-        reason = self._loss = ConnectionClosed(why)
-        self._was_silent = not isinstance(error, RemoteProtocolError)
-        self._stream = None
+        self._loss, self._stream = error, None
+        reason = ConnectionClosed(str(error) if error else self._farewell or "busd closed the connection")
         self._finish(reason)
         self._on_lost(reason)
 
     def _finish(self, reason: BusError) -> None:
-        for timer in (self._heartbeat, self._watch):
-            if timer is not None:
-                timer.cancel()
-        waits = [*(request.answer for request in self._requests.values()), self._greeted]
-        for waiting in waits:
-            if not waiting.done():
-                waiting.set_exception(reason)
-        # Perhaps no call waits any more: asyncio must not report the error as one that was never retrieved.
-        for waiting in waits:
-            if not waiting.cancelled():
-                waiting.exception()
-        self._requests.clear()
+        self._heartbeat.stop()
+        self._requests.end(reason)
 
 
 def _program() -> str:

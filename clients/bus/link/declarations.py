@@ -1,7 +1,6 @@
 """What a process has declared at its broker: nodes and endpoints, the ids they got, and declaring them anew.
 
-Knows nodes and endpoints only by the methods that `Declared` and `LinkEndpoint` name. These begin with an
-underscore, though other modules of `bus` call them: the objects are the users', who have no use for them.
+Knows endpoints only by what `LinkEndpoint` names.
 """
 
 import asyncio
@@ -24,7 +23,8 @@ from bus.errors import (
 )
 from bus.link.connection import Connection
 from bus.logger import get_logger
-from bus.qos import Liveliness, QoSProfile
+from bus.names import join_node_name
+from bus.qos import QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import RefusedForNow
@@ -50,68 +50,71 @@ _log = get_logger("bus")
 class Known(Protocol):
     """What the broker may know by an id; 0 while it does not."""
 
-    _id: int
+    id: int
 
 
 class Declared(Known, Protocol):
     """A node or an endpoint: the broker gives it an id."""
 
-    def _declaration(self, request: int, node: int) -> m.Message: ...
+    def declaration(self, request: int, node: int) -> m.Message: ...
 
-    def _declared(self, answer: m.Created) -> None: ...
+    def declared(self, answer: m.Created) -> None: ...
 
 
-class LinkNode(Declared, Protocol):
-    """A node, as the link sees it."""
+class LinkNode:
+    """A node, as its link and the broker know it. `made_at`: file and line of the call that made it."""
 
-    _origin: m.Origin | None
-    _made_at: tuple[str, int]
+    def __init__(self, name: str, namespace: str, origin: m.Origin | None, made_at: tuple[str, int]) -> None:
+        self.id = 0
+        self.name = name
+        self.namespace = namespace
+        self.full_name = join_node_name(namespace, name)
+        self.origin = origin
+        self.made_at = made_at
 
-    @property
-    def full_name(self) -> str: ...
+    def declaration(self, request: int, node: int) -> m.Message:
+        return m.CreateNode(request=request, name=self.name, namespace=self.namespace, origin=self.origin)
+
+    def declared(self, answer: m.Created) -> None:
+        self.id = answer.id
 
 
 class Counted(Known, Protocol):
     """An endpoint as its link sees it, to send its samples and report its counters."""
 
-    _refusal: BusError | None
+    refusal: BusError | None
 
-    def _hand_over(self) -> None: ...
+    def hand_over(self) -> None: ...
 
-    def _totals(self) -> m.Report: ...
+    def totals(self) -> m.Report: ...
 
 
 class LinkEndpoint(Declared, Counted, Protocol):
     """A publisher or a subscription, as the link sees it."""
 
-    _kind: str
+    kind: str
     topic_name: str
     qos: QoSProfile
-    _support: TypeSupport[Any]
+    support: TypeSupport[Any]
+    lease_s: float | None
+    """Within what time the broker wants a sign of life of it, or None if it wants none."""
 
-    def _disconnected(self) -> None: ...
+    def disconnected(self) -> None: ...
 
     @property
-    def _shared(self) -> tuple[Descriptor, ...]: ...
+    def shared(self) -> tuple[Descriptor, ...]: ...
 
-    def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
+    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
 
-    _receive_lone: Callable[[Run], bool]
+    receive_lone: Callable[[Run], bool]
 
-    def _receive_run(self, run: Run) -> None: ...
+    def receive_run(self, run: Run) -> None: ...
 
-    def _wake(self) -> None: ...
+    def wake(self) -> None: ...
 
-    def _end(self, reason: BusError) -> None: ...
+    def end(self, reason: BusError) -> None: ...
 
-    def _abandon(self, reason: BusError) -> None: ...
-
-
-def lease_s(endpoint: LinkEndpoint) -> float | None:
-    """Within what time the broker wants a sign of life of `endpoint`, or None if it wants none."""
-    if endpoint._kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
-        return endpoint.qos.liveliness_lease_duration
-    return None
+    def abandon(self, reason: BusError) -> None: ...
 
 
 class _Admission(msgspec.Struct):
@@ -128,13 +131,13 @@ def gone() -> None:
 
 
 class Declarations:
-    """`by_id` are the endpoints that the broker knows at the moment.
+    """`by_id` are the endpoints that the broker knows at the moment. `on_lease`: one with a lease was added.
 
     References to nodes and endpoints are weak: the event loop holds the link, and the collector must find a
     node that a program has dropped without closing it. A node and its endpoints hold each other.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, on_lease: Callable[[], object]) -> None:
         self.by_id: dict[int, ref[LinkEndpoint]] = {}
         self._nodes: WeakKeyDictionary[LinkNode, WeakKeyDictionary[LinkEndpoint, None]] = WeakKeyDictionary()
         self._admissions: dict[int, _Admission] = {}
@@ -142,6 +145,9 @@ class Declarations:
         self._namesakes: set[str] = set()
         """Names of nodes that the log has said others have too."""
         self._retry: asyncio.Task[None] | None = None
+        self._on_lease = on_lease
+        self._held: dict[LinkNode, object] = {}
+        """Owners of nodes that the collector must not take, whoever refers to them."""
 
     def __iter__(self) -> Iterator[LinkEndpoint]:
         """Every endpoint, in the order in which they were made."""
@@ -152,17 +158,21 @@ class Declarations:
         """Every node, in the order in which they were made; for other threads too."""
         return [node for known in self._nodes.keyrefs() if (node := known()) is not None]
 
+    def hold(self, node: LinkNode, owner: object) -> None:
+        """Keep the collector from the `owner` of `node` until `remove_node`."""
+        self._held[node] = owner
+
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
         """Make `node` known to the broker. Raises what the broker refuses it with."""
         hello = connection.hello
-        if node._origin is not None and BRIDGES not in hello.capabilities:
+        if node.origin is not None and BRIDGES not in hello.capabilities:
             raise ConfigurationError(
                 f"{node.full_name} stands for a node of another bus, which busd {hello.release} (pid "
                 f"{hello.pid}) does not know of: it is older than this program; run: bus daemon restart"
             )
 
         def admit(answer: m.Created) -> None:
-            node._declared(answer)
+            node.declared(answer)
             self._nodes.setdefault(node, WeakKeyDictionary())
 
         await self._declare(
@@ -180,12 +190,14 @@ class Declarations:
         """
 
         def admit(answer: m.Created) -> None:
-            if node not in self._nodes or endpoint._refusal is not None:
+            if node not in self._nodes or endpoint.refusal is not None:
                 undo(answer)
                 return
-            endpoint._declared(answer)
+            endpoint.declared(answer)
             self._nodes[node][endpoint] = None
             self.by_id[answer.id] = ref(endpoint)
+            if endpoint.lease_s is not None:
+                self._on_lease()
 
         def undo(answer: m.Created) -> None:
             if node in self._nodes:  # else the broker took the endpoint away with its node
@@ -193,11 +205,11 @@ class Declarations:
 
         self._check(node)
         connection.share()
-        connection.declare_type(endpoint._support)
+        connection.declare_type(endpoint.support)
         try:
-            await self._declare(connection, endpoint, node._id, admit, undo, endpoint._shared)
+            await self._declare(connection, endpoint, node.id, admit, undo, endpoint.shared)
         except (ConfigurationError, QuotaExceeded):
-            connection.forget_type(endpoint._support)  # it may be what was refused
+            connection.forget_type(endpoint.support)  # it may be what was refused
             raise
         self._check(node)
 
@@ -207,14 +219,14 @@ class Declarations:
         What it refuses is ended, and the log says why. What it refuses by a limit, or because a gid is taken,
         is declared again later: there may be room then.
         """
-        nodes = [node for node in self.nodes if not node._id]
+        nodes = [node for node in self.nodes if not node.id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
         pairs = [
             (node, endpoint)
             for node, endpoints in tuple(self._nodes.items())
-            if node._id
+            if node.id
             for endpoint in endpoints
-            if not endpoint._id
+            if not endpoint.id
         ]
         await asyncio.gather(*(self._try_again(connection, node, endpoint) for node, endpoint in pairs))
         if self._waiting:
@@ -222,7 +234,7 @@ class Declarations:
 
     def progress(self) -> tuple[int, int]:
         """How many endpoints the broker knows, and of how many."""
-        return sum(bool(endpoint._id) for endpoint in self), sum(map(len, self._nodes.values()))
+        return sum(bool(endpoint.id) for endpoint in self), sum(map(len, self._nodes.values()))
 
     def admit(self, answer: m.Created) -> None:
         """The broker has made something. To be called before any later message is handled."""
@@ -237,7 +249,7 @@ class Declarations:
 
     def warn_of_namesake(self, news: m.Namesake) -> None:
         """Another node has the name of one of ours. The log says so once, also where brokers come and go."""
-        node = next((node for node in self.nodes if node._id == news.node), None)
+        node = next((node for node in self.nodes if node.id == news.node), None)
         if node is not None and node.full_name not in self._namesakes:
             self._namesakes.add(node.full_name)
             if news.pid == os.getpid():
@@ -254,11 +266,12 @@ class Declarations:
     def remove(self, endpoint: LinkEndpoint) -> None:
         for endpoints in tuple(self._nodes.values()):
             endpoints.pop(endpoint, None)
-        self.by_id.pop(endpoint._id, None)
+        self.by_id.pop(endpoint.id, None)
         self._waiting.pop(endpoint, None)
         self._revoke(endpoint)
 
     def remove_node(self, node: LinkNode) -> None:
+        self._held.pop(node, None)
         self._revoke(node)
         self._waiting.pop(node, None)
         self._nodes.pop(node, None)
@@ -269,13 +282,13 @@ class Declarations:
         self._waiting.clear()
         self.by_id.clear()
         for node in self.nodes:
-            node._id = 0
+            node.id = 0
         for endpoint in self:
-            endpoint._disconnected()
+            endpoint.disconnected()
 
     def shortest_lease_s(self) -> float | None:
         """The shortest lease of all publishers."""
-        return min((lease for lease in map(lease_s, self) if lease is not None), default=None)
+        return min((one.lease_s for one in self if one.lease_s is not None), default=None)
 
     def _check(self, node: LinkNode) -> None:
         if node not in self._nodes:
@@ -330,12 +343,12 @@ class Declarations:
             _log.error(f"the new busd refuses the {name}: {error}")
             self._waiting.pop(node, None)
             for endpoint in self._nodes.pop(node, {}):
-                endpoint._end(error)
+                endpoint.end(error)
 
     async def _try_again(self, connection: Connection, node: LinkNode, endpoint: LinkEndpoint) -> None:
         if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
             return
-        name = f"{endpoint._kind} on '{endpoint.topic_name}'"
+        name = f"{endpoint.kind} on '{endpoint.topic_name}'"
         try:
             await self.add(connection, node, endpoint)
             self._found_room(endpoint, name)
@@ -345,7 +358,7 @@ class Declarations:
         except _FINAL as error:
             _log.error(f"the new busd refuses the {name}: {error}")
             self.remove(endpoint)
-            endpoint._end(error)
+            endpoint.end(error)
         except ConnectionClosed:
             if node in self._nodes:
                 raise
@@ -362,7 +375,7 @@ class Declarations:
         number = next(connection.numbers)
         self._admissions[number] = _Admission(what, admit, undo)
         try:
-            await connection.request(number, what._declaration(number, node), m.Created, descriptors)
+            await connection.request(number, what.declaration(number, node), m.Created, descriptors)
         except (asyncio.CancelledError, TimeoutError):
             self._revoke(what)
             raise

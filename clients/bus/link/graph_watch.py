@@ -29,14 +29,15 @@ class GraphWatches:
     async def graphs(self, link: Link) -> "AsyncGenerator[Graph, None]":
         """The graph now, and after every change. Raises what busd refuses it with."""
         changed = asyncio.Event()
-        link.observe(changed.set)
+        observers = link.watch()
+        observers.add(changed.set)
         self._running.add(changed)
         seen = None
         try:
             while changed in self._running:
                 changed.clear()
                 began_s = monotonic()
-                mirror = link.graph_mirror
+                mirror = observers.mirror
                 graph = mirror.graph
                 rest_s = min(_REST * (monotonic() - began_s), _LONGEST_REST_S)
                 if graph is not None and graph is not seen:
@@ -48,4 +49,4 @@ class GraphWatches:
                 await asyncio.sleep(began_s + rest_s - monotonic())
         finally:
             self._running.discard(changed)
-            link.stop_observing(changed.set)
+            observers.remove(changed.set)

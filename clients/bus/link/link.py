@@ -7,39 +7,31 @@ connects and declares everything again.
 import asyncio
 import os
 import weakref
-from collections.abc import Awaitable, Callable, Collection, Coroutine, Iterable
+from collections.abc import Callable, Coroutine
 from functools import partial
 from threading import get_ident
 from time import monotonic_ns, time_ns
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from bus.base.descriptor import Descriptor
-from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
+from bus.errors import BusError, ConnectionClosed, ForkError, again
+from bus.link.connecting import Connecting
 from bus.link.connection import Connection
-from bus.link.declarations import Counted, Declarations, Known, LinkEndpoint, LinkNode, gone, lease_s
-from bus.link.reach import NotNow, Patience
+from bus.link.declarations import Counted, Declarations, Known, LinkEndpoint, LinkNode
+from bus.link.incoming import Incoming
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
-from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
 from bus.process.waiters import Waiters
 from bus.wire import messages as m
-from bus.wire.layout import PROTOCOL_VERSION
-from bus.wire.runs import Buffer, Run, RunQueue
-from bus.wire.session import Carried
+from bus.wire.runs import Buffer, RunQueue
 
-if TYPE_CHECKING:  # most programs never look
-    from bus.link.graph_mirror import GraphMirror
+if TYPE_CHECKING:  # most programs never watch the graph
+    from bus.link.observing import GraphObservers
 
 A = TypeVar("A", bound=m.Message)
-T = TypeVar("T")
 
 _SHORTEST_BEAT_S = 0.01
-_USERS_TURN_NS = 5_000_000_000
-_RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-_TELL_S = 3.0
-
-_log = get_logger("bus")
 
 
 class Link:
@@ -62,23 +54,20 @@ class Link:
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
         self._users = 0
-        # The present broker's, or the last one's:
-        self._hello = m.Hello(version=PROTOCOL_VERSION, background=True)
-        self.broker = self._hello.pid, self._hello.began_ns
-        """The present broker, or the last one. A broker that restarts keeps its process id."""
-        self._connection: Connection | None = None
-        self._opening: asyncio.Task[None] | None = None
-        self._declarations = Declarations()
-        self._held: set[LinkNode] = set()
-        self.shm_context = ShmContext.make(self._deliver)
-        self._is_receiving = False
-        self._gathered: set[Counted] = set()
+        self.connection: Connection | None = None
+        """None while the broker is away."""
+        self._declarations = Declarations(self._set_heartbeat)
+        self.gathered: set[Counted] = set()
+        """Publishers that have begun a run in this turn of the loop."""
         self._reports = Reports(self.loop, self._report)
+        self._incoming = Incoming(self, self._declarations, self._reports)
+        self._connecting = Connecting(self, self._declarations, self._incoming.received)
+        self.broker = self._connecting.hello.pid, self._connecting.hello.began_ns
+        """The present broker, or the last one. A broker that restarts keeps its process id."""
+        self.shm_context = ShmContext.make(self._incoming.deliver)
         self._drains = Waiters(self.loop)
-        self._observers: list[Callable[[], None]] = []
-        self.graph_mirror: GraphMirror
-        """While the graph is observed here."""
-        self._mirroring: asyncio.Task[None] | None = None
+        self.observers: GraphObservers | None = None
+        """Since the graph was watched here for the first time."""
         Link._links[id(self)] = self
 
     # --- making and ending
@@ -100,11 +89,11 @@ class Link:
                 break
         else:
             link = cls(path)
-            link._opening = loop.create_task(link._open(), name="connect to busd")
+            link._connecting.begin()
         link._users += 1
         try:
-            if link._opening is not None:
-                await asyncio.shield(link._opening)
+            if (opening := link._connecting.opening) is not None:
+                await asyncio.shield(opening)
         except BaseException:
             link.release()
             raise
@@ -114,12 +103,12 @@ class Link:
         """In the child of a fork, whose loop is the parent's, or with a closed loop: close the connection
         without touching a task, a future or a timer."""
         self.failure = reason
-        if self._connection is not None:
-            self._connection.abandon()
+        if self.connection is not None:
+            self.connection.abandon()
         if self.shm_context is not None:
             self.shm_context.abandon()
         for endpoint in self._declarations:
-            endpoint._abandon(reason)
+            endpoint.abandon(reason)
 
     def namesake(self, node: LinkNode) -> LinkNode | None:
         """A node of the same name that this process has open by another link; busd reports one by this link.
@@ -135,7 +124,7 @@ class Link:
 
     def connection_now(self) -> object:
         """A key for the present connection, by which the broker's ids are valid."""
-        return self._connection
+        return self.connection
 
     def release(self) -> None:
         """One user less; the last one closes the connection."""
@@ -146,66 +135,79 @@ class Link:
             self.abandon(ConnectionClosed("the event loop of this connection to busd is closed"))
             return
         self.failure = ConnectionClosed("the connection to busd is closed")
-        if self._opening is not None:
-            self._opening.cancel()
+        if self._connecting.opening is not None:
+            self._connecting.opening.cancel()
         self._reports.end()
-        if self._connection is not None:
-            self._connection.close()
+        if self.connection is not None:
+            self.connection.close()
         if self.shm_context is not None:
             self.shm_context.close()
         self._drains.release()
-        self._stop_mirroring()
+        if self.observers is not None:
+            self.observers.stop()
+
+    # --- for the one that connects
+
+    def connected(self, connection: Connection) -> None:
+        """Another broker has said Hello, or the same one again."""
+        self.broker = connection.hello.pid, connection.hello.began_ns
+        self._set_heartbeat()
+
+    def declared_again(self) -> None:
+        """The present broker knows all that the last one knew."""
+        if self.observers:
+            self.observers.ask()
+        self.flush()
+        self._drains.release()
 
     # --- what is declared
 
     async def declare_node(self, node: LinkNode) -> None:
         """Make `node` known to the broker, now and after each reconnection."""
-        await self._when_connected(partial(self._declarations.add_node, node=node))
+        await self._connecting.when_connected(partial(self._declarations.add_node, node=node))
 
-    def hold(self, node: LinkNode) -> None:
-        """Keep the collector from `node` until `forget_node`, as long as the event loop is not closed."""
-        self._held.add(node)
+    def hold(self, node: LinkNode, owner: object) -> None:
+        """Keep the collector from the `owner` of `node` until `forget_node`, as long as the event loop is not
+        closed."""
+        self._declarations.hold(node, owner)
 
-    async def declare(self, node: LinkNode, endpoint: LinkEndpoint) -> None:
+    def declare(self, node: LinkNode, endpoint: LinkEndpoint) -> Coroutine[Any, Any, None]:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
 
         Raises what the broker refuses it with (`Connection.request`). Cancellation: not declared.
         """
-        await self._when_connected(partial(self._declarations.add, node=node, endpoint=endpoint))
-        if lease_s(endpoint) is not None:
-            self._set_heartbeat()
+        return self._connecting.when_connected(partial(self._declarations.add, node=node, endpoint=endpoint))
 
     def forget(self, endpoint: LinkEndpoint) -> None:
         """Take an endpoint out of the graph."""
-        self._gathered.discard(endpoint)
+        self.gathered.discard(endpoint)
         self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
-        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint._id))
-        endpoint._id = 0  # its last messages must not be acknowledged any more
-        if lease_s(endpoint) is not None:
+        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
+        endpoint.id = 0  # its last messages must not be acknowledged any more
+        if endpoint.lease_s is not None:
             self._set_heartbeat()
 
     def forget_node(self, node: LinkNode) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
-        self._held.discard(node)
         self._declarations.remove_node(node)
-        self.send_about(node, m.DestroyNode(node=node._id))
-        node._id = 0
+        self.send_about(node, m.DestroyNode(node=node.id))
+        node.id = 0
 
     def send_about(
         self, what: Known, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
         """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
-        if what._id and message and self._connection is not None:
-            self._connection.send(message, descriptors)
+        if what.id and message and self.connection is not None:
+            self.connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:
         """Whether all that the broker has sent was read; True also where there is none."""
-        return not self._is_receiving and (self._connection is None or self._connection.is_quiet)
+        return not self._incoming.is_receiving and (self.connection is None or self.connection.is_quiet)
 
     async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
-        return await self._when_connected(
+        return await self._connecting.when_connected(
             lambda connection: connection.request(number := next(connection.numbers), make(number), kind)
         )
 
@@ -221,69 +223,35 @@ class Link:
         )
         return answer.schema
 
-    def observe(self, tell: Callable[[], None]) -> None:
-        """Keep `graph_mirror` up to date, and call `tell` when that has changed, until `stop_observing`."""
-        self._observers.append(tell)
-        if len(self._observers) == 1 or self.graph_mirror.failure is not None:  # who asks again is answered
-            self._mirror()
+    def watch(self) -> "GraphObservers":
+        """Those who are called when the graph has changed."""
+        if self.observers is None:
+            from bus.link.observing import GraphObservers
 
-    def stop_observing(self, tell: Callable[[], None]) -> None:
-        self._observers.remove(tell)
-        if not self._observers:
-            self._stop_mirroring()
-            if self._connection is not None:
-                self._connection.send(m.Observe(request=0, on=False))
-
-    def _mirror(self) -> None:
-        from bus.link.graph_mirror import GraphMirror
-
-        self._stop_mirroring()
-        self.graph_mirror = GraphMirror()
-        self._mirroring = self.loop.create_task(
-            self._ask_for_graph(self.graph_mirror), name="watch the graph"
-        )
-
-    def _stop_mirroring(self) -> None:
-        if self._mirroring is not None:
-            self._mirroring.cancel()
-            self._mirroring = None
-
-    async def _ask_for_graph(self, mirror: "GraphMirror") -> None:
-        """Ask until busd answers; the log says if it is silent."""
-        while mirror.graph is None and mirror.failure is None:
-            try:
-                mirror.begin(await self.request(lambda number: m.Observe(request=number), m.GraphSnapshot))
-            except TimeoutError:
-                continue
-            except BusError as error:
-                mirror.failure = error
-        self._tell_observers()
-
-    def _tell_observers(self) -> None:
-        for tell in tuple(self._observers):
-            tell()
+            self.observers = GraphObservers(self)
+        return self.observers
 
     # --- samples out
 
     def gather(self, publisher: Counted) -> None:
         """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
-        if not self._gathered:
+        if not self.gathered:
             self.soon(self.hand_over)
-        self._gathered.add(publisher)
+        self.gathered.add(publisher)
 
     def send_now(self, frame: Buffer) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
-        return self._connection is not None and self._connection.send_now(frame)
+        return self.connection is not None and self.connection.send_now(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
         """`queue` has runs for the broker."""
-        if self._connection is not None:
-            self._connection.outbox.make_ready(queue)
+        if self.connection is not None:
+            self.connection.outbox.make_ready(queue)
 
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
-        if self._connection is not None:
-            self._connection.flush()
+        if self.connection is not None:
+            self.connection.flush()
 
     async def wait_for_drain(self, queue: RunQueue) -> None:
         """Wait until the socket has all that was in `queue`. Raises ConnectionClosed where the link ends."""
@@ -305,15 +273,15 @@ class Link:
     @property
     def is_writing(self) -> bool:
         """Whether the socket has yet to take some of what was chosen for it."""
-        return self._connection is not None and self._connection.is_writing
+        return self.connection is not None and self.connection.is_writing
 
     def hand_over(self) -> None:
         """Send what was gathered, and what waits, as far as the socket takes it."""
-        gathered, self._gathered = self._gathered, set()
+        gathered, self.gathered = self.gathered, set()
         for publisher in gathered:
-            publisher._hand_over()
-        if self._connection is not None:
-            self._connection.flush()
+            publisher.hand_over()
+        if self.connection is not None:
+            self.connection.flush()
 
     def wrote(self) -> None:
         """The socket takes bytes again: what waited was sent, or can be now."""
@@ -323,7 +291,7 @@ class Link:
     def _report(self, endpoint: Counted, frames: bytes) -> None:
         now_ns = monotonic_ns()
         self.wall_offset_ns = time_ns() - now_ns  # the wall clock may have been set
-        if (connection := self._connection) is not None:
+        if (connection := self.connection) is not None:
             if now_ns > connection.late_ns:
                 connection.note_standstill(now_ns)
             connection.turn_ns = now_ns
@@ -350,205 +318,8 @@ class Link:
 
         return cancel
 
-    # --- what comes in
-
-    def _received(self, items: Iterable[Any]) -> None:
-        received_ns = monotonic_ns()
-        if (connection := self._connection) is not None:
-            if received_ns > connection.late_ns:
-                connection.note_standstill(received_ns)
-            connection.heard_ns = received_ns
-        if items.__class__ is tuple and self._deliver_lone(items, received_ns):
-            return
-        endpoints, touched = self._declarations.by_id, set[LinkEndpoint]()
-        ending: BaseException | None = None
-        self._is_receiving = True
-        try:
-            for item in items:
-                try:
-                    if item.__class__ is Run:
-                        subscription = endpoints.get(item.endpoint, gone)()
-                        if subscription is not None:  # else it was closed a moment ago
-                            item.received_ns = received_ns
-                            touched.add(subscription)
-                            subscription._receive_run(item)
-                    else:
-                        self._handle(item)
-                except RemoteProtocolError:
-                    raise
-                except Exception as error:
-                    self._tell_loop(error)  # the rest of the read is for others
-                except BaseException as error:
-                    if self.failure is not None:
-                        raise
-                    # It ends this turn, perhaps the loop: the rest is taken up now and delivered later.
-                    ending = error
-        finally:
-            self._is_receiving = False
-            if ending is None and touched:
-                self._deliver(touched)
-        if ending is not None:
-            self.loop.call_soon(self._deliver, touched)
-            raise ending
-
-    def _deliver_lone(self, items: Any, received_ns: int) -> bool:
-        """A read has brought one run and nothing else: call back for it, with nothing in between."""
-        run = items[0]
-        endpoint = self._declarations.by_id.get(run.endpoint, gone)()
-        if endpoint is None:
-            return False
-        run.received_ns = received_ns
-        try:
-            is_done = endpoint._receive_lone(run)
-        except Exception as error:
-            self._tell_loop(error)
-            is_done = True
-        if is_done:
-            self._reports.add(endpoint)
-        return is_done
-
-    def _deliver(self, endpoints: Collection[LinkEndpoint]) -> None:
-        """Something has come for these. Callbacks go first: for them the delay counts."""
-        left = iter(endpoints)
-        for endpoint in left:
-            try:
-                endpoint._wake()
-            except Exception as error:
-                self._tell_loop(error)
-            except BaseException:  # of this turn, perhaps of the loop: the others' is the next
-                self.loop.call_soon(self._deliver, list(left))
-                raise
-        if endpoints:
-            self._reports.add_all(endpoints)
-
-    def _tell_loop(self, error: Exception) -> None:
-        self.loop.call_exception_handler({"message": "handling what came from busd", "exception": error})
-
-    def _handle(self, message: Any) -> None:
-        descriptors: tuple[Descriptor, ...] = ()
-        if isinstance(message, Carried):
-            message, descriptors = message
-        if isinstance(message, m.Created):
-            # At once, not when the request's task runs: its news and samples may be in the same read.
-            self._declarations.admit(message)
-        connection = self._connection
-        if connection is None or connection.resolve(message):
-            return
-        if isinstance(message, m.GraphChanged):
-            if self._observers:  # else it was on its way
-                self.graph_mirror.change(message)
-                self._tell_observers()
-        elif isinstance(message, m.Namesake):
-            self._declarations.warn_of_namesake(message)
-        elif (endpoint := self._declarations.concerned(message)) is not None:
-            endpoint._handle(message, descriptors)
-
-    # --- connecting
-
-    async def _open(self) -> None:
-        try:
-            await self._connect_first()
-        except BaseException as error:
-            self.failure = error if isinstance(error, BusError) else BrokerUnavailable(str(error))
-            raise
-        finally:
-            self._opening = None
-
-    async def _connect_first(self) -> None:
-        patience = Patience()
-        while True:
-            try:
-                await self._connect(patience)
-                return
-            except NotNow as error:
-                await asyncio.sleep(patience.pause_s(str(error)))
-
-    async def _connect(self, patience: Patience, *, may_start: bool = True) -> Connection:
-        connection = Connection(
-            self.shm_context, on_received=self._received, on_lost=self._lost, on_wrote=self.wrote
-        )
-        self._connection = connection
-        try:
-            await connection.open(self.path, patience, may_start=may_start)
-        except BaseException:
-            self._connection = None
-            raise
-        self._hello = connection.hello
-        self.broker = self._hello.pid, self._hello.began_ns
-        self._set_heartbeat()
-        return connection
-
-    def _lost(self, reason: BusError) -> None:
-        self._connection = None
-        self._declarations.disconnected()
-        if self.failure is None and self._opening is None:
-            _log.warning(f"lost busd ({reason}); reconnecting")
-            self._opening = self.loop.create_task(self._reconnect(), name="reconnect to busd")
-
-    async def _reconnect(self) -> None:
-        pauses = iter(_RETRY_S)
-        pause_s = 0.0
-        known_reason = ""
-        lost_ns = monotonic_ns()
-        try:
-            while True:
-                pause_s = next(pauses, pause_s)
-                await asyncio.sleep(pause_s)
-                # A user who started the daemon by hand starts it again, with its options: leave time for
-                # that.
-                may_start = self._hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
-                try:
-                    await self._declare_again(await self._connect(Patience(), may_start=may_start))
-                except (OSError, BusError) as error:
-                    log = _log.debug if str(error) == known_reason else _log.warning
-                    known_reason = str(error)
-                    log(f"busd is not back yet: {error}")
-                    if self._connection is not None:
-                        self._connection.close()
-                        self._connection = None
-                        self._declarations.disconnected()
-                    continue
-                if self._connection is not None:  # else lost again, a moment ago
-                    _log.info(f"busd is back (pid {self._hello.pid})")
-                    return
-        finally:
-            self._opening = None
-
-    async def _when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
-        while True:
-            while self._opening is not None and self.failure is None:
-                await asyncio.wait([self._opening])  # whatever becomes of it
-            if self.failure is not None:
-                raise again(self.failure)
-            if (connection := self._connection) is None:
-                raise ConnectionClosed("the connection to busd is closed")
-            self.hand_over()  # what was published before must not seem to come after
-            try:
-                return await action(connection)
-            except ConnectionClosed:
-                if self._opening is None:
-                    raise
-
-    async def _declare_again(self, connection: Connection) -> None:
-        telling = self.loop.create_task(self._tell_progress(), name="tell how far the way back to busd is")
-        try:
-            await self._declarations.declare_again(connection)
-        finally:
-            telling.cancel()
-        if self._observers:
-            self._mirror()
-        self.flush()
-        self._drains.release()
-
-    async def _tell_progress(self) -> None:
-        """Say, after a while, that it takes long. To be cancelled when all is declared."""
-        while True:
-            await asyncio.sleep(_TELL_S)
-            done, total = self._declarations.progress()
-            _log.info(f"busd is back: {done} of {total} endpoints declared again")
-
     def _set_heartbeat(self) -> None:
-        connection = self._connection
+        connection = self.connection
         if connection is not None and (most_s := connection.hello.lease_s):
             shortest_s = self._declarations.shortest_lease_s() or most_s
             connection.beat(max(min(shortest_s, most_s) / 3, _SHORTEST_BEAT_S))

@@ -7,7 +7,7 @@ broker turns it away for something that passes, or ends while it connects.
 
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import monotonic
 
 from bus.errors import BrokerUnavailable
@@ -19,8 +19,10 @@ __all__ = [
     "BacklogFull",
     "NotNow",
     "Patience",
+    "is_allowed",
     "no_answer",
     "no_answer_yet",
+    "open_socket",
     "try_to_connect",
 ]
 
@@ -115,3 +117,53 @@ def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:
         sock.close()
         raise
     return sock
+
+
+def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
+    """Whether a busd may be started: BUSD_AUTOSTART is not 0."""
+    return environ.get("BUSD_AUTOSTART", "1") not in ("0", "no", "off", "false")
+
+
+async def open_socket(
+    path: str | os.PathLike[str], patience: Patience, *, may_start: bool = True
+) -> socket.socket:
+    """A non-blocking socket connected to the broker at `path`; one is started, if it `may_start`.
+
+    Raises BrokerUnavailable where none answers and none may be or could be started, or where `patience` ends.
+    """
+    try:
+        return await _connect(path, patience)
+    except (FileNotFoundError, ConnectionRefusedError):
+        if not may_start:
+            raise BrokerUnavailable(f"no busd listens on {path}") from None
+        if not is_allowed():
+            raise BrokerUnavailable(
+                f"no busd listens on {path}; start one with: busd --socket {path}"
+                " (or let programs start it: unset BUSD_AUTOSTART)"
+            ) from None
+    from bus.link.autostart import start
+
+    await start(path)
+    patience.renew()
+    while True:
+        try:
+            return await _connect(path, patience)
+        except (FileNotFoundError, ConnectionRefusedError):
+            # Another process's busd was first: it holds the lock, but may not listen yet.
+            why = f"busd was started at {path} but does not answer: nothing listens there"
+        await _sleep(patience.pause_s(why))
+
+
+async def _connect(path: str | os.PathLike[str], patience: Patience) -> socket.socket:
+    while True:
+        try:
+            return try_to_connect(path)
+        except NotNow as error:
+            pause_s = patience.pause_s(str(error), error.longest_pause_s)
+        await _sleep(pause_s)
+
+
+async def _sleep(pause_s: float) -> None:
+    import asyncio  # late: clients without an event loop use the rest of this module
+
+    await asyncio.sleep(pause_s)

@@ -93,16 +93,14 @@ class Reports:
     def _tell(self, endpoints: list[Counted]) -> None:
         if not endpoints:
             return
-        told = [(endpoint, endpoint._totals()) for endpoint in endpoints]
+        told = [(endpoint, endpoint.totals()) for endpoint in endpoints]
         for endpoint, totals in told:
-            if totals.queued and endpoint._refusal is None:
+            if totals.queued and endpoint.refusal is None:
                 self._due.add(endpoint)  # no event says when they are taken
         # The broker may not know some at the moment; and counting may call a user's code, which may close
         # others.
         known = [
-            (endpoint, totals)
-            for endpoint, totals in told
-            if endpoint._id and endpoint._id == totals.endpoint
+            (endpoint, totals) for endpoint, totals in told if endpoint.id and endpoint.id == totals.endpoint
         ]
         frames = b"".join(m.encode_frame(totals) for _, totals in known)
         self._send(known[0][0] if known else endpoints[0], frames)

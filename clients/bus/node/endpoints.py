@@ -6,16 +6,13 @@ they are made of, or for.
 
 import asyncio
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
+from bus.endpoint.core import EndpointCore
 from bus.errors import BusError, ConnectionClosed
 from bus.link.declarations import LinkNode
-from bus.publisher import Publisher
-
-if TYPE_CHECKING:  # not every program needs it
-    from bus.subscription import Subscription
 
 __all__ = ["NodeEndpoints", "NodeStatistics"]
 
@@ -47,27 +44,27 @@ class NodeEndpoints:
 
     def __init__(self, node: LinkNode) -> None:
         self._node = node
-        self._all: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
+        self._all: list[EndpointCore[Any]] = []  # some of them may be closed
         self._sweep_at = _LEAST_SWEPT
 
-    async def declare(self, *endpoints: "Publisher[Any] | Subscription[Any]") -> None:
+    async def declare(self, *endpoints: EndpointCore[Any]) -> None:
         """Make them known to busd, in this order and with one wait for its answers: all, or none.
 
         Raises what busd refuses one with. Cancellation: none.
         """
         try:
             if len(endpoints) == 1:
-                await endpoints[0]._link.declare(self._node, endpoints[0])
+                await endpoints[0].link.declare(self._node, endpoints[0])
             else:
                 from bus.base.together import together  # late: few programs have services
 
-                await together(one._link.declare(self._node, one) for one in endpoints)
+                await together(one.link.declare(self._node, one) for one in endpoints)
             self._all += endpoints
         except BaseException as error:
             _end_open(endpoints, ConnectionClosed(f"not created: {error}"))
             raise
         if len(self._all) >= self._sweep_at:
-            self._all = [one for one in self._all if one._refusal is None]
+            self._all = [one for one in self._all if one.refusal is None]
             self._sweep_at = 2 * len(self._all) + _LEAST_SWEPT
 
     async def close(self) -> None:
@@ -84,19 +81,19 @@ class NodeEndpoints:
     def forget_ids(self) -> None:
         """The ids are those of an earlier broker: nothing must be sent about them."""
         for endpoint in self._all:
-            endpoint._id = 0
+            endpoint.id = 0
 
     def counts(self) -> tuple[int, int]:
         """Open publishers and open subscriptions; at any time and from any thread."""
         used = self._open()
-        publishers = sum(isinstance(one, Publisher) for one in used)
+        publishers = sum(one.kind == "publisher" for one in used)
         return publishers, len(used) - publishers
 
     def statistics(self) -> NodeStatistics:
         """The sums over those that are open."""
         used = self._open()
-        publishers = [one.statistics() for one in used if isinstance(one, Publisher)]
-        subscriptions = [one.statistics() for one in used if not isinstance(one, Publisher)]
+        publishers = [one.statistics() for one in used if one.kind == "publisher"]
+        subscriptions = [one.statistics() for one in used if one.kind != "publisher"]
         return NodeStatistics(
             published=sum(one.published for one in publishers),
             delivered=sum(one.delivered for one in subscriptions),
@@ -105,12 +102,12 @@ class NodeEndpoints:
             subscriptions=len(subscriptions),
         )
 
-    def _open(self) -> "list[Publisher[Any] | Subscription[Any]]":
-        return [one for one in tuple(self._all) if one._refusal is None]
+    def _open(self) -> list[EndpointCore[Any]]:
+        return [one for one in tuple(self._all) if one.refusal is None]
 
 
-def _end_open(endpoints: "Iterable[Publisher[Any] | Subscription[Any]]", reason: BusError) -> None:
+def _end_open(endpoints: Iterable[EndpointCore[Any]], reason: BusError) -> None:
     for endpoint in endpoints:
-        if endpoint._refusal is None:
-            endpoint._link.forget(endpoint)
-            endpoint._end(reason)
+        if endpoint.refusal is None:
+            endpoint.link.forget(endpoint)
+            endpoint.end(reason)

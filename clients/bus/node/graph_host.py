@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from bus.endpoint import NodeContext
+from bus.endpoint.core import NodeContext
 from bus.errors import ConnectionClosed
-from bus.link.graph_watch import GraphWatches
 from bus.schema import MessageSchema, find_schema
 from bus.wire import messages as m
 
-if TYPE_CHECKING:  # not every program needs it
+if TYPE_CHECKING:  # not every program needs them
     from bus.graph import Graph
+    from bus.link.graph_watch import GraphWatches
 
 __all__ = ["GraphHost"]
 
@@ -23,8 +23,8 @@ __all__ = ["GraphHost"]
 class GraphHost:
     """Base of Node."""
 
-    _watches: GraphWatches
-    """Set by the node."""
+    _watches: GraphWatches | None = None
+    """While the graph is, or was, watched."""
 
     async def graph(self, *, statistics: bool = False) -> Graph:
         """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
@@ -49,7 +49,7 @@ class GraphHost:
 
             await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
-        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
+        async with aclosing(self._graphs()) as graphs:
             async for graph in graphs:
                 if condition(graph):
                     return graph
@@ -67,7 +67,7 @@ class GraphHost:
                 if "/chatter" in graph.topics():
                     break
         """
-        return self._watches.graphs(self._opened().link)
+        return self._graphs()
 
     async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
         """A class for a type that is on the bus, made from the description that travels with it.
@@ -95,11 +95,19 @@ class GraphHost:
         return MessageSchema(type_name, type_hash, encoded)
 
     async def _find_schema(self, topic: str, type_name: str | None) -> MessageSchema:
-        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
+        async with aclosing(self._graphs()) as graphs:
             found = await find_schema(graphs, topic, type_name, self.get_schema)
         if found is None:
             raise ConnectionClosed(f"node {self.full_name} is closed")
         return found
+
+    def _graphs(self) -> AsyncGenerator[Graph, None]:
+        from bus.link.graph_watch import GraphWatches
+
+        link = self._opened().link
+        if self._watches is None:
+            self._watches = GraphWatches()
+        return self._watches.graphs(link)
 
     @property
     def full_name(self) -> str:

@@ -14,11 +14,11 @@ import msgspec
 
 from bus import names
 from bus.base.awaited import done_anyway, to_be_awaited
-from bus.diagnostics.slow_callback import timed_by_caller, watched
-from bus.endpoint import NodeContext
+from bus.endpoint.core import NodeContext
+from bus.endpoint.endpoint import core_of
 from bus.errors import BrokerUnavailable, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
-from bus.link.graph_watch import GraphWatches
+from bus.link.declarations import LinkNode
 from bus.link.link import Link
 from bus.link.shm_context import say_why_slow
 from bus.logger import Logger, configure, get_logger
@@ -26,6 +26,7 @@ from bus.node import unclosed
 from bus.node.endpoints import NodeEndpoints, NodeStatistics
 from bus.node.graph_host import GraphHost
 from bus.node.rosout import Rosout
+from bus.node.unclosed import CloseReminder
 from bus.parameters.host import ParameterHost
 from bus.parameters.served import ServedParameters
 from bus.process.address import socket_name
@@ -35,7 +36,6 @@ from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile, rosout_default
 from bus.schema import MessageSchema, support_of
 from bus.types.support import TypeSupport, type_support
-from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
     from bus.graph import Origin
@@ -79,8 +79,7 @@ class Node(ParameterHost, GraphHost):
     """
 
     _must_be_closed = True  # else no warning if the collector finds the node open
-    _how_to_close = "use async with, or await its close()"
-    _when_dropped: Callable[[], None] | None = None  # called when the collector has found the node open
+    _link: Link | None = None
 
     def __init__(
         self,
@@ -94,7 +93,7 @@ class Node(ParameterHost, GraphHost):
         origin: Origin | None = None,
     ) -> None:
         names.validate_node_name(name)
-        self._made_at = unclosed.call_site(self)
+        made_at = unclosed.call_site(self)
         with shown_in_one_line:
             self._arguments = _parse(sys.argv[1:] if arguments is None else arguments)
             self._path = socket_name(socket, domain)
@@ -102,19 +101,17 @@ class Node(ParameterHost, GraphHost):
         """Its own name, without the namespace, after remapping."""
         self.namespace: str = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
         """With a slash in front; `/` where it has none."""
-        self._origin = origin
-        self._id = 0
+        self._declared = LinkNode(self.name, self.namespace, origin, made_at)
+        self._reminder = CloseReminder(self._declared, must_be_closed=self._must_be_closed)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
         with shown_in_one_line:
             self._served = ServedParameters(
                 self, self._arguments.parameters if self._takes_parameters else ()
             )
-        self._link: Link | None = None
         self._context: NodeContext  # since it was opened
-        self._endpoints = NodeEndpoints(self)
+        self._endpoints = NodeEndpoints(self._declared)
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
-        self._watches = GraphWatches()
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
@@ -132,7 +129,7 @@ class Node(ParameterHost, GraphHost):
     @property
     def full_name(self) -> str:
         """Namespace and name, as the graph shows them."""
-        return names.join_node_name(self.namespace, self.name)
+        return self._declared.full_name
 
     @to_be_awaited
     async def open(self) -> None:
@@ -154,7 +151,7 @@ class Node(ParameterHost, GraphHost):
         if self._link.shm_context is None and not names.is_hidden_node(self.name):
             say_why_slow()
         try:
-            await self._link.declare_node(self)
+            await self._link.declare_node(self._declared)
             if self._wants_rosout:
                 await self._open_rosout()
             await self._served.open()
@@ -164,7 +161,7 @@ class Node(ParameterHost, GraphHost):
         except BaseException:
             await self.close()
             raise
-        unclosed.tell_namesake(self, self._link)
+        unclosed.tell_namesake(self._declared, self._link)
 
     @done_anyway
     async def close(self) -> None:
@@ -192,7 +189,8 @@ class Node(ParameterHost, GraphHost):
 
     async def __aenter__(self) -> Self:
         await self.open()
-        self._context.link.hold(self)  # perhaps only a task has it, which asyncio itself does not hold
+        # Perhaps only a task has it, which asyncio itself does not hold.
+        self._context.link.hold(self._declared, self)
         self._body = asyncio.current_task()
         return self
 
@@ -268,7 +266,7 @@ class Node(ParameterHost, GraphHost):
         publisher = self._make_publisher(
             self._opened(), message_type, topic, qos, events, by_socket=by_socket, gid=gid
         )
-        await self._endpoints.declare(publisher)
+        await self._endpoints.declare(core_of(publisher))
         return publisher
 
     def _make_publisher(
@@ -370,6 +368,7 @@ class Node(ParameterHost, GraphHost):
             subscription = await node.create_subscription(String, "chatter", 10, print)
             recorded = await node.create_subscription(None, "chatter", 10, print, raw=True)
         """
+        from bus.diagnostics.slow_callback import timed_by_caller
         from bus.subscription import Subscription, decoder_of_views
 
         node, name = self._opened(), self.resolve_topic_name(topic)
@@ -379,7 +378,9 @@ class Node(ParameterHost, GraphHost):
             support: TypeSupport[Any] = support_of(message_type, raw=raw)
         else:
             support = type_support(message_type)
-        callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
+        on_slow: Callable[[int], object] | None = None
+        if callback is not None:
+            callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
         subscription: Subscription[Any] = Subscription(
             node,
             name,
@@ -392,7 +393,7 @@ class Node(ParameterHost, GraphHost):
             on_slow=on_slow,
             **bridging,
         )
-        await self._endpoints.declare(subscription)
+        await self._endpoints.declare(core_of(subscription))
         return subscription
 
     @to_be_awaited
@@ -419,6 +420,7 @@ class Node(ParameterHost, GraphHost):
                 AddTwoInts, "add", lambda request: AddTwoInts.Response(sum=request.a + request.b)
             )
         """
+        from bus.diagnostics.slow_callback import watched
         from bus.service.server import ServiceServer
 
         node, full_name = self._opened(), self.resolve_service_name(name)
@@ -471,6 +473,7 @@ class Node(ParameterHost, GraphHost):
 
             timer = node.create_timer(0.5, lambda: publisher.publish(String(data="tick")))
         """
+        from bus.diagnostics.slow_callback import watched
         from bus.timer import Timer
 
         self._opened()
@@ -515,16 +518,9 @@ class Node(ParameterHost, GraphHost):
         """The sums over its open endpoints."""
         return self._endpoints.statistics()
 
-    def __del__(self, _found: Callable[[Node], None] = unclosed.found) -> None:
-        _found(self)  # as a default, because a module's names may be gone when the process ends
-
-    # --- for the link
-
-    def _declaration(self, request: int, node: int) -> m.Message:
-        return m.CreateNode(request=request, name=self.name, namespace=self.namespace, origin=self._origin)
-
-    def _declared(self, answer: m.Created) -> None:
-        self._id = answer.id
+    def __del__(self) -> None:
+        if self._link is not None:
+            self._reminder.found(self, self._link, self._let_go)
 
     # --- inside
 
@@ -542,7 +538,8 @@ class Node(ParameterHost, GraphHost):
         return self._context
 
     def _end_own_work(self) -> None:
-        self._watches.end()
+        if self._watches is not None:
+            self._watches.end()
         for timer in tuple(self._timers):
             timer.close()
         self._served.close()
@@ -557,15 +554,14 @@ class Node(ParameterHost, GraphHost):
                 self._rosout.close()
             link.release()
             return
-        if self._must_be_closed:
-            unclosed.tell_dropped(self)
+        self._reminder.report_dropped()
         link.hand_over()
         self._end_own_work()
         if link.connection_now() is not connection:
-            self._id = 0
+            self._declared.id = 0
             self._endpoints.forget_ids()
         self._endpoints.end(ConnectionClosed(f"node {self.full_name} is closed"))
-        link.forget_node(self)
+        link.forget_node(self._declared)
         link.release()
 
     async def _close_endpoints(self, link: Link) -> None:
@@ -575,7 +571,7 @@ class Node(ParameterHost, GraphHost):
             await self._endpoints.close()
         finally:
             self._endpoints.end(ConnectionClosed(f"node {self.full_name} is closed"))
-            link.forget_node(self)
+            link.forget_node(self._declared)
 
     def _fail(self, error: BaseException) -> None:
         """A callback raised: end the body of the `async with`, or tell the event loop where there is none."""
@@ -597,3 +593,13 @@ class Node(ParameterHost, GraphHost):
         publisher = self._make_publisher(self._context, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher, self._logger)
         await self._rosout.open(self._endpoints.declare)
+
+
+def link_of(node: Node) -> Link | None:
+    """The link of an open node, for other modules of this library."""
+    return node._link
+
+
+def reminder_of(node: Node) -> CloseReminder:
+    """What happens if the program drops `node` without closing it."""
+    return node._reminder

@@ -8,6 +8,8 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 from weakref import ref
 
+from bus.endpoint.core import EndpointCore
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError
 from bus.logger import LogEntry, Logger
 from bus.publisher import Publisher
@@ -23,15 +25,16 @@ class Rosout:
 
     def __init__(self, publisher: Publisher[Any], logger: Logger) -> None:
         self._publisher = publisher
+        self._core = core_of(publisher)
         self._logger = logger
         self._sink = _weak(self)
         self._declaring: asyncio.Task[None] | None = None
         self._is_open = False
 
-    async def open(self, declare: Callable[[Publisher[Any]], Awaitable[None]]) -> None:
+    async def open(self, declare: Callable[[EndpointCore[Any]], Awaitable[None]]) -> None:
         """Declare it ahead of all that the program declares, and don't keep the program waiting for the
         answer."""
-        link = self._publisher._link
+        link = self._core.link
         self._is_open = True
         self._logger.add_sink(self._sink)  # what is logged until the answer comes waits for it
         self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
@@ -59,7 +62,7 @@ class Rosout:
         from bus.msg.builtin_interfaces import Time
         from bus.msg.rcl_interfaces import Log
 
-        if self._publisher._refusal is not None:
+        if self._core.refusal is not None:
             return
         sec, nanosec = divmod(entry.stamp_ns, 1_000_000_000)
         self._publisher.publish(
@@ -74,9 +77,9 @@ class Rosout:
             )
         )
 
-    async def _declare(self, declare: Callable[[Publisher[Any]], Awaitable[None]]) -> None:
+    async def _declare(self, declare: Callable[[EndpointCore[Any]], Awaitable[None]]) -> None:
         try:
-            await declare(self._publisher)
+            await declare(self._core)
         except (BusError, TimeoutError) as error:
             if self._is_open:  # else the node is closed meanwhile
                 self._logger.warning(f"the log of this node stays here: {error}")

@@ -7,14 +7,13 @@ import sys
 import warnings
 from collections.abc import Callable
 from types import FrameType
-from typing import Protocol
 
 from bus.errors import ForkError
 from bus.link.declarations import LinkNode
 from bus.link.link import Link
 from bus.logger import get_logger
 
-__all__ = ["call_site", "found", "tell_dropped", "tell_namesake", "warn"]
+__all__ = ["CloseReminder", "call_site", "tell_namesake"]
 
 _log = get_logger("bus")
 
@@ -22,55 +21,57 @@ _namesakes: set[str] = set()
 """Full names that the log has reported as open twice in this process."""
 
 
-class Unclosed(LinkNode, Protocol):
-    """A node, as these warnings see it."""
+class CloseReminder:
+    """What happens if a program drops `node` without closing it.
 
-    _link: Link | None
-    _must_be_closed: bool
-    _how_to_close: str
-    _when_dropped: Callable[[], None] | None
+    `must_be_closed`: a warning says so. Otherwise the node is closed without a word.
+    """
 
-    def _let_go(self, link: Link, connection: object) -> None: ...
+    def __init__(self, node: LinkNode, *, must_be_closed: bool) -> None:
+        self.must_be_closed = must_be_closed
+        self.how_to_close = "use async with, or await its close()"
+        self.when_dropped: Callable[[], object] | None = None
+        """Called if the collector has found the node open."""
+        self._node = node
 
+    def found(self, owner: object, link: Link, let_go: Callable[[Link, object], None]) -> None:
+        """The collector has found the open node `owner`: warn, and have `let_go` called on its loop."""
+        if isinstance(link.failure, ForkError):
+            return
+        try:
+            if self.must_be_closed:
+                self.warn(owner)
+        finally:  # warnings may be errors
+            # When the program ends, the kernel closes the descriptors in a moment.
+            if not sys.is_finalizing() or link.loop.is_closed():
+                self._have_closed(link, let_go)
 
-def found(node: Unclosed) -> None:
-    """The finalizer of a node: nothing refers to it any more. Warn if it is open, and have it closed."""
-    link = getattr(node, "_link", None)  # missing if the constructor raised
-    if link is None or isinstance(link.failure, ForkError):
-        return
-    try:
-        if node._must_be_closed:
-            warn(node)
-    finally:  # warnings may be errors
-        # When the program ends, the kernel closes the descriptors in a moment.
-        if not sys.is_finalizing() or link.loop.is_closed():
-            _have_closed(node, link)
+    def warn(self, owner: object) -> None:
+        """A ResourceWarning at the line that made the node, which nothing can close any more."""
+        node = self._node
+        text = f"node {node.full_name} was never closed: {self.how_to_close}"
+        warnings.warn_explicit(text, ResourceWarning, *node.made_at, source=owner)
 
+    def report_dropped(self) -> None:
+        """Log that the node is closed because the collector has found it: its callbacks end."""
+        if not self.must_be_closed:
+            return
+        node = self._node
+        path, line = node.made_at
+        _log.warning(
+            f"node {node.full_name}, made at {path}:{line}, is closed now, because nothing refers to it: "
+            f"{self.how_to_close}"
+        )
 
-def _have_closed(node: Unclosed, link: Link) -> None:
-    try:
-        # The collector runs in any thread, also amid the link's own work.
-        link.loop.call_soon_threadsafe(node._let_go, link, link.connection_now())
-    except RuntimeError:  # the event loop is closed; its thread may have done so just now
-        node._let_go(link, None)
-        return
-    if node._when_dropped is not None:
-        node._when_dropped()
-
-
-def warn(node: Unclosed) -> None:
-    """A ResourceWarning at the line that made `node`, which nothing can close any more."""
-    text = f"node {node.full_name} was never closed: {node._how_to_close}"
-    warnings.warn_explicit(text, ResourceWarning, *node._made_at, source=node)
-
-
-def tell_dropped(node: Unclosed) -> None:
-    """Log that the node is closed because the collector has found it: its callbacks end."""
-    path, line = node._made_at
-    _log.warning(
-        f"node {node.full_name}, made at {path}:{line}, is closed now, because nothing refers to it: "
-        f"{node._how_to_close}"
-    )
+    def _have_closed(self, link: Link, let_go: Callable[[Link, object], None]) -> None:
+        try:
+            # The collector runs in any thread, also amid the link's own work.
+            link.loop.call_soon_threadsafe(let_go, link, link.connection_now())
+        except RuntimeError:  # the event loop is closed; its thread may have done so just now
+            let_go(link, None)
+            return
+        if self.when_dropped is not None:
+            self.when_dropped()
 
 
 def tell_namesake(node: LinkNode, link: Link) -> None:
@@ -81,7 +82,7 @@ def tell_namesake(node: LinkNode, link: Link) -> None:
     other = link.namesake(node)
     if other is not None and node.full_name not in _namesakes:
         _namesakes.add(node.full_name)
-        path, line = other._made_at
+        path, line = other.made_at
         _log.warning(
             f"this process has another open node named {node.full_name}, made at {path}:{line}: "
             "close it first, or choose another name"

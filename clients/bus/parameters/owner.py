@@ -3,7 +3,7 @@
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
-from bus.endpoint import NodeContext
+from bus.endpoint.core import NodeContext
 from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS

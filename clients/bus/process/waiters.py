@@ -39,15 +39,15 @@ class Waiters:
 
     def release(self) -> None:
         """Have all that wait look again."""
-        if self._waiting:
-            for waiter in self._pop():
-                waiter.set_result(None)
+        if waiting := self._waiting:
+            self._waiting = []
+            for waiter in waiting:
+                if not waiter.done():
+                    waiter.set_result(None)
 
     def fail(self, reason: BaseException) -> None:
         """Have all that wait raise `reason`."""
-        for waiter in self._pop():
-            waiter.set_exception(reason)
-
-    def _pop(self) -> list[asyncio.Future[None]]:
         waiting, self._waiting = self._waiting, []
-        return [waiter for waiter in waiting if not waiter.done()]
+        for waiter in waiting:
+            if not waiter.done():
+                waiter.set_exception(reason)

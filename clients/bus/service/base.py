@@ -9,7 +9,8 @@ from typing import Any
 
 from bus.base.callbacks import ignore
 from bus.diagnostics.provoked import warn
-from bus.endpoint import NodeContext
+from bus.endpoint.core import EndpointCore, NodeContext
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError
 from bus.events import IncompatibleQoS, IncompatibleType, MatchedChange, PublisherEvents, SubscriptionEvents
 from bus.names import request_topic
@@ -45,11 +46,11 @@ class ServiceBase:
         self._logger = node.logger
 
     def __repr__(self) -> str:
-        name = f"{self._requests._state()}{self.service_name} {self._support.name}"
+        name = f"{core_of(self._requests).describe_state()}{self.service_name} {self._support.name}"
         return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {self._counts()}>"
 
     @property
-    def _endpoints(self) -> tuple[Publisher[Any] | Subscription[Any], Publisher[Any] | Subscription[Any]]:
+    def _endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
         """In the order of their declaration; they are closed in reverse."""
         raise NotImplementedError
 
@@ -90,7 +91,7 @@ class ServiceBase:
             SubscriptionEvents(**self._warnings(topic)),
             callback,
         )
-        subscription._on_end = self._end
+        core_of(subscription).on_end = self._end
         return subscription
 
     def _warnings(self, topic: str) -> dict[str, Callable[[Any], object]]:

@@ -17,7 +17,8 @@ import msgspec
 from bus.base.awaited import done_anyway
 from bus.delivery.port import RETURN_S
 from bus.diagnostics.provoked import warn
-from bus.endpoint import NodeContext
+from bus.endpoint.core import EndpointCore, NodeContext
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
 from bus.events import MatchedChange
 from bus.names import reply_topic, request_topic
@@ -119,14 +120,15 @@ class ServiceClient(ServiceBase):
         self._requests = self._make_publisher(
             request_topic(service), self._support.requests, self._on_matched
         )
+        self._requests_core = core_of(self._requests)
         self._gid = self._requests.gid
         self._replies = self._make_subscription(
             reply_topic(service), self._support.replies(self._gid), self._take
         )
 
     @property
-    def _endpoints(self) -> tuple[Subscription[Any], Publisher[Any]]:
-        return self._replies, self._requests
+    def _endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
+        return core_of(self._replies), self._requests_core
 
     async def call(self, request: Any) -> Any:
         """Send `request` and wait for its answer, which may take for ever: use `asyncio.timeout`.
@@ -171,7 +173,7 @@ class ServiceClient(ServiceBase):
 
     def service_is_ready(self) -> bool:
         """Whether a call would be heard at once."""
-        return self._requests._ready_matches() > 0
+        return self._requests_core.count_ready() > 0
 
     async def wait_for_service(self) -> None:
         """Wait until somebody serves; use `asyncio.timeout`.
@@ -203,9 +205,9 @@ class ServiceClient(ServiceBase):
 
     def _check_served(self) -> None:
         """Raises ServiceUnavailable where nobody serves; with busd away, nobody knows. Raises as `call`."""
-        if not self._servers and self._requests._id:
-            if self._requests._refusal is not None:
-                raise again(self._requests._refusal)
+        if not self._servers and self._requests_core.id:
+            if self._requests_core.refusal is not None:
+                raise again(self._requests_core.refusal)
             raise ServiceUnavailable(self.service_name, "no server exists now; see wait_for_service")
 
     def _send(self, request: Any, deliver: Callable[[int, Any], object]) -> int:
@@ -216,7 +218,7 @@ class ServiceClient(ServiceBase):
         number = next(self._numbers)
         payload = self._support.encode_request(self._gid, number, request)
         call = self._calls[number] = _Call(self._servers, deliver)  # the answer may come at once
-        call.is_doubtful = not self._requests._id
+        call.is_doubtful = not self._requests_core.id
         is_sent = False
         try:
             is_sent = self._requests.publish_encoded(payload)
@@ -253,7 +255,7 @@ class ServiceClient(ServiceBase):
                 "last one: each gets every request, and the first answer counts",
             )
         gone = before - self._servers
-        if not self._requests._id:  # busd is away, the servers are perhaps still there
+        if not self._requests_core.id:  # busd is away, the servers are perhaps still there
             for call in tuple(self._calls.values()):
                 call.is_doubtful = True
             self._doubt()
@@ -281,14 +283,14 @@ class ServiceClient(ServiceBase):
 
     def _doubt(self) -> None:
         """Look after calls that busd's end may have lost, until nothing is in doubt."""
-        if not self._requests._id:
+        if not self._requests_core.id:
             self._back_ns = 0
         if self._doubts is None and self._calls:
             self._doubts = self._loop.call_later(_LOOK_S, self._look)
 
     def _look(self) -> None:
         self._doubts = None
-        if self._requests._id:
+        if self._requests_core.id:
             now_ns = monotonic_ns()
             self._back_ns = self._back_ns or now_ns
             if now_ns - self._back_ns >= RETURN_S * 1e9:

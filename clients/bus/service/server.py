@@ -17,7 +17,8 @@ import msgspec
 from bus.base.awaited import done_anyway
 from bus.base.callbacks import is_async, takes_info
 from bus.diagnostics.provoked import warn
-from bus.endpoint import NodeContext
+from bus.endpoint.core import EndpointCore, NodeContext
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
@@ -119,11 +120,11 @@ class ServiceServer(ServiceBase):
             self._support.requests,
             self._take_async if is_async(on_request) else self._take,
         )
-        self._requests._on_lost = self._lose
+        core_of(self._requests).on_lost = self._lose
 
     @property
-    def _endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:
-        return self._replies, self._requests
+    def _endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
+        return core_of(self._replies), core_of(self._requests)
 
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
         """Answer a request, with `error` instead of `response` where that is not empty; from any thread.

@@ -29,6 +29,9 @@
 
 _Static_assert(READERS_MAX_SLOTS <= 1u << 20, "a slot's number has 20 bits in a knock");
 
+/* Up to so many rings, looking at all of them costs less than passing on which one has news. */
+#define FEW_RINGS 16u
+
 /* Between making a thing visible and looking for sleepers, and between falling asleep and looking again. One
  * fence serves any number of bells. A build with BROKEN_NO_FENCE exists to see the litmus tests fail. */
 static inline void bell_fence(void)

@@ -3,9 +3,10 @@
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
  * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes
  * descriptors: bus.shm.segments does. Exception: py_timerfd.c makes a timer, which has nothing to do with segments.
- * Types: Mapping (py_segment.c), with View and Loan, which are what memoryviews of records hold; Writer (py_writer.c),
- * which has gates (py_gates.c); Readers and Bell (py_readers.c); Reader (py_reader.c), which takes (py_take.c) from
- * feeds (py_feed.c). Plan (py_plan.c), OpenRun (py_run.c, of the other route) and Sends (py_send.c) have no segment.
+ * Files, each calls only those before it: py_core.c (what all use); py_segment.c: Mapping, with View and Loan, which are
+ * what memoryviews of records hold; py_plan.c: Plan; py_gates.c: the gates of a Writer; py_feed.c: the feeds of Readers;
+ * py_take.c: taking from them; py_pack.c: many samples at once; py_writer.c: Writer; py_readers.c: Readers and Bell;
+ * py_reader.c: Reader; py_run.c: OpenRun, and py_send.c: Sends, of the other route, have no segment; py_module.c.
  */
 #ifndef BUS_SHM_PY_H
 #define BUS_SHM_PY_H
@@ -14,13 +15,13 @@
 #include <Python.h>
 #include <structmember.h>
 
-#include "ring.h"
+#include "eventfd.h"
+#include "feed.h"
+#include "gates.h"
+#include "writer.h"
 
 /* What a write says where it is not just True; see _core.pyi. */
 enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, WRONG_THREAD, HELD };
-
-/* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
-#define MAX_SEQ ((UINT64_C(1) << 62) - 1)
 
 /* What a payload begins with where its source has given it a time: bus.wire.source_time says it. */
 enum { SOURCE_BYTES = 16 };
@@ -63,28 +64,13 @@ typedef struct {
 typedef struct {
     PyObject_HEAD
     Mapping *memory;
-    const struct bell *arrival;
-    const struct reader_slot *slots;
-    uint64_t slot_count;
-    struct knocks knocks; /* of all writers of this process */
-    size_t gates;         /* that these have for it */
-    int doorbell;         /* its eventfd, which the caller keeps open */
+    struct reading_process process; /* each of its gates holds a reference to the Bell */
 } Bell;
 
-/* A bell as one writer rings it. */
-struct bell_pull {
-    Bell *bell;     /* borrowed from the gates */
-    uint64_t knock; /* for the slot of its gate, where it has one */
-};
-
-/* Up to so many rings, looking at all of them costs less than passing on which one has news. */
-#define FEW_RINGS 16u
-
-/* The reader that a gate of the ring is for. */
-struct gate_owner {
-    uint64_t key;
-    Bell *bell;
-};
+static inline Bell *bell_of(struct reading_process *process)
+{
+    return (Bell *)((char *)process - offsetof(Bell, process));
+}
 
 /* The thread and process that may use a publisher's end. */
 struct home {
@@ -110,10 +96,6 @@ typedef struct {
     char is_report_due;
     char is_long;
     char is_lent; /* the holder of the loan fills the place at head: nothing else may be published */
-    struct gate_owner *owners; /* beside ring.gates */
-    struct bell_pull *bells;   /* each bell of the gates once */
-    size_t room;               /* allocated, of all three arrays */
-    size_t bell_count;
     uint32_t lent;             /* bytes asked for by the last lend */
     uint64_t most;             /* largest payload that busd allows */
     uint64_t longest;          /* that writer_publish() encodes; when one is longer, `is_long` ends its work */
@@ -124,17 +106,11 @@ typedef struct {
 
 typedef struct Reader Reader;
 
-/* What a look at one feed needs where nothing has come. Together in an array, and not in the feeds: a process
- * with a thousand feeds looks at all of them for each message. */
+/* A feed that Readers watch, and who reads it. */
 struct watch {
-    const _Atomic uint64_t *latest; /* of the newest ring */
-    uint64_t known;                 /* where `latest` is still that, nothing has come; LOOK: look at the feed */
-    struct feed *feed;
+    struct feed_watch feed;
     Reader *reader;
 };
-
-/* No sequence number. */
-#define LOOK UINT64_MAX
 
 typedef struct {
     PyObject_HEAD
@@ -157,36 +133,27 @@ typedef struct {
     char has_writers;   /* that wait for room, by the same doorbell */
 } Readers;
 
-/* A ring in which a publisher goes on after the one before. */
-struct next_ring {
-    struct next_ring *after;
+/* A ring of a feed, and the mapping that it lies in. */
+struct mapped_ring {
+    struct feed_ring ring;
     Mapping *memory;
-    struct ring_geometry geometry;
 };
 
-/* One publisher, as a Reader follows it from ring to ring. */
-struct feed {
-    struct ring_reader ring;
-    struct ring_record head; /* where has_head: the record ring.next, its bytes not yet validated */
-    bool has_head;
-    bool is_held;            /* what waits stays where it is: see Reader.hold() */
-    uint32_t ticket;         /* not yet admitted: copies, does not pin. 0: admitted */
-    PyObject *source;
-    Mapping *memory;
-    struct next_ring *following;
-    const struct ring_header *last; /* of the newest ring, where the writer is */
-    size_t watch;            /* its place among those of Readers */
-    uint64_t first;          /* number that it began with */
-    uint64_t waiting;        /* samples that were there at the last poll and are not taken */
-    uint64_t seen;           /* newest number that the owner knows of */
-    uint64_t shown;          /* the cursor that the slot shows */
-    uint64_t end;            /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
-    uint64_t finishing;      /* order in which publishers went; 0: there */
-    uint64_t lifespan_ns;
-    uint64_t clock_ns;       /* of what the writer's clock is ahead of ours, modulo 2^64 */
-    int doorbell;            /* of the publisher's process, which the caller keeps open; -1: none */
-    unsigned forks;          /* in a child of a fork, the slot is the parent's */
+/* A feed, as a Reader keeps it. */
+struct feed_source {
+    struct feed feed;   /* first, for source_of() */
+    PyObject *object;   /* by which the owner knows the publisher */
+    size_t watch;       /* its place among those of Readers */
+    uint64_t finishing; /* order in which publishers went; 0: there */
+    int doorbell;       /* of the publisher's process, which the caller keeps open; -1: none */
+    unsigned forks;     /* in a child of a fork, the slot is the parent's */
+    bool is_held;       /* what waits stays where it is: see Reader.hold() */
 };
+
+static inline struct feed_source *source_of(const struct feed *feed) { return (struct feed_source *)feed; }
+
+/* Of the ring that the feed reads. */
+static inline Mapping *mapping_of(const struct feed *feed) { return ((struct mapped_ring *)feed->rings)->memory; }
 
 /* How old samples were when they were taken, of some: below AGES_AT_ONCE, of all. */
 struct ages {
@@ -223,7 +190,7 @@ struct Reader {
     char is_report_due;        /* the owner knows that its counters have changed */
 };
 
-/* py_module.c */
+/* py_core.c */
 extern unsigned core_forks; /* of this process's ancestors since they loaded the core */
 CoreState *core_state(PyObject *object);
 uint64_t core_now_ns(void);
@@ -241,14 +208,6 @@ static inline int is_home(const struct home *home)
 {
     return home->is_mine == NULL ? PyThread_get_thread_ident() == home->thread : core_ask_home(home);
 }
-
-/* py_readers.c */
-void doorbell_ring(int number, uint64_t knock);
-uint64_t doorbell_clear(int number);
-bool readers_watch(Readers *self, Reader *reader, struct feed *feed);
-void readers_watch_anew(Readers *self, const struct feed *feed);
-void readers_forget(Readers *self, const struct feed *feed);
-bool readers_have_news_besides(Readers *self, const Reader *reader);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
@@ -294,8 +253,7 @@ PyObject *loan_new(CoreState *state, Mapping *ring, void *place, Py_ssize_t size
 
 /* py_gates.c */
 
-/* After anything became visible in the ring: rings each process that sleeps, once, and once more where another ring of
- * this process was rung for. `is_for_any`: more than what is published. */
+/* After anything became visible in the ring, see gates_ring(). */
 void writer_ring_bells(Writer *self, bool is_for_any);
 void writer_drop_gates(Writer *self);
 PyObject *writer_add_gate(PyObject *object, PyObject *args, PyObject *kwargs);
@@ -304,33 +262,18 @@ PyObject *writer_has_pins(PyObject *object, PyObject *key);
 PyObject *writer_make_lossy(PyObject *object, PyObject *key);
 
 /* py_feed.c */
-struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
-                      int doorbell);
-void feed_free(struct feed *feed);
-void feed_extend(struct feed *feed, struct next_ring *next);
-uint64_t feed_newest(const struct feed *feed);
-bool feed_is_sound(const struct feed *feed);
-uint64_t feed_start(struct feed *feed, uint64_t since_ns, uint64_t history);
-uint64_t feed_stamp(const struct feed *feed, const struct ring_record *record);
-void feed_poll(struct feed *feed, uint64_t depth);
-void feed_skip(struct feed *feed, uint64_t count);
-enum ring_status feed_look(struct feed *feed, uint64_t depth);
-bool feed_may_pin(struct feed *feed);
-bool feed_has_news(struct feed *feed);
-void feed_see(struct feed *feed);
-void feed_tell(struct feed *feed);
-void feed_room(struct feed *feed);
-
-/* The head of the feed is taken. */
-static inline void feed_step(struct feed *feed)
-{
-    ring_step(&feed->ring);
-    feed->waiting--;
-    feed->has_head = false;
-}
-
-/* py_reader.c */
+struct feed *source_new(PyObject *object, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
+                        int doorbell);
+void source_free(struct feed *feed);
+const char *source_extend(struct feed *feed, Mapping *memory, const struct ring_geometry *geometry);
+bool readers_watch(Readers *self, Reader *reader, struct feed *feed);
+void readers_watch_anew(Readers *self, const struct feed *feed);
+bool readers_have_news_besides(Readers *self, const Reader *reader);
+void reader_remove(Reader *self, struct feed *feed);
 int reader_leave(Reader *self, struct feed *feed, const char *reason);
+
+/* Rings the publisher's process: there is room. */
+static inline void source_ring(const struct feed *feed) { doorbell_ring(source_of(feed)->doorbell, KNOCK_ANY); }
 
 /* py_writer.c */
 
@@ -373,7 +316,7 @@ int reader_poll(Reader *self);
 /* Whether nothing is to be taken of the feed for now. */
 static inline bool reader_holds(const Reader *self, const struct feed *feed)
 {
-    return feed->is_held && !self->takes_held;
+    return source_of(feed)->is_held && !self->takes_held;
 }
 
 /* The feed whose next record is the oldest of all that are not held. NULL: nothing waits, or an error is set. */

@@ -1,211 +1,146 @@
-/* A feed: one publisher, as a Reader follows it from ring to ring. Looks and counts; calls no Python. */
+/* Python's part of feeds: their objects and mappings, their place in a Reader and among what Readers watch.
+ *
+ * feed.h reads the rings. What is released here may run any Python code, so it is released last.
+ */
 #include "py.h"
 
-#include <string.h>
 #include <sys/random.h>
 
-enum { TRIES = 64 }; /* looks at a record that is overrun each time, before the feed is left for another turn */
-
-/* A ticket that the ring does not show now. */
-static uint32_t new_ticket(const struct ring_reader *ring)
+static void leave_mapping(struct feed_ring *ring)
 {
-    uint64_t ticket;
-    if (getrandom(&ticket, sizeof ticket, GRND_NONBLOCK) != sizeof ticket)
-        ticket = core_now_ns();
-    while ((uint32_t)ticket == 0 || ring_is_admitted(ring, (uint32_t)ticket))
-        ticket++;
-    return (uint32_t)ticket;
-}
-
-/* The ring was checked and the slot is free. NULL: no memory. Begins with the next record to come. */
-struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
-                      int doorbell)
-{
-    struct feed *self = PyMem_Calloc(1, sizeof *self);
-    if (self == NULL)
-        return NULL;
-    ring_reader_attach(&self->ring, memory->memory, geometry, slot);
-    Py_INCREF(source);
-    HOLD(memory);
-    self->source = source;
-    self->memory = memory;
-    self->last = self->ring.header;
-    self->end = MAX_SEQ + 1;
-    self->forks = core_forks;
-    self->doorbell = doorbell;
-    self->ticket = new_ticket(&self->ring);
-    ring_ask(slot, self->ticket);
-    return self;
-}
-
-void feed_free(struct feed *self)
-{
-    struct reader_slot *slot = self->ring.slot;
-    if (self->ticket != 0 && self->forks == core_forks)
-        ring_unpin(slot, READER_PINS - 1);
-    while (self->following != NULL) {
-        struct next_ring *next = self->following;
-        self->following = next->after;
-        DROP(next->memory);
-        PyMem_Free(next);
-    }
+    struct mapped_ring *self = (struct mapped_ring *)ring;
     DROP(self->memory);
-    Py_DECREF(self->source);
     PyMem_Free(self);
 }
 
-void feed_extend(struct feed *self, struct next_ring *next)
+static struct feed_ring *ring_new(Mapping *memory, const struct ring_geometry *geometry)
 {
-    struct next_ring **end = &self->following;
-    while (*end != NULL)
-        end = &(*end)->after;
-    *end = next;
-    self->last = (const struct ring_header *)next->memory->memory;
-    self->ring.room_rung = 0; /* another bell */
+    struct mapped_ring *self = PyMem_Malloc(sizeof *self);
+    if (self == NULL)
+        return NULL;
+    HOLD(memory);
+    *self = (struct mapped_ring){{NULL, memory->memory, *geometry, leave_mapping}, memory};
+    return &self->ring;
 }
 
-static void go_on(struct feed *self)
+/* The ring was checked and the slot is free. NULL: no memory. It is yet to be begun and watched. */
+struct feed *source_new(PyObject *object, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
+                        int doorbell)
 {
-    struct next_ring *next = self->following;
-    struct ring_reader ring;
-    feed_may_pin(self); /* the next ring does not show tickets of this one */
-    ring_reader_attach(&ring, next->memory->memory, &next->geometry, self->ring.slot);
-    ring_seek(&ring, self->ring.next);
-    ring.overrun = self->ring.overrun;
-    ring.replaced = self->ring.replaced;
-    ring.room_rung = self->ring.room_rung;
-    self->ring = ring;
-    self->has_head = false;
-    self->following = next->after;
-    DROP(self->memory);
-    self->memory = next->memory;
-    PyMem_Free(next);
-}
-
-/* The newest number published, in the newest ring. */
-uint64_t feed_newest(const struct feed *self)
-{
-    /* PAIR(latest): acquire, as in ring_poll() */
-    const uint64_t latest = atomic_load_explicit(&self->last->latest, memory_order_acquire);
-    return latest < self->end ? latest : self->end;
-}
-
-/* False where the numbers are beyond what can be: the publisher is broken. */
-bool feed_is_sound(const struct feed *self) { return feed_newest(self) <= MAX_SEQ && self->ring.next <= MAX_SEQ + 1; }
-
-/* When a record was written, by our clock. Of another time namespace, the writer's may be ahead or behind. */
-uint64_t feed_stamp(const struct feed *self, const struct ring_record *record)
-{
-    return record->stamp_ns - self->clock_ns;
-}
-
-/* Begins `history` records before the first that is stamped at or after `since_ns`, or with the oldest. Returns how
- * many records before it are there to be read. */
-uint64_t feed_start(struct feed *self, uint64_t since_ns, uint64_t history)
-{
-    struct ring_reader look = self->ring; /* a scratch reader: its counters are thrown away */
-    struct ring_record record;
-    ring_join(&look, UINT64_MAX);
-    const uint64_t oldest = look.next;
-    ring_poll(&look, 0);
-    const uint64_t end = look.latest + 1 > oldest ? look.latest + 1 : oldest;
-    uint64_t seq = end;
-    while (seq > oldest && end - seq < look.index_length) {
-        ring_seek(&look, seq - 1);
-        if (ring_look(&look, &record) != RING_OK || feed_stamp(self, &record) < since_ns)
-            break;
-        seq--;
+    struct feed_source *self = PyMem_Calloc(1, sizeof *self);
+    struct feed_ring *ring = self == NULL ? NULL : ring_new(memory, geometry);
+    if (ring == NULL) {
+        PyMem_Free(self);
+        return NULL;
     }
-    const uint64_t old = history < seq - oldest ? history : seq - oldest;
-    ring_seek(&self->ring, seq - old);
-    return old;
+    uint64_t random;
+    if (getrandom(&random, sizeof random, GRND_NONBLOCK) != sizeof random)
+        random = core_now_ns();
+    feed_attach(&self->feed, ring, slot, random);
+    self->object = Py_NewRef(object);
+    self->doorbell = doorbell;
+    self->forks = core_forks;
+    return &self->feed;
 }
 
-/* Passes over samples. */
-void feed_skip(struct feed *self, uint64_t count)
+void source_free(struct feed *feed)
 {
-    self->ring.replaced += count;
-    self->ring.next += count;
-    self->waiting -= count < self->waiting ? count : self->waiting;
-    self->has_head = false;
+    struct feed_source *self = source_of(feed);
+    feed_close(feed, self->forks == core_forks);
+    Py_DECREF(self->object);
+    PyMem_Free(self);
 }
 
-/* Looks for new samples, and passes over those beyond `depth` (0: no depth). */
-void feed_poll(struct feed *self, uint64_t depth)
+/* The publisher goes on in another ring, which was checked. NULL, or why it can't; where there is no memory, an error is
+ * set, too. */
+const char *source_extend(struct feed *feed, Mapping *memory, const struct ring_geometry *geometry)
 {
-    const uint64_t newest = feed_newest(self);
-    /* relaxed: an older value is found out by ring_look() */
-    const uint64_t oldest = atomic_load_explicit(&self->ring.header->oldest, memory_order_relaxed);
-    if (oldest > self->ring.next && oldest <= newest + 1) {
-        self->ring.overrun += oldest - self->ring.next; /* counted even if nothing is ever taken */
-        self->ring.next = oldest;
-        self->has_head = false;
+    struct feed_ring *ring = ring_new(memory, geometry);
+    if (ring == NULL) {
+        PyErr_NoMemory();
+        return "no memory";
     }
-    self->waiting = newest < self->ring.next ? 0 : newest - self->ring.next + 1;
-    if (depth != 0 && self->waiting > depth)
-        feed_skip(self, self->waiting - depth);
-    while (self->following != NULL && ring_is_finished(&self->ring))
-        go_on(self);
-    ring_poll(&self->ring, 0);
+    if (feed_extend(feed, ring))
+        return NULL;
+    ring->leave(ring);
+    return "too many rings wait behind this one";
 }
 
-/* Makes sure of the head of the next record. RING_OK; RING_EMPTY: nothing for now; RING_CORRUPT: leave it. */
-enum ring_status feed_look(struct feed *self, uint64_t depth)
+/* --- what Readers watch */
+
+/* A feed of `reader` is watched from now on. False: no memory. */
+bool readers_watch(Readers *self, Reader *reader, struct feed *feed)
 {
-    for (int i = 0; i < TRIES && self->waiting != 0; i++) {
-        const enum ring_status status = self->has_head ? RING_OK : ring_look(&self->ring, &self->head);
-        if (status == RING_OK || status == RING_CORRUPT) {
-            self->has_head = status == RING_OK;
-            return status;
-        }
-        if (status == RING_EMPTY && self->following != NULL && !ring_is_finished(&self->ring))
-            return RING_CORRUPT; /* it goes on elsewhere and has not closed this one */
-        feed_poll(self, depth);
-        if (!feed_is_sound(self))
-            return RING_CORRUPT;
+    if (self->count == self->room) {
+        const size_t room = self->room == 0 ? 16 : 2 * self->room;
+        struct watch *watches = PyMem_Realloc(self->watches, room * sizeof *watches);
+        if (watches == NULL)
+            return false;
+        self->watches = watches;
+        self->room = room;
     }
-    if (self->waiting != 0)
-        self->seen = self->ring.next - 1; /* to be news once more */
-    self->waiting = 0;
-    return RING_EMPTY;
+    const size_t at = source_of(feed)->watch = self->count++;
+    self->watches[at] = (struct watch){.feed = {.feed = feed}, .reader = reader};
+    self->feeds[feed->ring.slot - self->slots] = feed;
+    readers_watch_anew(self, feed);
+    return true;
 }
 
-/* Whether the publisher sees pins. */
-bool feed_may_pin(struct feed *self)
+/* The feed was used, or goes on in another ring: what is known of it does not hold any more. */
+void readers_watch_anew(Readers *self, const struct feed *feed)
 {
-    if (self->ticket != 0 && ring_is_admitted(&self->ring, self->ticket)) {
-        self->ticket = 0;
-        ring_unpin(self->ring.slot, READER_PINS - 1);
-    }
-    return self->ticket == 0;
+    struct watch *watch = &self->watches[source_of(feed)->watch];
+    feed_watch_anew(&watch->feed);
+    self->is_anew = self->is_anew || watch->reader != self->turn;
 }
 
-/* Whether something waits that the owner does not know of. */
-bool feed_has_news(struct feed *self)
+static void forget(Readers *self, const struct feed *feed)
 {
-    const uint64_t newest = feed_newest(self);
-    if (self->ticket != 0)
-        feed_may_pin(self);
-    return newest > self->seen && newest >= self->ring.next;
+    const size_t at = source_of(feed)->watch;
+    struct feed **place = &self->feeds[feed->ring.slot - self->slots];
+    if (*place == feed)
+        *place = NULL;
+    self->watches[at] = self->watches[--self->count];
+    source_of(self->watches[at].feed.feed)->watch = at;
 }
 
-/* The owner looks now. */
-void feed_see(struct feed *self) { self->seen = feed_newest(self); }
-
-/* Rings the publisher where it waits for room. */
-void feed_room(struct feed *self)
+bool readers_have_news_besides(Readers *self, const Reader *reader)
 {
-    bell_fence(); /* PAIR(sleep): after the cursor. Counterpart: ring_wait_for_room(). */
-    if (bell_is_due(&self->last->room, &self->ring.room_rung, self->ring.next))
-        doorbell_ring(self->doorbell, KNOCK_ANY);
+    for (size_t i = 0; i < self->count; i++)
+        if (self->watches[i].reader != reader && feed_watch_has_news(&self->watches[i].feed))
+            return true;
+    return false;
 }
 
-/* Shows the cursor, where it has moved. */
-void feed_tell(struct feed *self)
+/* --- leaving */
+
+/* Takes the feed out of the list and counts what it lost; frees nothing. */
+static void take_out(Reader *self, const struct feed *feed)
 {
-    if (self->shown == self->ring.next)
-        return;
-    self->shown = self->ring.next;
-    ring_tell_cursor(&self->ring);
-    feed_room(self);
+    size_t at = 0;
+    while (self->feeds[at] != feed)
+        at++;
+    self->feeds[at] = self->feeds[--self->count];
+    forget(self->readers, feed);
+    self->replaced += feed->ring.replaced;
+    self->overrun += feed->ring.overrun;
+    self->passed += feed->ring.next - feed->first;
+}
+
+/* The owner wants no more of the feed. */
+void reader_remove(Reader *self, struct feed *feed)
+{
+    take_out(self, feed);
+    source_free(feed);
+}
+
+/* The feed leaves by itself, and the owner can learn why. -1: an error is set. */
+int reader_leave(Reader *self, struct feed *feed, const char *reason)
+{
+    take_out(self, feed);
+    PyObject *item = Py_BuildValue("(OsK)", source_of(feed)->object, reason, (unsigned long long)feed->ring.next);
+    source_free(feed);
+    const int status = item == NULL ? -1 : PyList_Append(self->left, item);
+    Py_XDECREF(item);
+    return status;
 }

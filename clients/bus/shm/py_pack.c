@@ -43,12 +43,12 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
 {
     const uint64_t now_ns = core_now_ns();
     enum ring_status status;
-    while ((status = feed_look(feed, self->bound)) == RING_OK) {
+    while ((status = feed_head(feed, self->bound)) == RING_OK) {
         struct ring_record record = feed->head;
         const uint32_t whole = record.size; /* with its source's time */
         const uint64_t stamp_ns = feed_stamp(feed, &record);
         int64_t source_ns = 0;
-        if (feed->lifespan_ns != 0 && now_ns > stamp_ns && now_ns - stamp_ns > feed->lifespan_ns) {
+        if (feed_is_expired(feed, stamp_ns, now_ns)) {
             feed_step(feed);
             self->expired++;
             continue;
@@ -56,13 +56,9 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
         if (whole >= longest || pack->size + PACKED_HEAD + whole > most)
             break;
         unsigned char *at = pack->bytes + pack->size;
-        feed->has_head = false;
         pass_source_time(&record, &source_ns);
-        if (ring_copy_out(&feed->ring, &record, at + PACKED_HEAD) != RING_OK) {
-            feed_poll(feed, self->bound); /* it was overrun */
+        if (feed_copy(feed, self->bound, &record, at + PACKED_HEAD) != RING_OK)
             continue;
-        }
-        feed_step(feed);
         const int64_t time_ns = source_ns != 0 ? source_ns : (int64_t)(stamp_ns + (uint64_t)offset_ns);
         write_head(at, (struct packed_head){record.seq, time_ns, record.size});
         if (pack->count++ == 0)
@@ -116,7 +112,7 @@ PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t
     PyObject *data = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
     if (data == NULL)
         return NULL;
-    struct pack pack = {.source = feed->source, .bytes = (unsigned char *)PyBytes_AsString(data)};
+    struct pack pack = {.source = source_of(feed)->object, .bytes = (unsigned char *)PyBytes_AsString(data)};
     Py_INCREF(pack.source);
     status = pack_feed(self, feed, &pack, size, longest, offset_ns);
     reader_show(self);

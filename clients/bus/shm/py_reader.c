@@ -1,7 +1,7 @@
 /* Reader: what one subscription reads. Its feeds come and go here; py_take.c takes from them. */
 #include "py.h"
 
-enum { MAX_FOLLOWING = 64, MAX_FINISHING = 64 };
+enum { MAX_FINISHING = 64 };
 
 static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
@@ -31,19 +31,6 @@ static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     return NULL;
 }
 
-/* Takes the feed out of the list and counts what it lost; frees nothing. */
-static void remove_feed(Reader *self, const struct feed *feed)
-{
-    size_t at = 0;
-    while (self->feeds[at] != feed)
-        at++;
-    self->feeds[at] = self->feeds[--self->count];
-    readers_forget(self->readers, feed);
-    self->replaced += feed->ring.replaced;
-    self->overrun += feed->ring.overrun;
-    self->passed += feed->ring.next - feed->first;
-}
-
 static void forget_callback(Reader *self)
 {
     struct prepared prepared = self->prepared;
@@ -59,11 +46,8 @@ static void forget_callback(Reader *self)
 static int reader_clear(PyObject *object)
 {
     Reader *self = (Reader *)object;
-    while (self->count != 0) {
-        struct feed *feed = self->feeds[self->count - 1];
-        remove_feed(self, feed);
-        feed_free(feed);
-    }
+    while (self->count != 0)
+        reader_remove(self, self->feeds[self->count - 1]);
     Py_CLEAR(self->owner);
     Py_CLEAR(self->rejected);
     Py_CLEAR(self->left);
@@ -85,7 +69,7 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->prepared.on_report_due);
     Py_VISIT(self->prepared.on_slow);
     for (size_t i = 0; i < self->count; i++)
-        Py_VISIT(self->feeds[i]->source);
+        Py_VISIT(source_of(self->feeds[i])->object);
     return 0;
 }
 
@@ -99,23 +83,12 @@ static void reader_dealloc(PyObject *object)
     core_free(self);
 }
 
-/* The feed leaves by itself, and the owner can learn why. */
-int reader_leave(Reader *self, struct feed *feed, const char *reason)
-{
-    remove_feed(self, feed);
-    PyObject *item = Py_BuildValue("(OsK)", feed->source, reason, (unsigned long long)feed->ring.next);
-    feed_free(feed);
-    const int status = item == NULL ? -1 : PyList_Append(self->left, item);
-    Py_XDECREF(item);
-    return status;
-}
-
 /* The feed of `source`; NULL where there is none, or with the error of a comparison, which may run anything. */
 static struct feed *find(Reader *self, PyObject *source)
 {
     for (size_t i = 0; i < self->count; i++) {
         struct feed *feed = self->feeds[i];
-        PyObject *other = feed->source;
+        PyObject *other = source_of(feed)->object;
         Py_INCREF(other);
         const int is_equal = PyObject_RichCompareBool(other, source, Py_EQ);
         Py_DECREF(other);
@@ -190,27 +163,20 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
     struct reader_slot *slot = free_slot(self->readers, number);
     if (slot == NULL)
         return NULL;
-    struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot, doorbell) : NULL;
+    struct feed *feed = make_room(self) ? source_new(source, mapping, &geometry, slot, doorbell) : NULL;
     if (feed == NULL)
         return PyErr_NoMemory();
     feed->clock_ns = (uint64_t)clock_ns;
+    feed->lifespan_ns = lifespan_ns;
     uint64_t old = 0; /* history does not count against the depth */
-    if (start != 0)
-        ring_seek(&feed->ring, start);
-    else
-        old = feed_start(feed, since_ns, history);
-    if (!feed_is_sound(feed) || feed->ring.next == 0) {
-        feed_free(feed);
+    if (!feed_begin(feed, start != 0 ? start : feed_find(feed, since_ns, history, &old))) {
+        source_free(feed);
         return value_error("ring's sequence numbers are out of bounds");
     }
     if (!readers_watch(self->readers, self, feed)) {
-        feed_free(feed);
+        source_free(feed);
         return PyErr_NoMemory();
     }
-    feed->lifespan_ns = lifespan_ns;
-    feed->first = feed->shown = feed->ring.next;
-    feed->seen = feed->ring.next - 1;
-    ring_tell_cursor(&feed->ring);
     self->feeds[self->count++] = feed;
     if (self->bound != 0 && self->bound <= MAX_SEQ)
         self->bound += old;
@@ -230,24 +196,15 @@ static PyObject *reader_extend(PyObject *object, PyObject *args, PyObject *kwarg
     struct feed *feed = find(self, source);
     if (feed == NULL)
         return PyErr_Occurred() ? NULL : value_error("source is not attached");
-    size_t following = 0;
-    for (const struct next_ring *next = feed->following; next != NULL; next = next->after)
-        following++;
-    if (following == MAX_FOLLOWING)
-        return value_error("too many rings wait behind this one");
     struct ring_geometry geometry;
     const char *fault = ring_check(mapping->memory, (uint64_t)mapping->size, &geometry);
     if (fault != NULL)
         return value_error(fault);
-    struct next_ring *next = PyMem_Malloc(sizeof *next);
-    if (next == NULL)
-        return PyErr_NoMemory();
-    HOLD(mapping);
-    *next = (struct next_ring){NULL, mapping, geometry};
-    feed_extend(feed, next);
+    if ((fault = source_extend(feed, mapping, &geometry)) != NULL)
+        return PyErr_Occurred() ? NULL : value_error(fault);
     readers_watch_anew(self->readers, feed);
-    if (self->tells_cursor)
-        feed_room(feed); /* the cursor has moved since the ring grew, and no doorbell was rung for that */
+    if (self->tells_cursor && feed_room_is_due(feed))
+        source_ring(feed); /* the cursor has moved since the ring grew, and no doorbell was rung for that */
     Py_RETURN_NONE;
 }
 
@@ -258,17 +215,15 @@ static int bound_finishing(Reader *self)
     size_t finishing = 0;
     for (size_t i = 0; i < self->count; i++) {
         struct feed *feed = self->feeds[i];
-        if (feed->finishing == 0)
+        if (source_of(feed)->finishing == 0)
             continue;
         finishing++;
-        if (oldest == NULL || feed->finishing < oldest->finishing)
+        if (oldest == NULL || source_of(feed)->finishing < source_of(oldest)->finishing)
             oldest = feed;
     }
     if (finishing <= MAX_FINISHING)
         return 0;
-    const uint64_t newest = feed_newest(oldest);
-    if (newest >= oldest->ring.next)
-        feed_skip(oldest, newest - oldest->ring.next + 1);
+    feed_skip(oldest, feed_waiting(oldest));
     return reader_leave(self, oldest, "");
 }
 
@@ -276,11 +231,10 @@ static PyObject *reader_finish(PyObject *object, PyObject *source)
 {
     Reader *self = (Reader *)object;
     struct feed *feed = find(self, source);
-    if (feed != NULL && feed->finishing == 0) {
-        feed->finishing = ++self->finishings;
-        feed->end = feed_newest(feed);
+    if (feed != NULL && source_of(feed)->finishing == 0) {
+        source_of(feed)->finishing = ++self->finishings;
+        const bool is_empty = feed_finish(feed);
         readers_watch_anew(self->readers, feed);
-        const bool is_empty = feed->end < feed->ring.next;
         if ((is_empty ? reader_leave(self, feed, "") : bound_finishing(self)) < 0)
             return NULL;
     }
@@ -293,10 +247,8 @@ static PyObject *reader_detach(PyObject *object, PyObject *source)
 {
     Reader *self = (Reader *)object;
     struct feed *feed = find(self, source);
-    if (feed != NULL) {
-        remove_feed(self, feed);
-        feed_free(feed);
-    }
+    if (feed != NULL)
+        reader_remove(self, feed);
     if (PyErr_Occurred())
         return NULL;
     Py_RETURN_NONE;
@@ -311,7 +263,7 @@ static PyObject *reader_hold(PyObject *object, PyObject *args)
         return NULL;
     struct feed *feed = find(self, source);
     if (feed != NULL)
-        feed->is_held = is_on;
+        source_of(feed)->is_held = is_on;
     if (PyErr_Occurred())
         return NULL;
     Py_RETURN_NONE;
@@ -330,10 +282,8 @@ static PyObject *reader_waiting(PyObject *object, PyObject *Py_UNUSED(none))
     const Reader *self = (const Reader *)object;
     const uint64_t most = self->bound == 0 || self->bound > MAX_SEQ ? MAX_SEQ : self->bound;
     uint64_t waiting = 0;
-    for (size_t i = 0; i < self->count && waiting < most; i++) {
-        const uint64_t newest = feed_newest(self->feeds[i]), next = self->feeds[i]->ring.next;
-        waiting += newest < next ? 0 : newest - next + 1; /* of two numbers below 2^62 + 2, so it can't wrap */
-    }
+    for (size_t i = 0; i < self->count && waiting < most; i++)
+        waiting += feed_waiting(self->feeds[i]); /* of two numbers below 2^62 + 2, so it can't wrap */
     return PyLong_FromUnsignedLongLong(waiting < most ? waiting : most);
 }
 

@@ -1,29 +1,9 @@
 /* Readers and Bell: sleeping and waking. Readers are this process's readers' segment and doorbell, and wake and fall
  * asleep for all its Reader objects at once; a Bell is those of another process, as all writers of this one know them.
- *
- * A doorbell is an eventfd, and all processes that have it share one open file: each can clear O_NONBLOCK, and fill or
- * empty the counter. Only processes of one user have it, which could do worse.
  */
 #include "py.h"
 
-#include <unistd.h>
-
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
-
-/* `knock`: see doorbell.h. A failure needs no handling: a full counter is rung already, and a broken descriptor harms
- * its owner only. */
-void doorbell_ring(int number, uint64_t knock)
-{
-    const ssize_t written = write(number, &knock, sizeof knock);
-    (void)written;
-}
-
-/* Empties this process's own doorbell. Returns its count, 0 where it was not rung. */
-uint64_t doorbell_clear(int number)
-{
-    uint64_t count = 0;
-    return read(number, &count, sizeof count) == sizeof count ? count : 0;
-}
 
 /* What both types are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL and an error
  * where it is none. */
@@ -61,10 +41,12 @@ static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
         return NULL;
     HOLD(memory);
     self->memory = memory;
-    self->arrival = &((const struct readers_header *)memory->memory)->arrival;
-    self->slots = readers_slots(memory->memory);
-    self->slot_count = slot_count;
-    self->doorbell = doorbell;
+    self->process = (struct reading_process){
+        .arrival = &((const struct readers_header *)memory->memory)->arrival,
+        .slots = readers_slots(memory->memory),
+        .slot_count = slot_count,
+        .doorbell = doorbell,
+    };
     return (PyObject *)self;
 }
 
@@ -117,66 +99,10 @@ static void readers_dealloc(PyObject *object)
     core_free(object);
 }
 
-/* A feed of `reader` is to be looked at from now on. False: no memory. */
-bool readers_watch(Readers *self, Reader *reader, struct feed *feed)
-{
-    if (self->count == self->room) {
-        const size_t room = self->room == 0 ? 16 : 2 * self->room;
-        struct watch *watches = PyMem_Realloc(self->watches, room * sizeof *watches);
-        if (watches == NULL)
-            return false;
-        self->watches = watches;
-        self->room = room;
-    }
-    feed->watch = self->count++;
-    self->watches[feed->watch].feed = feed;
-    self->watches[feed->watch].reader = reader;
-    self->feeds[feed->ring.slot - self->slots] = feed;
-    readers_watch_anew(self, feed);
-    return true;
-}
-
-/* The feed was used, or goes on in another ring: what is known of it does not hold any more. */
-void readers_watch_anew(Readers *self, const struct feed *feed)
-{
-    self->watches[feed->watch].latest = &feed->last->latest;
-    self->watches[feed->watch].known = LOOK;
-    self->is_anew = self->is_anew || self->watches[feed->watch].reader != self->turn;
-}
-
-void readers_forget(Readers *self, const struct feed *feed)
-{
-    struct feed **place = &self->feeds[feed->ring.slot - self->slots];
-    if (*place == feed)
-        *place = NULL;
-    self->watches[feed->watch] = self->watches[--self->count];
-    self->watches[feed->watch].feed->watch = feed->watch;
-}
-
-static inline bool has_news(struct watch *watch)
-{
-    /* PAIR(latest): acquire, as in ring_poll(). PAIR(sleep): what bell_arm() orders before this look. */
-    const uint64_t latest = atomic_load_explicit(watch->latest, memory_order_acquire);
-    if (latest == watch->known && latest != LOOK)
-        return false;
-    if (feed_has_news(watch->feed))
-        return true;
-    watch->known = watch->feed->ticket == 0 ? latest : LOOK; /* a ticket is shown for a while only */
-    return false;
-}
-
 static bool any_news(Readers *self)
 {
     for (size_t i = 0; i < self->count; i++)
-        if (has_news(&self->watches[i]))
-            return true;
-    return false;
-}
-
-bool readers_have_news_besides(Readers *self, const Reader *reader)
-{
-    for (size_t i = 0; i < self->count; i++)
-        if (self->watches[i].reader != reader && has_news(&self->watches[i]))
+        if (feed_watch_has_news(&self->watches[i].feed))
             return true;
     return false;
 }
@@ -187,9 +113,9 @@ static int collect(Readers *self, PyObject *owners)
     self->round++;
     for (size_t i = 0; i < self->count; i++) {
         struct watch *watch = &self->watches[i];
-        if (!has_news(watch))
+        if (!feed_watch_has_news(&watch->feed))
             continue;
-        feed_see(watch->feed);
+        feed_mark_seen(watch->feed.feed);
         if (watch->reader->round == self->round)
             continue;
         watch->reader->round = self->round;
@@ -223,13 +149,13 @@ static int give_turns(Readers *self)
     const uint64_t round = ++self->round;
     bool is_quick = true;
     for (size_t i = 0; i < self->count && self->doorbell >= 0; i++) {
-        if (!has_news(&self->watches[i]) || self->watches[i].reader->round >= round)
+        if (!feed_watch_has_news(&self->watches[i].feed) || self->watches[i].reader->round >= round)
             continue;
         Reader *reader = self->watches[i].reader;
         HOLD(reader);
         reader->round = round;
         for (size_t j = 0; j < reader->count; j++)
-            feed_see(reader->feeds[j]);
+            feed_mark_seen(reader->feeds[j]);
         /* An owner that calls back itself comes before the readers that follow: the order is always the same. */
         is_quick = is_quick && reader_is_ready(reader);
         int status = is_quick ? reader_deliver(reader) : 0;
@@ -254,21 +180,21 @@ static struct feed *feed_rung_for(Readers *self, uint64_t count)
     const uint64_t slot = knock_slot(count);
     if (slot >= self->slot_count || self->is_anew || self->feeds[slot] == NULL || !is_asleep(self))
         return NULL;
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
     struct feed *feed = self->feeds[slot];
-    return has_news(&self->watches[feed->watch]) ? feed : NULL;
+    return feed_watch_has_news(&self->watches[source_of(feed)->watch].feed) ? feed : NULL;
 }
 
 /* Its reader, which alone has news, has its turn. 1: nothing is left to do, and this process sleeps; 0: it is awake, and
  * owners may be pending; -1: an error. */
 static int give_turn(Readers *self, const struct feed *feed)
 {
-    Reader *reader = self->watches[feed->watch].reader;
+    Reader *reader = self->watches[source_of(feed)->watch].reader;
     const Reader *before = self->turn;
     HOLD(reader);
     reader->round = ++self->round;
     for (size_t i = 0; i < reader->count; i++)
-        feed_see(reader->feeds[i]);
+        feed_mark_seen(reader->feeds[i]);
     self->turn = reader;
     int status = reader_is_ready(reader) ? reader_deliver(reader) : 0;
     self->turn = before;
@@ -276,7 +202,7 @@ static int give_turn(Readers *self, const struct feed *feed)
         status = -1;
     bool is_over = status == 1 && self->pending == NULL && self->doorbell >= 0 && !self->is_anew && is_asleep(self);
     for (size_t i = 0; is_over && i < reader->count; i++)
-        is_over = !has_news(&self->watches[reader->feeds[i]->watch]);
+        is_over = !feed_watch_has_news(&self->watches[source_of(reader->feeds[i])->watch].feed);
     DROP(reader);
     if (is_over)
         self->had_news = false;
@@ -312,7 +238,7 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
         Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
     doorbell_clear(self->doorbell); /* a writer that rang before had published before: the look finds it */
     if (self->pending == NULL && may_sleep == Py_True) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
         self->had_news = any_news(self);
         if (!self->had_news) {
             self->is_anew = false;
@@ -380,7 +306,7 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     if (status == 1)
         status = collect(self, owners);
     if (status == 0 && PyList_Size(owners) == 0) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
         status = collect(self, owners);
     }
     self->had_news = PyList_Size(owners) != 0;

@@ -21,7 +21,7 @@ struct feed *reader_oldest(Reader *self)
         struct feed *feed = self->feeds[i];
         if (feed->waiting == 0 || reader_holds(self, feed))
             continue;
-        const enum ring_status status = feed_look(feed, self->bound);
+        const enum ring_status status = feed_head(feed, self->bound);
         if (status == RING_CORRUPT) {
             if (reader_leave(self, feed, RING_IS_BROKEN) < 0)
                 return NULL;
@@ -41,7 +41,7 @@ int reader_poll(Reader *self)
         struct feed *feed = self->feeds[i];
         feed_poll(feed, self->bound);
         const bool is_sound = feed_is_sound(feed);
-        if (!is_sound || (feed->finishing != 0 && feed->waiting == 0)) {
+        if (!is_sound || (source_of(feed)->finishing != 0 && feed->waiting == 0)) {
             if (reader_leave(self, feed, is_sound ? "" : RING_IS_BROKEN) < 0)
                 return -1;
             waiting = 0;
@@ -85,30 +85,21 @@ static PyObject *fetch(Reader *self, struct feed *feed, int64_t *source_ns)
     struct ring_record record = feed->head;
     unsigned pin;
     *source_ns = 0;
-    feed->has_head = false;
-    if (record.size > SHORT_BYTES && feed_may_pin(feed)) {
-        const enum ring_status status = ring_pin(&feed->ring, &record, &pin);
+    if (record.size > SHORT_BYTES) {
+        const enum ring_status status = feed_pin(feed, self->bound, &record, &pin);
+        if (status == RING_OVERRUN)
+            return NULL;
         if (status == RING_OK) {
             pass_source_time(&record, source_ns);
-            feed_step(feed);
             Readers *readers = self->readers;
-            return view_new(core_state((PyObject *)readers), feed->memory, readers->memory, feed->ring.slot, pin,
+            return view_new(core_state((PyObject *)readers), mapping_of(feed), readers->memory, feed->ring.slot, pin,
                             &record);
-        }
-        if (status == RING_OVERRUN) {
-            feed_poll(feed, self->bound);
-            return NULL;
         }
     }
     pass_source_time(&record, source_ns);
     PyObject *bytes = PyBytes_FromStringAndSize(NULL, record.size);
-    if (bytes == NULL)
-        return NULL;
-    if (ring_copy_out(&feed->ring, &record, PyBytes_AsString(bytes)) == RING_OK) {
-        feed_step(feed);
+    if (bytes == NULL || feed_copy(feed, self->bound, &record, PyBytes_AsString(bytes)) == RING_OK)
         return bytes;
-    }
-    feed_poll(feed, self->bound);
     Py_DECREF(bytes);
     return NULL;
 }
@@ -157,12 +148,12 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
     const struct ring_record record = feed->head;
     const uint64_t stamp_ns = feed_stamp(feed, &record);
     *item = NULL;
-    if (feed->lifespan_ns != 0 && now_ns > stamp_ns && now_ns - stamp_ns > feed->lifespan_ns) {
+    if (feed_is_expired(feed, stamp_ns, now_ns)) {
         feed_step(feed);
         self->expired++;
         return 0;
     }
-    PyObject *source = feed->source;
+    PyObject *source = source_of(feed)->object;
     Py_INCREF(source);
     int64_t source_ns;
     PyObject *payload = fetch(self, feed, &source_ns);
@@ -192,8 +183,8 @@ void reader_show(Reader *self)
 {
     for (size_t i = 0; i < self->count; i++) {
         readers_watch_anew(self->readers, self->feeds[i]);
-        if (self->tells_cursor)
-            feed_tell(self->feeds[i]);
+        if (self->tells_cursor && feed_show_cursor(self->feeds[i]))
+            source_ring(self->feeds[i]);
     }
 }
 
@@ -462,7 +453,7 @@ static bool fall_asleep(Reader *reader)
         self->is_rung = false;
         doorbell_clear(self->doorbell); /* a writer that rang before had published before: the look finds it */
     }
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
     if (!readers_have_news_besides(self, reader))
         return true;
     doorbell_ring(self->doorbell, KNOCK_ANY); /* its ring may be the one that was just read */

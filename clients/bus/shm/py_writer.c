@@ -42,9 +42,6 @@ static void writer_dealloc(PyObject *object)
 {
     Writer *self = (Writer *)object;
     writer_drop_gates(self);
-    PyMem_Free(self->ring.gates);
-    PyMem_Free(self->owners);
-    PyMem_Free(self->bells);
     encoder_drop(&self->encoder);
     Py_XDECREF(self->home.is_mine);
     DROP(self->memory);
@@ -442,16 +439,7 @@ static PyObject *writer_move(PyObject *object, PyObject *argument)
         return does_not_fit("ring is used, or does not begin where this one can be carried from");
     if (ring_carry(&fresh, old) != RING_OK || fresh.oldest != geometry.first_seq)
         return does_not_fit("ring is too small for what is carried");
-    fresh.keep = old->keep;
-    fresh.hold = old->hold;
-    fresh.gates = old->gates;
-    fresh.gate_count = old->gate_count;
-    for (size_t i = 0; i < fresh.gate_count; i++)
-        memset(fresh.gates[i].holes, 0, sizeof fresh.gates[i].holes);
-    ring_gates_changed(&fresh);
-    bell_disarm(&old->header->room);
-    ring_close(old);
-    *old = fresh;
+    ring_go_on(old, &fresh);
     HOLD(memory);
     self->memory = memory;
     DROP(before);
@@ -512,9 +500,9 @@ static PyObject *writer_debug(PyObject *object, PyObject *Py_UNUSED(none))
 {
     const Writer *self = (Writer *)object;
     uint64_t lossless = 0;
-    for (size_t i = 0; i < self->ring.gate_count; i++)
-        lossless += self->ring.gates[i].is_lossless;
-    const uint64_t taken = ring_taken_of(&self->ring, self->ring.latest + 1);
+    for (size_t i = 0; i < self->ring.gates.count; i++)
+        lossless += self->ring.gates.list[i].is_lossless;
+    const uint64_t taken = gates_taken(&self->ring.gates, self->ring.latest + 1);
     return Py_BuildValue("{sKsKsKsKsK}", "index_length", (unsigned long long)self->ring.index_length, "lossless",
                          (unsigned long long)lossless, "max_payload", (unsigned long long)self->ring.max_payload,
                          "rung", (unsigned long long)self->rung, "taken", (unsigned long long)taken);

@@ -139,7 +139,7 @@ static inline void ring_step(struct ring_reader *r) { r->next++; }
 /* Shows the writer how far this reader is: what is before it may be overwritten, but for pins. */
 static inline void ring_tell_cursor(struct ring_reader *r)
 {
-    /* PAIR(cursor): release. Copies of what is taken are over, and pins on it stand. Counterpart: ring_taken(). */
+    /* PAIR(cursor): release. Copies of what is taken are over, and pins on it stand. Counterpart: gates_taken(). */
     atomic_store_explicit(&r->slot->cursor, r->next, memory_order_release);
 }
 
@@ -194,7 +194,7 @@ static inline enum ring_status ring_pin(struct ring_reader *r, const struct ring
 
 static inline void ring_unpin(struct reader_slot *slot, unsigned pin)
 {
-    /* PAIR(unpin): release. Reads of the record are over. Counterpart: ring_hole_in(). */
+    /* PAIR(unpin): release. Reads of the record are over. Counterpart: gate_pin(). */
     atomic_store_explicit(&slot->pins[pin], 0, memory_order_release);
 }
 

@@ -1,5 +1,6 @@
 /* The ring: a lossy log of records, one writer, any number of readers in other processes. See docs/ring.md.
- * The two sides are writer.h and reader.h; this is what they share.
+ * The two sides are writer.h and reader.h; this is what they share. Above them, feed.h follows a publisher from ring to
+ * ring; gates.h is what a writer knows of its readers.
  *
  * Everything goes by sequence number. index[seq] says where a record lies; two words bound what exists:
  * `latest`, the newest record, published after it is whole; `oldest`, announced before anything older is
@@ -24,6 +25,9 @@
 
 #include "layout.h"
 
+/* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
+#define MAX_SEQ ((UINT64_C(1) << 62) - 1)
+
 enum ring_status {
     RING_OK,
     RING_EMPTY,     /* nothing that this reader has not taken */
@@ -43,8 +47,5 @@ static inline uint64_t ring_record_bytes(uint64_t size)
 
 /* Largest payload: a quarter of the ring, so that skipping its end always leaves room for two more. */
 static inline uint64_t ring_max_payload(uint64_t capacity) { return capacity / 4 - RING_HEAD_BYTES; }
-
-#include "reader.h"
-#include "writer.h"
 
 #endif

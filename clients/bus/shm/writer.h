@@ -1,13 +1,14 @@
 /* The writer's side of the ring: makes room, steps over pins, publishes. Begin with ring.h.
  *
  * Only the process that made a segment can map it writable, so all words of the ring are the writer's own; what
- * it reads of others are cursors and pins, through its gates, and a lie there costs only the liar.
+ * it reads of others are cursors and pins, through its gates (gates.h), and a lie there costs only the liar.
  */
 #ifndef BUS_SHM_WRITER_H
 #define BUS_SHM_WRITER_H
 
 #include "copy.h"
 #include "doorbell.h"
+#include "gates.h"
 #include "ring.h"
 
 #ifndef RING_LEAD
@@ -23,20 +24,6 @@
 #define RING_ASK (4u << 20) /* bytes since the start of the ring from which on `hold` is worth asking for */
 #endif
 
-/* A pinned record that the writer has given up and steps over; active while the pin still holds `seq`. */
-struct ring_hole {
-    uint64_t seq; /* 0: none */
-    uint64_t begin, end;
-};
-
-/* One match, as its writer sees it. Has a hole for each pin, so holes never run out. */
-struct ring_gate {
-    const struct reader_slot *slot;
-    bool is_lossless;
-    struct ring_hole holes[READER_PINS];
-};
-
-/* `gates` is the caller's array and may move or change while no call runs; then ring_gates_changed(). */
 struct ring_writer {
     struct ring_header *header;
     _Atomic uint64_t *index;
@@ -51,8 +38,7 @@ struct ring_writer {
     uint64_t asked;                /* the seq for which RING_HELD was said */
     uint64_t floor;                /* what lossless readers had taken when last looked at; 0 after hold is set */
     uint64_t admissions;           /* tickets shown so far */
-    struct ring_gate *gates;
-    size_t gate_count, hole_count;
+    struct ring_gates gates;       /* if they are changed from outside: then ring_gates_changed() */
 };
 
 /* Takes over a formatted ring where its last writer left it, also one that was killed in mid-write. Gates come
@@ -77,43 +63,53 @@ static inline void ring_writer_attach(struct ring_writer *w, void *memory)
     };
 }
 
-/* What all lossless readers have taken, at most `limit`: nothing before it is needed by them. */
-static inline uint64_t ring_taken_of(const struct ring_writer *w, uint64_t limit)
-{
-    uint64_t taken = limit;
-    for (size_t i = 0; i < w->gate_count; i++) {
-        if (!w->gates[i].is_lossless)
-            continue;
-        /* PAIR(cursor): acquire. The reader's copies of what it took are over. Counterpart: ring_tell_cursor(). */
-        const uint64_t cursor = atomic_load_explicit(&w->gates[i].slot->cursor, memory_order_acquire);
-        if (cursor < taken)
-            taken = cursor;
-    }
-    return taken;
-}
+/* What all lossless readers have taken; `hold` counts as one of them. */
+static inline uint64_t ring_taken(const struct ring_writer *w) { return gates_taken(&w->gates, w->hold); }
 
-/* The same, and `hold` counts as one. */
-static inline uint64_t ring_taken(const struct ring_writer *w) { return ring_taken_of(w, w->hold); }
-
+/* What was known of the gates before does not hold any more. */
 static inline void ring_gates_changed(struct ring_writer *w)
 {
     w->floor = 0;
-    w->hole_count = 0;
-    for (size_t i = 0; i < w->gate_count; i++)
-        for (size_t j = 0; j < READER_PINS; j++)
-            w->hole_count += w->gates[i].holes[j].seq != 0;
+    gates_count_holes(&w->gates);
 }
 
 /* After a gate was added and ring_gates_changed(): shows its reader's ticket, so that it may pin from now on. */
-static inline void ring_admit(struct ring_writer *w, const struct reader_slot *slot)
+static inline void ring_admit(struct ring_writer *w, const struct ring_gate *gate)
 {
-    const uint64_t ticket = atomic_load_explicit(&slot->pins[READER_PINS - 1], memory_order_acquire);
-    if ((ticket & READER_TICKET) == 0)
+    const uint32_t ticket = gate_ticket(gate);
+    if (ticket == 0)
         return;
     /* PAIR(admit): release. The oldest that was announced without the gate is before it. Counterpart:
      * ring_is_admitted(). */
     _Atomic uint32_t *place = &w->header->admitted[w->admissions++ % RING_ADMITTED];
-    atomic_store_explicit(place, (uint32_t)ticket, memory_order_release);
+    atomic_store_explicit(place, ticket, memory_order_release);
+}
+
+/* Adds the gate of match `key`, or puts it in place of the one before, and admits its reader; see gates_add(). Then
+ * gates_ring() for any: what was published since the reader's last look did not wake it. False: no memory. */
+static inline bool ring_add_gate(struct ring_writer *w, uint64_t key, struct reading_process *process, uint64_t slot,
+                                 bool is_lossless)
+{
+    if (!gates_add(&w->gates, key, process, slot, is_lossless))
+        return false;
+    ring_gates_changed(w);
+    ring_admit(w, &w->gates.list[w->gates.count - 1]);
+    return true;
+}
+
+/* Removes a gate: what its reader has pinned is overwritten from now on. Returns its process. */
+static inline struct reading_process *ring_remove_gate(struct ring_writer *w, struct ring_gate *gate)
+{
+    struct reading_process *process = gates_remove(&w->gates, gate);
+    ring_gates_changed(w);
+    return process;
+}
+
+/* The gate's reader holds the writer back no longer, except by pins. */
+static inline void ring_make_lossy(struct ring_writer *w, struct ring_gate *gate)
+{
+    gate->is_lossless = false;
+    ring_gates_changed(w);
 }
 
 static inline uint64_t ring_position(const struct ring_writer *w, uint64_t seq)
@@ -137,26 +133,6 @@ static inline uint64_t ring_survivor(const struct ring_writer *w, uint64_t next,
     return seq;
 }
 
-/* End of a hole that [begin, end) runs into, 0 where there is none. Forgets the holes that are released. */
-static inline uint64_t ring_hole_in(struct ring_writer *w, uint64_t begin, uint64_t end)
-{
-    for (size_t i = 0; w->hole_count != 0 && i < w->gate_count; i++) {
-        for (size_t j = 0; j < READER_PINS; j++) {
-            struct ring_hole *hole = &w->gates[i].holes[j];
-            if (hole->seq == 0)
-                continue;
-            /* PAIR(unpin): acquire. The holder's reads are over. Counterpart: ring_unpin(). */
-            if (atomic_load_explicit(&w->gates[i].slot->pins[j], memory_order_acquire) != hole->seq) {
-                hole->seq = 0;
-                w->hole_count--;
-            } else if (hole->begin < end && begin < hole->end) {
-                return hole->end;
-            }
-        }
-    }
-    return 0;
-}
-
 /* First position from `position` on where `total` bytes lie in one piece and clear of holes; or one that is
  * more than a lap ahead. */
 static inline uint64_t ring_place(struct ring_writer *w, uint64_t position, uint64_t total)
@@ -165,7 +141,7 @@ static inline uint64_t ring_place(struct ring_writer *w, uint64_t position, uint
     while (position <= last) {
         const uint64_t begin = position & (w->capacity - 1);
         uint64_t end = w->capacity;
-        if (begin + total <= w->capacity && (end = ring_hole_in(w, begin, begin + total)) == 0)
+        if (begin + total <= w->capacity && (end = gates_hole_in(&w->gates, begin, begin + total)) == 0)
             break;
         position += end - begin;
     }
@@ -183,16 +159,14 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
      * earlier stores only so; and for pins. */
     /* PAIR(pin): either this side sees the pin below or its reader sees that it came too late: ring_pin(). */
     bell_fence();
-    for (size_t i = 0; i < w->gate_count; i++) {
-        for (size_t j = 0; j < READER_PINS; j++) {
-            /* PAIR(unpin): acquire, for a pin that has moved on from the record of an older hole. */
-            const uint64_t seq = atomic_load_explicit(&w->gates[i].slot->pins[j], memory_order_acquire);
+    for (size_t i = 0; i < w->gates.count; i++) {
+        for (unsigned j = 0; j < READER_PINS; j++) {
+            const uint64_t seq = gate_pin(&w->gates.list[i], j); /* it may have moved on from the record of an older hole */
             if (seq < before || seq >= survivor)
                 continue;
             const uint64_t begin = ring_position(w, seq) & (w->capacity - 1);
             const uint64_t size = load_word(w->data + begin + 16) & UINT32_MAX;
-            w->hole_count += w->gates[i].holes[j].seq == 0;
-            w->gates[i].holes[j] = (struct ring_hole){seq, begin, begin + ring_record_bytes(size)};
+            gates_add_hole(&w->gates, i, j, (struct ring_hole){seq, begin, begin + ring_record_bytes(size)});
         }
     }
 }
@@ -314,7 +288,7 @@ static inline enum ring_status ring_write(
 }
 
 /* Nothing more is written here; readers that have taken everything go on in the next ring. */
-static inline void ring_close(struct ring_writer *w)
+static inline void ring_close(const struct ring_writer *w)
 {
     /* PAIR(closed): release, after the last latest. Counterpart: ring_is_finished(). */
     atomic_store_explicit(&w->header->closed, 1, memory_order_release);
@@ -358,6 +332,21 @@ static inline enum ring_status ring_carry(struct ring_writer *w, const struct ri
     }
     w->keep = keep;
     return status;
+}
+
+/* Goes on in the ring of `fresh`, to which ring_carry() has copied what is kept: its gates, depth and `hold` go with it.
+ * Closes the ring before; readers come along when they have finished that. Then gates_ring() for any. */
+static inline void ring_go_on(struct ring_writer *w, const struct ring_writer *fresh)
+{
+    const struct ring_writer before = *w;
+    gates_forget_holes(&w->gates);
+    const struct ring_gates gates = w->gates;
+    *w = *fresh;
+    w->keep = before.keep;
+    w->hold = before.hold;
+    w->gates = gates;
+    bell_disarm(&before.header->room);
+    ring_close(&before);
 }
 
 #endif

@@ -13,7 +13,6 @@ frames. To the session they are things that can be closed.
 from collections import deque
 from collections.abc import Iterable, Iterator
 from enum import Enum, auto
-from itertools import chain
 from typing import Any, NamedTuple
 
 from bus.base.descriptor import Descriptor
@@ -90,13 +89,10 @@ class Session:
         The buffer is in use until the iteration has ended: before that, nothing may be read into it.
         Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
         """
-        reader = self.reader
-        reader.came(count)
-        if self.state is State.OPEN and not self.descriptors and (front := reader.front()) is not None:
-            run = reader.take(front)
-            if reader.is_cut:
-                return (run,)  # the common case at a moderate rate, without a generator's cost
-            return chain((run,), self.items())
+        if self.state is not State.OPEN or self.descriptors:
+            self.reader.came(count)
+        elif (run := self.reader.came_alone(count)) is not None:
+            return (run,)  # the common case at a moderate rate, without a generator's cost
         return self.items()
 
     def items(self) -> Iterator[Any]:

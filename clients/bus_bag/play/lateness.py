@@ -16,8 +16,7 @@ class Lateness:
         self._counts: Counter[int] = Counter()
 
     def add(self, late_ns: int) -> None:
-        """One message; what came early counts as on time."""
-        late_ns = max(0, late_ns)
+        """One message that was not early."""
         self.count += 1
         self.max_ns = max(self.max_ns, late_ns)
         coarse = max(0, late_ns.bit_length() - _FINE_BITS - 1)

@@ -43,3 +43,7 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     def has_clock(self) -> bool:
         """Whether the player publishes the time of the bag."""
         return self.clock_hz > 0 or self.clock_topics is not None
+
+    def has_clock_before(self, topic: str) -> bool:
+        """Whether the clock is published before each message of `topic`."""
+        return self.clock_topics is not None and (not self.clock_topics or topic in self.clock_topics)

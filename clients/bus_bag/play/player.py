@@ -1,7 +1,8 @@
 """Plays a bag: publishes each message when it is due, and does what keys and services ask for.
 
 Owns: what happens in which order. Must not know: files, types, terminals, services. Everything here runs on
-the event loop, so that a state is looked at and changed without locks; `play` is the one that waits.
+the event loop, so no lock is needed to read or change a state; `play` is the one that waits. The states of a
+replay, and what leads from one to the next, are in `play/state.py`.
 """
 
 import asyncio
@@ -16,6 +17,8 @@ from bus_bag.play.lateness import Lateness
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.progress import Progress, Status
 from bus_bag.play.read_ahead import Entry, ReadAheadQueue
+from bus_bag.play.seek import Seek
+from bus_bag.play.state import PlayerEvent, PlayerLife, PlayerState
 from bus_bag.play.time_line import TimeLine
 
 __all__ = ["Output", "Player", "Span"]
@@ -48,6 +51,10 @@ class Span(NamedTuple):
     until: int = -1
     """What is later is not played; -1: there is no such bound, 0: nothing is played."""
 
+    def is_before(self, time: int) -> bool:
+        """Whether it ends before that time."""
+        return self.until == 0 or -1 < self.until < time
+
 
 class Player:
     """Plays what `queue` reads to `outputs`, by topic. To be used as `async with`.
@@ -76,10 +83,10 @@ class Player:
         self._time = TimeLine(span.start, monotonic_ns(), options.rate, is_paused=options.is_paused)
         self._time.jump(span.start, monotonic_ns(), _FOR_EVER_NS)
         self._alarm = Alarm()
-        self._has_begun = self._has_ended = self._is_stopped = self._is_bursting = False
+        self._life = PlayerLife()
         self._begun = asyncio.Event()
-        self._target: int | None = None
-        self._seeking: list[asyncio.Future[bool]] = []
+        """It is ready, or has ended."""
+        self._seek: Seek | None = None
         self._reading = asyncio.Lock()
         self._turn_ns = 0
         self.on_message: Callable[[], None] | None = None
@@ -114,7 +121,7 @@ class Player:
 
     @property
     def _status(self) -> Status:
-        if self._is_bursting:
+        if self._life.state is PlayerState.BURSTING:
             return Status.BURST
         if self.is_paused:
             return Status.PAUSED
@@ -157,9 +164,9 @@ class Player:
 
     def stop(self) -> None:
         """End `play`."""
-        if not self._has_ended:
+        if self._life.state is not PlayerState.ENDED:
             self._logger.info("Stopping playback.")
-            self._is_stopped = True
+            self._life.on(PlayerEvent.STOP)
             self._alarm.wake()
 
     async def seek(self, time_ns: int) -> bool:
@@ -167,18 +174,20 @@ class Player:
 
         What lies before the beginning is the beginning. Cancellation: it goes there all the same.
         """
-        if self._has_ended:
+        if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called seek, but player is not playing.")
             return False
-        self._target = max(time_ns, self._span.start)
-        arrived: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
-        self._seeking.append(arrived)
+        target = max(time_ns, self._span.start)
+        if self._seek is None:
+            self._seek = Seek(target)
+        else:
+            self._seek.target = target
         self._alarm.wake()
-        return await arrived
+        return await self._seek.wait()
 
     async def play_next(self) -> bool:
         """Publish the next message, in a pause; False where there is no pause, or no message."""
-        if self._has_ended:
+        if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called play next, but player is not playing.")
             return False
         if not self.is_paused:
@@ -196,12 +205,12 @@ class Player:
         played = 0
         await self._begun.wait()
         async with self._reading:
-            self._is_bursting = True
+            self._life.on(PlayerEvent.BURST)
             try:
                 while (not count or played < count) and await self._play_next():
                     played += 1
             finally:
-                self._is_bursting = False
+                self._life.on(PlayerEvent.BURST_END)
         self._logger.info(f"Burst {played} messages.")
         return played
 
@@ -212,22 +221,24 @@ class Player:
 
         Raises BagError where the bag can't be read on. Cancellation ends it between two messages.
         """
-        if self._has_begun:
+        if self._life.has_begun:
             self._logger.warning("Trying to play() while in playback, dismissing request.")
             return False
-        self._has_begun = True
+        self._life.on(PlayerEvent.PLAY)
         self._logger.info(f"Playback until timestamp: {self._span.until}")
         try:
             while True:
                 await self._begin()
+                self._life.on(PlayerEvent.READY)
                 self._begun.set()
                 await self._play_to_the_end()
-                if self._is_stopped or not self._options.is_looping:
+                if not self._life.may_publish or not self._options.is_looping:
                     return True
         finally:
-            self._has_ended = True
+            self._life.on(PlayerEvent.END)
             self._begun.set()
-            self._arrive(self._seeking, is_there=False)
+            if self._seek is not None:
+                self._seek.end(is_there=False)
 
     async def _begin(self) -> None:
         delay = self._options.delay
@@ -248,9 +259,9 @@ class Player:
 
     async def _play_to_the_end(self) -> None:
         """Until there is nothing left and it is not paused, or `stop`."""
-        while not self._is_stopped:
-            if self._target is not None:
-                await self._go_to_target(self._target)
+        while self._life.may_publish:
+            if self._seek is not None:
+                await self._do_seek(self._seek)
                 continue
             if self.is_paused:
                 await self._alarm.wait(None)
@@ -260,7 +271,7 @@ class Player:
                 self._logger.warning(_STARVED, throttle_duration_sec=1.0)
                 await self._queue.wait()
                 continue
-            if entry is None or self._is_beyond(entry):
+            if entry is None or self._span.is_before(entry.time):
                 return
             due_ns, now_ns = self._time.due(entry.time), monotonic_ns()
             if due_ns is not None and due_ns > now_ns:
@@ -275,39 +286,23 @@ class Player:
             if due_ns is not None and entry.time >= self._span.start:
                 self.lateness.add(now_ns - due_ns)
 
-    async def _go_to_target(self, target: int) -> None:
-        self._target = None
-        arriving, self._seeking = self._seeking, []
+    async def _do_seek(self, seek: Seek) -> None:
+        self._seek = None
         is_there = False
         try:
-            await self._go_to(target, target)
+            await self._go_to(seek.target, seek.target)
             is_there = True
         finally:
-            self._arrive(arriving, is_there=is_there)
-
-    @staticmethod
-    def _arrive(seeking: list[asyncio.Future[bool]], *, is_there: bool) -> None:
-        for arrived in seeking:
-            if not arrived.done():
-                arrived.set_result(is_there)
-
-    def _asks_for_clock(self, entry: Entry) -> bool:
-        topics = self._options.clock_topics
-        return topics is not None and (not topics or entry.topic in topics)
-
-    def _is_beyond(self, entry: Entry) -> bool:
-        until = self._span.until
-        return until == 0 or -1 < until < entry.time
+            seek.end(is_there=is_there)
 
     async def _play_next(self) -> bool:
         while (entry := self._queue.peek()) is None and not self._queue.has_ended:
             await self._queue.wait()
         if (
             entry is None
-            or self._has_ended
-            or self._is_stopped
+            or not self._life.may_publish
             or not self.is_paused
-            or self._is_beyond(entry)
+            or self._span.is_before(entry.time)
         ):
             return False
         self._queue.pop()
@@ -316,7 +311,7 @@ class Player:
         return True
 
     async def _publish(self, entry: Entry) -> None:
-        if self._clock is not None and self._asks_for_clock(entry):
+        if self._clock is not None and self._options.has_clock_before(entry.topic):
             self._clock(entry.time)
         output = self._outputs[entry.topic]
         source_time_ns = entry.publish_time or None

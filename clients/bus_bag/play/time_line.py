@@ -58,7 +58,7 @@ class TimeLine:
         """Stand still from now on. What is left of a wait before the beginning comes after the pause."""
         if self._hold_ns is None:
             self._settle(now_ns)
-            self._hold_ns = max(0, self._point_ns - now_ns)
+            self._hold_ns = self._point_ns - now_ns
 
     def resume(self, now_ns: int) -> None:
         """Run on from where the bag stood."""

@@ -6,6 +6,8 @@ When there is no room, the topic with most bytes waiting loses its oldest: a cam
 from collections import deque
 from typing import Generic, TypeVar
 
+import msgspec
+
 __all__ = ["Cache"]
 
 T = TypeVar("T")
@@ -14,16 +16,13 @@ _FEW = 64
 """So many places of what was lost are not worth a look at all others."""
 
 
-class _Entry(Generic[T]):
-    """`batch` is None once it was lost."""
+class _Entry(msgspec.Struct, Generic[T]):
+    """A batch of `count` messages with so many bytes; None once it was lost."""
 
-    __slots__ = ("batch", "bytes", "count", "topic")
-
-    def __init__(self, topic: str, batch: T, count: int, size: int) -> None:
-        self.topic = topic
-        self.batch: T | None = batch
-        self.count = count
-        self.bytes = size
+    topic: str
+    batch: T | None
+    count: int
+    bytes: int
 
 
 class Cache(Generic[T]):
@@ -38,15 +37,13 @@ class Cache(Generic[T]):
         self._is_circular = is_circular
         self._order: deque[_Entry[T]] = deque()
         self._topics: dict[str, deque[_Entry[T]]] = {}
-        self._gone = 0  # entries in `_order` that were lost
         self._bytes_by_topic: dict[str, int] = {}
+        self.waiting = 0
+        """Batches that wait. `_order` also has those that were lost meanwhile."""
         self.bytes = 0
-        """All that waits."""
+        """Of all batches that wait."""
         self.lost: dict[str, int] = {}
         """Topic -> messages that were lost here."""
-
-    def __bool__(self) -> bool:
-        return self.bytes > 0 or len(self._order) > self._gone
 
     def put(self, topic: str, batch: T, count: int, size: int) -> None:
         """Add a batch of `count` messages with `size` bytes in all; where there is no room, lose others."""
@@ -59,45 +56,42 @@ class Cache(Generic[T]):
         entries.append(entry)
         self._bytes_by_topic[topic] += size
         self.bytes += size
-        while self.bytes > self._limit and len(self._order) - self._gone > 1:
+        self.waiting += 1
+        while self.bytes > self._limit and self.waiting > 1:
             self._lose()
 
-    def take(self) -> tuple[str, T, int] | None:
-        """The oldest batch: its topic, itself, how many messages; None where nothing waits."""
-        while self._order:
-            entry = self._order.popleft()
-            if entry.batch is None:
-                self._gone -= 1
-                continue
-            self._topics[entry.topic].popleft()
-            self._forget(entry)
-            return entry.topic, entry.batch, entry.count
-        return None
+    def take(self) -> tuple[str, T, int]:
+        """The oldest batch: its topic, itself, how many messages. Raises IndexError if none waits."""
+        while (batch := (entry := self._order.popleft()).batch) is None:
+            pass
+        topic = entry.topic
+        self._topics[topic].popleft()
+        self._bytes_by_topic[topic] -= entry.bytes
+        self.bytes -= entry.bytes
+        self.waiting -= 1
+        return topic, batch, entry.count
 
     def clear(self) -> dict[str, int]:
         """Throw away all that waits; returns topic -> messages."""
         thrown: dict[str, int] = {}
-        while (taken := self.take()) is not None:
-            thrown[taken[0]] = thrown.get(taken[0], 0) + taken[2]
+        while self.waiting:
+            topic, _, count = self.take()
+            thrown[topic] = thrown.get(topic, 0) + count
         return thrown
 
     def _lose(self) -> None:
         if self._is_circular:
             while self._order[0].batch is None:
                 self._order.popleft()
-                self._gone -= 1
             topic = self._order[0].topic
         else:
             topic = max(self._bytes_by_topic, key=self._bytes_by_topic.__getitem__)
         entry = self._topics[topic].popleft()
         entry.batch = None
-        self._gone += 1
         self.lost[topic] = self.lost.get(topic, 0) + entry.count
-        self._forget(entry)
-        if self._gone > _FEW and 2 * self._gone > len(self._order):
-            self._order = deque(one for one in self._order if one.batch is not None)
-            self._gone = 0
-
-    def _forget(self, entry: _Entry[T]) -> None:
-        self._bytes_by_topic[entry.topic] -= entry.bytes
+        self._bytes_by_topic[topic] -= entry.bytes
         self.bytes -= entry.bytes
+        self.waiting -= 1
+        gone = len(self._order) - self.waiting
+        if gone > _FEW and gone > self.waiting:
+            self._order = deque(one for one in self._order if one.batch is not None)

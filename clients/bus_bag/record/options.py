@@ -7,6 +7,7 @@ import msgspec
 
 from bus.qos import QoSProfile
 from bus_bag.record.choice import Wanted
+from bus_bag.storage.registry import DEFAULT
 
 __all__ = ["RecordOptions"]
 
@@ -28,6 +29,7 @@ class RecordOptions(msgspec.Struct, frozen=True, kw_only=True):
     """The oldest files beyond are deleted; 0: none."""
     max_cache_size: int = 100 << 20
     """Bytes that may wait; 0: messages are written as they are taken, and wait in the subscriptions."""
+    storage: str = DEFAULT.identifier
     preset: str = "none"
     is_paused: bool = False
     is_simulated: bool = False

@@ -4,8 +4,8 @@ Everything here runs on the event loop but the jobs, which run in the thread one
 never waits for the disk: what it can't hand over waits in the cache.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Mapping
+from operator import itemgetter
 from pathlib import Path
 from time import monotonic_ns
 
@@ -13,13 +13,13 @@ from bus.errors import BusError
 from bus.vocabulary import DropReason
 from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, TopicLosses, to_record
+from bus_bag.record.bag_output import BagOutput
 from bus_bag.record.cache import Cache
-from bus_bag.record.latched import Latched, LatchedState
 from bus_bag.record.options import RecordOptions
-from bus_bag.record.splitting import Splitting
-from bus_bag.record.topic import Batch, RecordedTopic, Sample
+from bus_bag.record.topic import Batch, RecordedTopic
 from bus_bag.record.writing import WritingThread
 from bus_bag.storage import BagWriter
+from bus_bag.storage.registry import writable_storage
 from bus_bag.storage.writer import Job
 from bus_ros.cdr import CdrError
 
@@ -28,19 +28,21 @@ __all__ = ["Pipeline"]
 _MOST_IN_FLIGHT = 8 << 20
 """Bytes in chunks that wait for the thread, or are being written."""
 
-_SHORT = 4 << 10
-"""Batches of messages that have up to so many bytes on the average go into a chunk as one."""
-
 _TURN_NS = 2_000_000
 """How long the event loop may be held up by encoding: meanwhile nothing is taken."""
 
 _Faults = (BusError, OSError)
 
+_payload = itemgetter(0)
+"""Of a sample."""
+
 
 class Pipeline:
-    """Of one recording. `now_ns` is the clock of log times. In the writing thread `on_progress` is called
-    after each job, and `on_split(closed, opened)`; on the event loop `on_reject(topic, error)` for what is no
-    message of its type.
+    """Of one recording. `now_ns` is the clock of log times.
+
+    In the writing thread `on_progress` is called after each job, and `on_split(closed, opened)`; on the event
+    loop `on_reject(topic, error)` for what is no message of its type. Without a thread (a cache of no size)
+    `on_progress` is called on the event loop, and only when a job has failed.
 
     Raises BagError or OSError where the bag can't be begun.
     """
@@ -51,33 +53,34 @@ class Pipeline:
         *,
         now_ns: Callable[[], int],
         on_progress: Callable[[], object],
-        on_split: Callable[[Path, Path], None],
+        on_split: Callable[[Path, Path], object],
         on_reject: Callable[[RecordedTopic, CdrError], object],
     ) -> None:
-        self._now_ns = now_ns
-        self._on_split = on_split
-        self._on_reject = on_reject
+        self._on_progress = on_progress
         self._is_snapshot = options.is_snapshot
         self._crowd = options.max_cache_size // 2
         self._cache: Cache[tuple[Batch, int, bool]] = Cache(
             options.max_cache_size, is_circular=options.is_snapshot
         )
-        self._splitting = Splitting(options.max_bag_size, options.max_bag_duration)
-        self._latched: LatchedState[Sample] = LatchedState()
-        self._topics: dict[str, RecordedTopic] = {}
-        self._files = 1
         self._failure: BaseException | None = None
         self._is_ending = False
         self._thread: WritingThread | None = None
-        self.messages = 0
-        """That were given to the file."""
-        self.bytes = 0
         self._writer = BagWriter(
             options.folder,
+            storage=writable_storage(options.storage),
             preset=options.preset,
             custom_data=options.custom_data,
             most_files=options.max_bag_files,
             run=self._run,
+            on_split=on_split,
+        )
+        self._output = BagOutput(
+            self._writer,
+            options,
+            now_ns=now_ns,
+            size=lambda: self._writer.size + self._in_flight,
+            before_split=self.write_losses,
+            on_reject=on_reject,
         )
         if options.max_cache_size:
             self._thread = WritingThread(on_progress)
@@ -92,6 +95,7 @@ class Pipeline:
                 job()
             except _Faults as error:
                 self._failure = error
+                self._on_progress()
 
     # --- how things are
 
@@ -99,6 +103,16 @@ class Pipeline:
     def failure(self) -> BaseException | None:
         """Why nothing more can be written."""
         return self._failure if self._thread is None else self._thread.failure
+
+    @property
+    def messages(self) -> int:
+        """Messages that were given to the file."""
+        return self._output.messages
+
+    @property
+    def written_bytes(self) -> int:
+        """Their bytes in it."""
+        return self._output.bytes
 
     @property
     def cached(self) -> int:
@@ -114,7 +128,7 @@ class Pipeline:
     def is_idle(self) -> bool:
         """Whether nothing is on its way to the file."""
         return (
-            (self._is_snapshot or not self._cache)
+            (self._is_snapshot or not self._cache.waiting)
             and not self._writer.gathered
             and (self._thread is None or self._thread.is_idle)
         )
@@ -122,60 +136,54 @@ class Pipeline:
     def losses(self) -> dict[str, TopicLosses]:
         """The accounts now."""
         self._settle_cache()
-        return {name: topic.losses() for name, topic in self._topics.items()}
+        return {name: topic.losses() for name, topic in self._output.topics.items()}
 
     @property
     def _in_flight(self) -> int:
         return self._writer.gathered + (0 if self._thread is None else self._thread.waiting_bytes)
 
-    @property
-    def _size(self) -> int:
-        """Bytes of all files, with what is on its way there."""
-        return self._writer.size + self._in_flight
-
     # --- messages in
 
     def add(self, topic: RecordedTopic) -> None:
         """From now on there may be messages of it."""
-        self._topics[topic.name] = topic
+        self._output.topics[topic.name] = topic
 
     def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
         """The publishers of `topic` that keep messages for late joiners: gid -> depth (0: all).
 
         `is_new`: the metadata of the topic have changed.
         """
-        self._latched.set_publishers(topic.name, depths, monotonic_ns())
-        if topic.channel is not None and is_new:
-            self._writer.update_topic(topic.channel, topic.metadata)
+        self._output.set_publishers(topic, depths, is_new=is_new)
 
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
         """These were taken; while the recording is paused, only the state of latched topics is kept."""
-        size = sum([len(payload) for payload, _ in samples])
+        size = sum(map(len, map(_payload, samples)))
         if self._is_snapshot:
-            self._keep(topic, samples, is_written=False)
+            self._output.keep(topic, samples, is_written=False)
         if self._thread is None:
-            self._write(topic, samples, size, is_paused=is_paused)
+            self._output.write(topic, samples, size, is_paused=is_paused)
             return
         self._cache.put(topic.name, (samples, size, is_paused), len(samples), size)
 
     def resume(self) -> None:
         """Write what latched topics have said while the recording was paused; it comes first."""
-        for topic in tuple(self._topics.values())[:1]:
+        for topic in tuple(self._output.topics.values())[:1]:
             self.put(topic, [], is_paused=False)  # an empty batch of any topic takes it along
 
     # --- messages out
 
     def pump(self) -> bool:
         """Encode and hand over what there is room for, for a while; returns whether there is more to do."""
-        if self._is_snapshot:
+        thread, cache = self._thread, self._cache
+        if thread is None or self._is_snapshot:
             return False
         until_ns = monotonic_ns() + _TURN_NS
-        while self._in_flight < _MOST_IN_FLIGHT and (taken := self._cache.take()) is not None:
-            name, (samples, size, is_paused), _ = taken
-            self._write(self._topics[name], samples, size, is_paused=is_paused)
+        while cache.waiting and thread.waiting_bytes < _MOST_IN_FLIGHT:
+            name, (samples, size, is_paused), _ = cache.take()
+            self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
             if monotonic_ns() >= until_ns:
                 break
-        return bool(self._cache) and self._in_flight < _MOST_IN_FLIGHT
+        return cache.waiting > 0 and thread.waiting_bytes < _MOST_IN_FLIGHT
 
     def flush(self) -> None:
         """Have written what was gathered."""
@@ -186,131 +194,27 @@ class Pipeline:
         """Write all that the memory has, after the state of latched topics that has left it."""
         self._settle_cache()
         batches = []
-        while (taken := self._cache.take()) is not None:
-            batches.append(taken)
-        present = {id(sample) for _, (samples, _, _), _ in batches for sample in samples}
-        left = [one for one in self._latched.take_unwritten() if id(one.message) not in present]
-        self._take_up(left)
+        while self._cache.waiting:
+            batches.append(self._cache.take())
+        self._output.write_state_before(samples for _, (samples, _, _), _ in batches)
         for name, (samples, size, is_paused), _ in batches:
-            self._write(self._topics[name], samples, size, is_paused=is_paused)
+            self._output.write(self._output.topics[name], samples, size, is_paused=is_paused)
         self._writer.flush()
 
-    def split(self, log_time: int | None = None) -> None:
-        """Go on in the next file, which begins with the state of latched topics, at `log_time`."""
-        name, number = self._writer.folder.name, self._files
-        self._files += 1
-        self.write_losses()
-        self._writer.split()
-        self._splitting.split(self._size)
-        closed, opened = (self._writer.folder / f"{name}_{n}.mcap" for n in (number - 1, number))
-        self._run(partial(self._on_split, closed, opened), 0)
-        now_ns = self._now_ns() if log_time is None else log_time
-        for one in self._latched.state(monotonic_ns()):
-            topic = self._topics[one.topic]
-            if topic.channel is not None:
-                topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
+    def split(self) -> None:
+        """Go on in the next file, which begins with the state of latched topics."""
+        self._output.split()
 
     def write_losses(self) -> None:
         """Put the accounts into the file."""
         self._writer.write_metadata(RECORD, to_record(self.losses()))
-
-    def _write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
-        """`size`: bytes of the payloads."""
-        if is_paused:
-            topic.passed_over += len(samples)
-            self._keep(topic, samples, is_written=False)
-            return
-        if self._latched.has_unwritten and not self._is_snapshot:
-            self._take_up(self._latched.take_unwritten())
-        channel = self._channel(topic)
-        if samples:
-            self._split_if_due(samples[0])
-        if len(samples) > 1 and size <= len(samples) * _SHORT and self._write_many(topic, channel, samples):
-            self._keep_written(topic, samples)
-            return
-        for sample in samples:
-            self._split_if_due(sample)
-            topic.written += self._write_one(topic, channel, sample, sample[1][1])
-            self._keep_written(topic, [sample])
-
-    def _split_if_due(self, sample: Sample) -> None:
-        """Before this one is written."""
-        log_time = sample[1][1]
-        if self._splitting and self._splitting.is_due(self._size, log_time):
-            self.split(log_time)
-
-    def _keep_written(self, topic: RecordedTopic, samples: Batch) -> None:
-        if topic.is_latched and not self._is_snapshot:
-            self._keep(topic, samples, is_written=True)
-
-    def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
-        """False, with nothing written, where one is no message of the type."""
-        payloads, infos = zip(*samples, strict=True)
-        try:
-            messages = topic.encode_many(payloads)
-        except CdrError:
-            return False
-        self.bytes += self._writer.write_many(channel, infos, messages)
-        topic.written += len(messages)
-        self.messages += len(messages)
-        return True
-
-    def _write_one(self, topic: RecordedTopic, channel: int, sample: Sample, log_time: int) -> int:
-        """Returns how many were written: 1, or 0 for what is no message of the type."""
-        payload, info = sample
-        try:
-            parts = topic.encode(payload)
-        except CdrError as error:
-            self._reject(topic, error)
-            return 0
-        self.bytes += self._writer.write(channel, log_time, info[0], info[2], parts)
-        self.messages += 1
-        return 1
-
-    def _take_up(self, state: Iterable[Latched[Sample]]) -> None:
-        """Write what was passed over, as the state of this moment."""
-        now_ns = self._now_ns()
-        for one in state:
-            topic = self._topics[one.topic]
-            topic.passed_over -= 1
-            topic.written += self._write_one(topic, self._channel(topic), one.message, now_ns)
-
-    def _channel(self, topic: RecordedTopic) -> int:
-        if topic.channel is None:
-            topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
-        return topic.channel
-
-    def _keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
-        if topic.is_latched:
-            for sample in samples:
-                if self._latched.is_offered(topic.name, sample[1].publisher_gid):
-                    self._latched.add(
-                        topic.name, sample[1].publisher_gid, sample, len(sample[0]), is_written=is_written
-                    )
-
-    def _reject(self, topic: RecordedTopic, error: CdrError) -> None:
-        topic.lose(DropReason.UNDECODABLE, 1)
-        self._on_reject(topic, error)
-
-    def _settle_cache(self) -> None:
-        """What the cache has lost since the last look goes to the accounts."""
-        lost, self._cache.lost = self._cache.lost, {}
-        for name, count in lost.items():
-            if self._is_snapshot:
-                self._topics[name].passed_over += count
-            else:
-                self._topics[name].lose(DropReason.RECORDER_CACHE, count)
 
     # --- the end
 
     def drop(self) -> None:
         """Give up what is on its way to the file, but for what is being written."""
         self._settle_cache()
-        for name, count in self._cache.clear().items():
-            if self._is_snapshot:
-                self._topics[name].passed_over += count
-            else:
-                self._topics[name].lose(DropReason.NOT_WRITTEN, count)
+        self._count_lost(self._cache.clear(), DropReason.NOT_WRITTEN)
         if self._thread is not None:
             self._thread.drop()
 
@@ -327,13 +231,12 @@ class Pipeline:
         self._is_ending = True
         try:
             if self._failure is None:
-                for topic in self._topics.values():
-                    self._channel(topic)
+                self._output.describe_topics()
             self.flush()  # before it is counted what is in the files
         except _Faults as error:
             self._failure = self._failure or error
         counts = self._writer.counts()
-        for topic in self._topics.values():
+        for topic in self._output.topics.values():
             if missing := topic.written + topic.repeated - counts.get(topic.name, 0):
                 topic.written -= missing
                 topic.lose(DropReason.NOT_WRITTEN, missing)
@@ -341,3 +244,17 @@ class Pipeline:
         self._writer.write_metadata(RECORD, to_record(losses))
         self._writer.close()
         return losses
+
+    def _settle_cache(self) -> None:
+        """What the cache has lost since the last call goes to the accounts."""
+        lost, self._cache.lost = self._cache.lost, {}
+        self._count_lost(lost, DropReason.RECORDER_CACHE)
+
+    def _count_lost(self, counts: Mapping[str, int], reason: DropReason) -> None:
+        """Messages that left the cache, by topic: what leaves the memory of a snapshot is no loss."""
+        for name, count in counts.items():
+            topic = self._output.topics[name]
+            if self._is_snapshot:
+                topic.passed_over += count
+            else:
+                topic.lose(reason, count)

@@ -115,7 +115,7 @@ async def _show(recorder: Recorder, line: StatusLine, hz: float) -> None:
         text = progress.line(
             monotonic_ns(),
             pipeline.messages,
-            pipeline.bytes,
+            pipeline.written_bytes,
             pipeline.cached,
             recorder.lost(),
             is_paused=recorder.is_paused,

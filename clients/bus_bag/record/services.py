@@ -11,7 +11,8 @@ __all__ = ["Served", "serve"]
 class Served(Protocol):
     """What the services steer: a recorder."""
 
-    is_paused: bool
+    @property
+    def is_paused(self) -> bool: ...
 
     def pause(self) -> None: ...
 

@@ -42,6 +42,10 @@ class RecordedTopic:
         self.encode_many: Callable[[Iterable[Any]], list[bytes]] = self.encoder.encode_many
         self.schema = schema
         self.subscription: Subscription[Any] | None = None
+        self.is_lossless = False
+        """Whether its publishers wait for this subscription."""
+        self.final: SubscriptionStatistics | None = None
+        """The counters of the subscription when the recording of the topic ended; None: it goes on."""
         self.channel: int | None = None
         """In the bag, once there is something of it."""
         self.is_latched = False
@@ -54,7 +58,11 @@ class RecordedTopic:
         self.lost: dict[str, int] = {}
         """By reason, what was lost after it was taken."""
         self._profiles: Counter[QoSProfile] = Counter()
-        self._final: SubscriptionStatistics | None = None
+
+    def subscribed(self, subscription: Subscription[Any]) -> None:
+        """From now on messages of it come by `subscription`."""
+        self.subscription = subscription
+        self.is_lossless = subscription.qos.is_lossless
 
     def meet(self, offers: Iterable[QoSProfile]) -> bool:
         """Publishers with these profiles are there; returns whether there are more than ever before.
@@ -89,10 +97,6 @@ class RecordedTopic:
         self.lost[reason] = self.lost.get(reason, 0) + count
 
     @property
-    def is_finished(self) -> bool:
-        return self._final is not None
-
-    @property
     def is_settled(self) -> bool:
         """Whether all that was published until now was taken, or is known to be lost."""
         if self.subscription is None:
@@ -103,18 +107,18 @@ class RecordedTopic:
     def finish(self) -> None:
         """What comes from now on is not recorded, nor expected."""
         if self.subscription is not None:
-            self._final = self.subscription.statistics()
+            self.final = self.subscription.statistics()
 
     def losses(self) -> TopicLosses:
         """The account now; what is neither written nor lost waits."""
         if self.subscription is None:
             return TopicLosses(0)
-        counters = self._final or self.subscription.statistics()
+        counters = self.final or self.subscription.statistics()
         lost = dict(counters.dropped)
         for reason, count in self.lost.items():
             lost[reason] = lost.get(reason, 0) + count
         expected = counters.expected - self.passed_over
-        if self._final is not None:
+        if self.final is not None:
             expected -= counters.queued  # these came when the recording had ended
         waiting = max(0, expected - self.written - sum(lost.values()))
         return TopicLosses(expected, self.written, waiting, {name: n for name, n in lost.items() if n})

@@ -73,6 +73,6 @@ class WritingThread:
                     self.waiting_bytes = 0
             else:
                 with self._condition:
-                    self.waiting_bytes = max(0, self.waiting_bytes - size)
+                    self.waiting_bytes -= size
             self._is_busy = False
             self._on_progress()

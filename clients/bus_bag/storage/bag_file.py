@@ -1,17 +1,29 @@
-"""What a file of a bag offers, whatever its format, and what reading it gives."""
+"""Files of bags, whatever their format: what they offer for reading and writing, and what reading gives."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import msgspec
 
 from bus_bag.metadata import BagMetadata, TopicMetadata
 
-__all__ = ["BagFile", "BagMessage", "Buffer", "Order", "Problem", "Summary"]
+__all__ = [
+    "BagFile",
+    "BagFileWriter",
+    "BagMessage",
+    "Buffer",
+    "Gatherer",
+    "Order",
+    "Problem",
+    "Stamp",
+    "Summary",
+]
 
 Buffer: TypeAlias = bytes | bytearray | memoryview
 Order: TypeAlias = Literal["log_time", "publish_time"]
+Stamp: TypeAlias = tuple[int, int, int, object, object]
+"""Publish time, log time, the publisher's number, and more that is of no matter here: a `MessageInfo`."""
 
 
 class BagMessage(msgspec.Struct, gc=False):
@@ -52,7 +64,12 @@ class Summary(msgspec.Struct):
 
 
 class BagFile(Protocol):
-    """One file of a bag, open."""
+    """One file of a bag, open for reading."""
+
+    @property
+    def storage(self) -> str:
+        """The identifier of its storage."""
+        ...
 
     path: Path
     summary: Summary
@@ -81,3 +98,70 @@ class BagFile(Protocol):
     ) -> Iterator[BagMessage]: ...
 
     def close(self) -> None: ...
+
+
+class Gatherer(Protocol):
+    """Gathers messages, which are written together."""
+
+    size: int
+    """Bytes of what it has."""
+
+    def add(
+        self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
+    ) -> int:
+        """Add a message, in parts whose `len` is their number of bytes; returns the bytes that it takes."""
+        ...
+
+    def add_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
+        """Add short messages of one part each; returns the bytes that they take."""
+        ...
+
+    def close(self) -> Any:
+        """What was gathered, for `write_chunk`: it has a `size`; None if nothing was. Then it begins anew."""
+        ...
+
+
+class BagFileWriter(Protocol):
+    """One file of a bag, open for writing. Not for several threads at a time; but its attributes may be read
+    from any.
+
+    Raises BagFull if nothing more fits: `write_metadata` and `close` must still be possible then. OSError for
+    other faults.
+    """
+
+    path: Path
+    size: int
+    """Bytes in the file."""
+    starting_time: int
+    end_time: int
+
+    @property
+    def counts(self) -> Mapping[int, int]:
+        """Channel -> messages in the file."""
+        ...
+
+    @property
+    def message_count(self) -> int: ...
+
+    @property
+    def is_open(self) -> bool: ...
+
+    def write_schema(self, number: int, name: str, definition: str) -> None:
+        """A type, before the first channel of it."""
+        ...
+
+    def write_channel(self, number: int, schema: int, topic: TopicMetadata, extra: Mapping[str, str]) -> None:
+        """A topic, before its first message."""
+        ...
+
+    def write_chunk(self, chunk: Any) -> None:
+        """What a Gatherer of this storage has gathered."""
+        ...
+
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """A record of texts."""
+        ...
+
+    def close(self) -> None:
+        """Make the file whole. It is closed even if that fails."""
+        ...

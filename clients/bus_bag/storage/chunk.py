@@ -7,15 +7,12 @@ import zlib
 from array import array
 from collections.abc import Sequence
 from itertools import accumulate, repeat
-from typing import Any, TypeAlias
+from typing import Any
 
-from bus_bag.storage.bag_file import Buffer
+from bus_bag.storage.bag_file import Buffer, Stamp
 from bus_bag.storage.mcap_format import CHUNK_HEAD, MESSAGE, RECORD, Opcode
 
-__all__ = ["Chunk", "ChunkBuilder", "Stamp"]
-
-Stamp: TypeAlias = tuple[int, int, int, object, object]
-"""Publish time, log time, the publisher's number, and more that is of no matter here: a `MessageInfo`."""
+__all__ = ["Chunk", "ChunkBuilder"]
 
 LONG = 16 * 1024
 """Parts from here on stay where they are; shorter ones are joined, because each costs a look of writev."""

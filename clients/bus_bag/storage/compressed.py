@@ -10,8 +10,7 @@ from bus_bag.errors import BagError
 from bus_bag.storage.bag_file import BagFile, BagMessage, Problem
 from bus_bag.storage.decompression import decompress_frame
 from bus_bag.storage.mcap_format import package
-from bus_bag.storage.mcap_reader import McapFile
-from bus_bag.storage.sqlite_reader import SqliteFile
+from bus_bag.storage.registry import DEFAULT, find_storage
 
 __all__ = ["SUFFIX", "decompress_messages", "open_compressed"]
 
@@ -27,9 +26,7 @@ def open_compressed(path: Path) -> BagFile:
     inner = path.with_suffix("").suffix
     with tempfile.NamedTemporaryFile(prefix="busd_bag_", suffix=inner) as file:
         _decompress_file(path, file.fileno())
-        if inner == ".db3":
-            return SqliteFile(path, Path(file.name))  # which opens it before its name is gone
-        return McapFile(path, os.open(file.name, os.O_RDONLY | os.O_CLOEXEC))
+        return (find_storage(inner) or DEFAULT).open(path, Path(file.name))
 
 
 def _decompress_file(path: Path, target: int) -> None:

@@ -42,9 +42,12 @@ class Segment(msgspec.Struct):
 
 
 class McapBytes:
-    """A file that is open for reading. Raises OSError where it can't be opened."""
+    """A file that is open for reading; `content`: where its bytes are, if not at `path`.
 
-    def __init__(self, path: Path, descriptor: int | None) -> None:
+    Raises OSError where it can't be opened.
+    """
+
+    def __init__(self, path: Path, content: Path | None) -> None:
         self.path = path
         self.problems: list[Problem] = []
         self._segments: list[Segment] = []
@@ -52,7 +55,7 @@ class McapBytes:
         self._loaded_size = 0
         self._window = b""
         self._window_at = 0
-        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC) if descriptor is None else descriptor
+        self._file = os.open(content or path, os.O_RDONLY | os.O_CLOEXEC)
         self._size = os.fstat(self._file).st_size
 
     @property

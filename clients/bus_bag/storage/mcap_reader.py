@@ -42,8 +42,10 @@ _INDEX_ENTRY = struct.Struct("<HQ")
 class McapFile(McapBytes):
     """See `BagFile`. Raises BagError for what is no MCAP file, OSError where it can't be opened."""
 
-    def __init__(self, path: Path, descriptor: int | None = None) -> None:
-        super().__init__(path, descriptor)
+    storage = "mcap"
+
+    def __init__(self, path: Path, content: Path | None = None) -> None:
+        super().__init__(path, content)
         self.summary = Summary()
         self.topics: dict[str, TopicMetadata] = {}
         self.extra: dict[str, dict[str, str]] = {}

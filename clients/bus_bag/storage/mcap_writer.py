@@ -2,14 +2,13 @@
 
 Everything is appended, so a file that was cut off anywhere is readable up to its last whole chunk. Where
 nothing more fits, the file ends behind its last whole record, and can still be closed: a part of the disk
-is kept for that (`_Reserve`), and where a limit of the file's size is the reason, its last chunks make
+is kept for that (`Reserve`), and where a limit of the file's size is the reason, its last chunks make
 room.
 """
 
 import errno
 import fcntl
 import os
-import zlib
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -23,14 +22,15 @@ from bus_bag.errors import BagFull
 from bus_bag.metadata import TopicMetadata, profiles_to_text
 from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.chunk import Chunk
-from bus_bag.storage.mcap_format import MAGIC, Opcode, encode, package
+from bus_bag.storage.mcap_format import MAGIC, encode, package
+from bus_bag.storage.mcap_summary import McapSummary
+from bus_bag.storage.reserve import UNIT, Reserve
 
 __all__ = ["PRESETS", "McapWriter", "Preset"]
 
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _MAX_PIECES = 1024
 """Of one call of writev (IOV_MAX)."""
-_RESERVE = 1 << 20
 _LEAST_ROOM = 16 << 10
 """For the last metadata records, and the end."""
 
@@ -72,16 +72,12 @@ class McapWriter:
         self.end_time = 0
         self._preset = preset
         self._compressor = _compressor(preset)
-        self._schemas: dict[int, bytes] = {}
-        self._channels: dict[int, bytes] = {}
-        self._chunks: list[bytes] = []
+        self._summary = McapSummary()
         self._last: deque[_Written] = deque()
         """The chunks that can still be taken back."""
-        self._metadata: list[tuple[int, int, str]] = []
-        self._summary_size = 0
         self._is_full = False
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-        self._reserve = _Reserve(path.parent)
+        self._reserve = Reserve(path.parent)
         with suppress(OSError):  # some file systems have no locks
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # readers know by it that it goes on
         try:
@@ -105,8 +101,7 @@ class McapWriter:
 
     def add_schema(self, schema: Any) -> None:
         """The same, as a record of `mcap.records`."""
-        self._schemas[schema.id] = encode(schema)
-        self._note(self._schemas[schema.id])
+        self._append_record(self._summary.add_schema(schema))
 
     def write_channel(self, number: int, schema: int, topic: TopicMetadata, extra: Mapping[str, str]) -> None:
         """A topic, before its first message."""
@@ -125,17 +120,16 @@ class McapWriter:
 
     def add_channel(self, channel: Any) -> None:
         """The same, as a record of `mcap.records`."""
-        self._channels[channel.id] = encode(channel)
-        self._note(self._channels[channel.id])
+        self._append_record(self._summary.add_channel(channel))
 
-    def _note(self, record: bytes) -> None:
-        self._summary_size += len(record)
-        self._reserve.hold(self._summary_size)
+    def _append_record(self, record: bytes) -> None:
+        """One that is also in the summary."""
+        self._reserve.hold(self._summary.size)
         self._append([record])
 
     def write_chunk(self, chunk: Chunk) -> None:
         """Messages whose channels were written before; without these, or once the file is full, none is."""
-        if self._is_full or not chunk.index.keys() <= self._channels.keys():
+        if self._is_full or not self._summary.has_channels(chunk.index.keys()):
             return
         before = self.size
         if not self._preset.chunk_bytes:
@@ -165,7 +159,7 @@ class McapWriter:
                 uncompressed_size=chunk.size,
             )
         )
-        self._reserve.hold(self._summary_size + len(record))
+        self._reserve.hold(self._summary.size + len(record))
         self._append_chunk([head, *pieces, *indexes])
         self._count(_Written(before, chunk.counts, record, self.starting_time, self.end_time), chunk)
 
@@ -177,19 +171,18 @@ class McapWriter:
         except BagFull as full:
             self._is_full = True
             room = full.room + (0 if full.is_limit else self._reserve.size)
-            while self._last and room + before - self.size < max(3 * self._summary_size, _LEAST_ROOM):
+            while self._last and room + before - self.size < max(3 * self._summary.size, _LEAST_ROOM):
                 self._take_back()
             raise
 
     def _count(self, written: "_Written", chunk: Chunk) -> None:
         if written.record is not None:
-            self._chunks.append(written.record)
-            self._summary_size += len(written.record)
+            self._summary.add_chunk(written.record)
         self.starting_time = min(self.starting_time, chunk.start) if self.counts else chunk.start
         self.end_time = max(self.end_time, chunk.end)
         self.counts.update(written.counts)
         self._last.append(written)
-        enough = max(6 * self._summary_size, _RESERVE)
+        enough = max(6 * self._summary.size, UNIT)
         while len(self._last) > 1 and self.size - self._last[1].offset > enough:
             self._last.popleft()
 
@@ -197,8 +190,7 @@ class McapWriter:
         """A record of texts."""
         record = encode(package().Metadata(name=name, metadata=dict(values)))
         offset = self._append_surely([record])
-        self._metadata.append((offset, len(record), name))
-        self._summary_size += len(record) + 100
+        self._summary.add_metadata(offset, len(record), name)
 
     def close(self) -> None:
         """Write the summary, so that the file is whole. The file is closed even if that fails."""
@@ -217,51 +209,7 @@ class McapWriter:
 
     def _end(self) -> bytes:
         """All from the end of the data on, if that is here."""
-        records = package()
-        data_end = encode(records.DataEnd(data_section_crc=0))
-        start = self.size + len(data_end)
-        groups = [
-            (Opcode.SCHEMA, b"".join(self._schemas.values())),
-            (Opcode.CHANNEL, b"".join(self._channels.values())),
-            (Opcode.STATISTICS, encode(self._statistics())),
-            (Opcode.CHUNK_INDEX, b"".join(self._chunks)),
-            (
-                Opcode.METADATA_INDEX,
-                encode(
-                    *(
-                        records.MetadataIndex(offset=offset, length=length, name=name)
-                        for offset, length, name in self._metadata
-                    )
-                ),
-            ),
-        ]
-        offsets = []
-        position = start
-        for opcode, group in groups:
-            if group:
-                offset = records.SummaryOffset(
-                    group_opcode=opcode, group_start=position, group_length=len(group)
-                )
-                offsets.append(offset)
-                position += len(group)
-        summary = b"".join([group for _, group in groups])
-        summary_offsets = encode(*offsets)
-        footer = encode(records.Footer(summary_start=start, summary_offset_start=position, summary_crc=0))
-        crc = zlib.crc32(summary + summary_offsets + footer[:-4])
-        return b"".join((data_end, summary, summary_offsets, footer[:-4], crc.to_bytes(4, "little"), MAGIC))
-
-    def _statistics(self) -> object:
-        return package().Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=dict(self.counts),
-            chunk_count=len(self._chunks),
-            message_count=self.message_count,
-            message_start_time=self.starting_time,
-            message_end_time=self.end_time,
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
-        )
+        return self._summary.encode(self.size, self.counts, self.starting_time, self.end_time)
 
     def _append_surely(self, pieces: Sequence[Buffer], *, is_end: bool = False) -> int:
         """Append what must be there, and give up what would be nice to have; returns where it begins."""
@@ -284,9 +232,7 @@ class McapWriter:
         self.counts.subtract(written.counts)
         self.counts = +self.counts
         self.starting_time, self.end_time = written.starting_time, written.end_time
-        if written.record is not None:
-            self._chunks.pop()
-        self._metadata = [one for one in self._metadata if one[0] < written.offset]
+        self._summary.take_back(written.offset, has_chunk=written.record is not None)
         os.ftruncate(self._descriptor, written.offset)
         os.lseek(self._descriptor, written.offset, os.SEEK_SET)
         self.size = written.offset
@@ -317,43 +263,6 @@ class _Written(msgspec.Struct):
     record: bytes | None
     starting_time: int
     end_time: int
-
-
-class _Reserve:
-    """Space on the disk for the end of the file: a file without a name, which no crash leaves behind."""
-
-    def __init__(self, folder: Path) -> None:
-        self._size = 0
-        try:
-            self._descriptor = os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600)
-        except (OSError, AttributeError):
-            self._descriptor = -1  # no system for that: the file's last chunks make room
-        self.hold(0)
-
-    @property
-    def size(self) -> int:
-        """How much there is of it."""
-        return self._size
-
-    def hold(self, size: int) -> None:
-        """Have room for a summary of `size` bytes, and for the metadata, which is as long as a part of it."""
-        wanted = -(-3 * size // _RESERVE) * _RESERVE or _RESERVE
-        if self._descriptor < 0 or wanted <= self._size:
-            return
-        try:
-            os.posix_fallocate(self._descriptor, 0, wanted)
-        except (OSError, AttributeError):
-            return
-        self._size = wanted
-
-    def give_back(self) -> bool:
-        """Free it; False where there was none."""
-        if self._descriptor < 0:
-            return False
-        os.close(self._descriptor)
-        self._descriptor = -1
-        size, self._size = self._size, 0
-        return size > 0
 
 
 def _write_all(descriptor: int, pieces: Sequence[Buffer]) -> int:

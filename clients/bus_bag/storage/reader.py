@@ -20,13 +20,11 @@ from bus_bag.metadata import (
 from bus_bag.storage.bag_file import BagFile, BagMessage, Order, Problem
 from bus_bag.storage.compressed import SUFFIX as COMPRESSED
 from bus_bag.storage.compressed import decompress_messages, open_compressed
-from bus_bag.storage.mcap_reader import McapFile
 from bus_bag.storage.merge import Place, merge, timed
-from bus_bag.storage.sqlite_reader import SqliteFile
+from bus_bag.storage.registry import find_storage, storage_of, suffix_list
 
 __all__ = ["BagReader", "open_bag"]
 
-_SUFFIXES = {".mcap": "mcap", ".db3": "sqlite3"}
 _MAX_METADATA = 64 << 20
 
 
@@ -121,10 +119,10 @@ class BagReader:
         self._said = self._read_metadata(self.path / NAME)
         if self._said is not None and self._said.relative_file_paths and not self._takes_all:
             return [self._inside(name) for name in self._said.relative_file_paths]
-        found = [path for path in self.path.iterdir() if _kind(path) and path.is_file()]
+        found = [path for path in self.path.iterdir() if _is_bag_file(path) and path.is_file()]
         if not found:
             raise BagError(
-                f"'{self.path}' is no bag: there is neither a {NAME} nor a file .mcap or .db3 in it"
+                f"'{self.path}' is no bag: there is neither a {NAME} nor a file {suffix_list()} in it"
             )
         return sorted(found, key=_number_first)
 
@@ -189,7 +187,7 @@ class BagReader:
             )
         start, duration = time_span(files)
         return BagMetadata(
-            storage_identifier="sqlite3" if isinstance(self.files[0], SqliteFile) else "mcap",
+            storage_identifier=self.files[0].storage,
             starting_time=start,
             duration=duration,
             message_count=counts.total(),
@@ -216,22 +214,17 @@ def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
 
 
 def _open_file(path: Path) -> BagFile:
-    """By its name, or where that says nothing, by how it begins."""
     if path.exists() and not path.is_file():
         raise BagError(f"'{path}' is no file")
     if path.suffix == COMPRESSED:
         return open_compressed(path)
-    if path.suffix not in _SUFFIXES:
-        with path.open("rb") as file:
-            if file.read(6) == b"SQLite":
-                return SqliteFile(path)
-    return SqliteFile(path) if path.suffix == ".db3" else McapFile(path)
+    return storage_of(path).open(path)
 
 
-def _kind(path: Path) -> str:
-    """What kind of a file its name says that it is, if any of a bag."""
+def _is_bag_file(path: Path) -> bool:
+    """Whether its name is that of a file of a bag."""
     inner = path.with_suffix("") if path.suffix == COMPRESSED else path
-    return _SUFFIXES.get(inner.suffix, "")
+    return find_storage(inner.suffix) is not None
 
 
 def _number_first(path: Path) -> tuple[int, str]:

@@ -24,15 +24,16 @@ _MAGIC = b"SQLite format 3\0"
 
 
 class SqliteFile:
-    """See `BagFile`. `path` is what problems name; the file may be at another place, `at`.
+    """See `BagFile`. `path` is what problems name; its bytes may be at another place, `content`.
 
     Raises BagError for what is no such file of a bag, OSError where it can't be opened.
     """
 
+    storage = "sqlite3"
     has_index = True
     is_being_written = False  # nobody tells
 
-    def __init__(self, path: Path, at: Path | None = None) -> None:
+    def __init__(self, path: Path, content: Path | None = None) -> None:
         self.path = path
         self.summary = Summary()
         self.topics: dict[str, TopicMetadata] = {}
@@ -42,9 +43,9 @@ class SqliteFile:
         self.problems: list[Problem] = []
         self.is_cut = False
         self._names: dict[int, str] = {}
-        self._check_size(at or path)
+        self._check_size(content or path)
         try:
-            self._database = _open(at or path)
+            self._database = _open(content or path)
             self._tables = self._find_tables()
             self._read_topics()
             self._read_definitions()

@@ -9,37 +9,33 @@ from bus_bag.errors import BagError
 from bus_bag.metadata import (
     NAME,
     BagMetadata,
-    FileInformation,
     TopicInformation,
     TopicMetadata,
     time_span,
     to_record,
     to_yaml,
 )
-from bus_bag.storage.bag_file import Buffer
-from bus_bag.storage.chunk import ChunkBuilder, Stamp
-from bus_bag.storage.mcap_format import package
-from bus_bag.storage.mcap_writer import PRESETS, McapWriter
+from bus_bag.storage.bag_file import Buffer, Stamp
+from bus_bag.storage.bag_files import BagFiles
+from bus_bag.storage.registry import DEFAULT, WritableStorage
 
 __all__ = ["BagWriter", "write_metadata_file"]
 
 Job: TypeAlias = Callable[[], None]
-_UNCHUNKED = 1 << 20
-"""So many bytes are written at once where a file has no chunks."""
 _MAX_CHANNELS = 1 << 16
 
 
 class BagWriter:
-    """Writes a bag: `<folder>/<folder>_0.mcap` and so on, then metadata.yaml.
+    """Writes a bag: `<folder>/<folder>_0.mcap` and so on, as files of `storage`, then metadata.yaml.
 
     Messages are gathered in the caller's thread. What touches files are jobs, which are given to `run`, each
     with the bytes of messages that it writes: by default they run at once; a recorder hands them to a thread,
     which must run them one at a time, in order. A job raises BagFull where nothing more fits, and OSError for
     other faults; after both `write_metadata` and `close` are still to be called, so that what was written
-    becomes a readable bag.
+    becomes a readable bag. Jobs call `on_split(closed, opened)` when a further file was begun.
 
-    `preset` is one of rosbag2's profiles. Of more than `most_files` files the oldest is deleted; 0: none is.
-    Raises BagError if the folder exists, for an unknown preset, and where the package `mcap` is missing;
+    `preset` is one of the storage's. Of more than `most_files` files the oldest is deleted; 0: none is.
+    Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is missing;
     OSError if the folder can't be made.
     """
 
@@ -47,38 +43,36 @@ class BagWriter:
         self,
         folder: Path,
         *,
+        storage: WritableStorage = DEFAULT,
         preset: str = "none",
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
         most_files: int = 0,
         run: Callable[[Job, int], None] | None = None,
+        on_split: Callable[[Path, Path], object] | None = None,
     ) -> None:
-        if preset not in PRESETS:
-            valid = ", ".join(f"'{name}'" for name in PRESETS)
-            raise BagError(f"unknown MCAP storage preset profile (valid options are {valid}): {preset}")
-        package()  # before the folder: if it is missing, nothing is left behind
+        if preset not in storage.presets:
+            valid = ", ".join(f"'{name}'" for name in storage.presets)
+            kind = storage.identifier.upper()
+            raise BagError(f"unknown {kind} storage preset profile (valid options are {valid}): {preset}")
+        storage.check()  # before the folder: if it is missing, nothing is left behind
         self.folder = folder
-        self._preset = PRESETS[preset]
+        self._storage = storage
         self._custom_data = dict(custom_data or {})
         self._ros_distro = ros_distro
-        self._most_files = most_files
         self._run = run or _run_at_once
-        self._builder = ChunkBuilder()
-        self._limit = self._preset.chunk_bytes or _UNCHUNKED
+        self._on_split = on_split
+        self._builder = storage.gather()
+        self._limit = storage.chunk_bytes(preset)
         self._topics: list[tuple[int, TopicMetadata, Mapping[str, str]]] = []
         self._schemas: dict[tuple[str, str], int] = {}
-        # Of the jobs, from here on:
-        self._files: list[FileInformation] = []
-        self._past: Counter[int] = Counter()
-        self._counts_of_files: list[Mapping[int, int]] = []
-        self._number = 0
-        self._deleted: Counter[int] = Counter()
-        self._past_size = 0
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
             raise BagError(f"Output folder '{folder}' already exists.") from None
-        self._file = self._open(0)
+        self._files = BagFiles(folder, storage, preset, most_files)
+        """Only jobs change it."""
+        self._write_own_metadata()
 
     def add_topic(self, topic: TopicMetadata, definition: str, extra: Mapping[str, str] | None = None) -> int:
         """A topic to be recorded; returns its channel, for `write`.
@@ -96,8 +90,8 @@ class BagWriter:
 
         def add() -> None:
             if is_new:
-                self._file.write_schema(schema, topic.type, definition)
-            self._file.write_channel(channel, *entry)
+                self._files.present.write_schema(schema, topic.type, definition)
+            self._files.present.write_channel(channel, *entry)
 
         self._run(add, 0)
         return channel
@@ -134,7 +128,7 @@ class BagWriter:
         """Have written what was gathered."""
         chunk = self._builder.close()
         if chunk is not None:
-            self._run(lambda: self._file.write_chunk(chunk), chunk.size)
+            self._run(lambda: self._files.present.write_chunk(chunk), chunk.size)
 
     def split(self) -> None:
         """Go on in the next file."""
@@ -142,14 +136,17 @@ class BagWriter:
         topics, schemas = list(self._topics), dict(self._schemas)
 
         def split() -> None:
+            closed = self._files.present.path
             self._close_file()
-            self._delete_oldest()
-            self._number += 1
-            self._file = self._open(self._number)
+            self._files.open_next()
+            self._write_own_metadata()
+            file = self._files.present
             for (name, definition), number in schemas.items():
-                self._file.write_schema(number, name, definition)
+                file.write_schema(number, name, definition)
             for channel, entry in enumerate(topics):
-                self._file.write_channel(channel, *entry)
+                file.write_channel(channel, *entry)
+            if self._on_split is not None:
+                self._on_split(closed, file.path)
 
         self._run(split, 0)
 
@@ -157,7 +154,7 @@ class BagWriter:
         """Add a record of texts to the present file, behind what was written."""
         self.flush()
         kept = dict(values)
-        self._run(lambda: self._file.write_metadata(name, kept), 0)
+        self._run(lambda: self._files.present.write_metadata(name, kept), 0)
 
     def close(self) -> None:
         """Close the last file and write metadata.yaml."""
@@ -177,29 +174,30 @@ class BagWriter:
     @property
     def size(self) -> int:
         """Bytes in all files, without what is still gathered or waits for a job."""
-        return self._past_size + (self._file.size if self._file.is_open else 0)
+        return self._files.size
 
     def counts(self) -> dict[str, int]:
         """Topic -> messages in the files, also in those deleted since; what waits or was lost is not in
         it."""
-        present = self._file.counts if self._file.is_open else {}
-        counts: Counter[str] = Counter()
+        return dict(self._by_topic(self._files.counts()))
+
+    def _by_topic(self, counts: Mapping[int, int]) -> Counter[str]:
+        """The same for names of topics, of which one may have several channels."""
+        found: Counter[str] = Counter()
         for channel, (_, topic, _) in enumerate(list(self._topics)):
-            counts[topic.name] += self._past[channel] + present.get(channel, 0)
-        return dict(counts)
+            found[topic.name] += counts.get(channel, 0)
+        return found
 
     def metadata(self) -> BagMetadata:
         """Of all that is in the files. For jobs, or once all jobs have run."""
-        files = [*self._files, *([self._information()] if self._file.is_open else [])]
+        files = self._files.information()
         start, duration = time_span(files)
-        counts = Counter(self.counts())
-        for channel, (_, topic, _) in enumerate(list(self._topics)):
-            counts[topic.name] -= self._deleted[channel]
+        counts = self._by_topic(self._files.counts_there())
         topics: dict[str, TopicInformation] = {}
         for _, topic, _ in list(self._topics):
             topics.setdefault(topic.name, TopicInformation(topic, counts[topic.name]))
         return BagMetadata(
-            storage_identifier="mcap",
+            storage_identifier=self._storage.identifier,
             starting_time=start,
             duration=duration,
             message_count=sum(file.message_count for file in files),
@@ -210,37 +208,14 @@ class BagWriter:
             ros_distro=self._ros_distro,
         )
 
-    def _open(self, number: int) -> McapWriter:
-        file = McapWriter(self.folder / f"{self.folder.name}_{number}.mcap", self._preset)
-        self._file = file
-        file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
-        return file
+    def _write_own_metadata(self) -> None:
+        """What is known of the whole bag, into the present file."""
+        self._files.present.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
 
     def _close_file(self) -> None:
-        file = self._file
-        if not file.is_open:  # there was no room for a further one
-            return
-        file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
-        try:
-            file.close()
-        finally:
-            self._files.append(self._information())
-            self._past.update(file.counts)
-            self._counts_of_files.append(dict(file.counts))
-            self._past_size += file.size
-
-    def _delete_oldest(self) -> None:
-        """Make room for the next file."""
-        while self._most_files and len(self._files) >= self._most_files:
-            (self.folder / self._files[0].path).unlink(missing_ok=True)
-            del self._files[0]
-            self._deleted.update(self._counts_of_files.pop(0))
-
-    def _information(self) -> FileInformation:
-        file = self._file
-        return FileInformation(
-            file.path.name, file.starting_time, file.end_time - file.starting_time, file.message_count
-        )
+        if self._files.present.is_open:  # else there was no room for a further one
+            self._write_own_metadata()
+            self._files.close()
 
 
 def write_metadata_file(folder: Path, metadata: BagMetadata) -> None:

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import aclosing, suppress
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.errors import ConfigurationError
 from bus.graph import Graph
 from bus.node import Node

@@ -3,15 +3,16 @@
 Owns what waits, and what became of each message. Must not know nodes, taps or the graph.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from bus.endpoint import summed
+from bus.endpoint.core import summed
 from bus.qos import History, QoSProfile
 from bus.vocabulary import DropReason
+from bus_bridge.batch import Batch, Loose
 from bus_bridge.core.accounts import Account
+from bus_bridge.core.continuity import Continuity, ContinuityEvent
 from bus_bridge.core.waiting import RateLimit, Waiting
-from bus_bridge.engine import RouteRule, Sample, Writer
-from bus_bridge.packed import number_and_time, payload_bytes
+from bus_bridge.engine import RouteRule, Writer
 
 __all__ = ["PATIENCE_S", "Export"]
 
@@ -46,18 +47,14 @@ class Export:
         self.writer: Writer | None = None
         self._lost_before: dict[str, int] = {}
         """By reason, what earlier writers had and lost."""
-        self._is_fresh = True
-        """What comes next may begin anywhere: there was no tap before."""
-        self._is_back = False
-        """What is missing before the next message was published while a far subscription was cut off."""
+        self._continuity = Continuity()
         self._depth = depth
         self._patience = depth
         """How many messages may wait for the way to be made."""
-        self._is_lossless = is_lossless
+        self.is_lossless = is_lossless
         self._is_matched = is_matched
         self._on_free = on_free
         self._waiting = Waiting(_most_bytes(is_lossless=is_lossless))
-        self._last = 0
         self._waits_since_s: float | None = None
         self._is_given_up = False
         self._limit: RateLimit | None = None
@@ -65,7 +62,7 @@ class Export:
     def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
         """The publisher is shown to the far side."""
         self.writer = writer
-        self._is_lossless = qos.is_lossless
+        self.is_lossless = qos.is_lossless
         self._waiting.max_bytes = _most_bytes(is_lossless=qos.is_lossless)
         self._patience = min(qos.depth, self._depth) if qos.history is History.KEEP_LAST else self._depth
         self._limit = None if rule.max_rate_hz is None else RateLimit(rule.max_rate_hz)
@@ -73,7 +70,7 @@ class Export:
 
     @property
     def waiting(self) -> int:
-        return len(self._waiting)
+        return self._waiting.count
 
     @property
     def sent(self) -> int:
@@ -93,7 +90,7 @@ class Export:
     def is_full(self) -> bool:
         """Whether its publisher is to wait: no more has room here, and nothing must be lost."""
         waiting = self._waiting
-        return self._is_lossless and (len(waiting) >= self._depth or waiting.bytes >= _LOSSLESS_BYTES)
+        return self.is_lossless and (waiting.count >= self._depth or waiting.bytes >= _LOSSLESS_BYTES)
 
     @property
     def is_flowing(self) -> bool:
@@ -101,49 +98,43 @@ class Export:
 
     def begin(self, *, is_back: bool) -> None:
         """There are taps again. `is_back`: for a far subscription that was here before."""
-        self._is_fresh, self._is_back = self._is_fresh or not is_back, is_back
+        self._continuity.on(ContinuityEvent.INTERRUPT if is_back else ContinuityEvent.RESTART)
 
-    def put(self, samples: Sequence[Sample]) -> None:
+    def put(self, batch: Batch) -> None:
         """The next messages of the publisher, in order."""
         account = self.account
-        account.taken += len(samples)
-        first, last = number_and_time(samples, 0)[0], number_and_time(samples, -1)[0]
-        if first <= self._last:  # a transient local publisher's history, to another tap
-            fresh = [sample for sample in samples if sample.number > self._last]
-            account.drop(DropReason.REPEATED, len(samples) - len(fresh))
-            if not fresh:
+        account.taken += batch.count
+        if not self._continuity.follows(batch):
+            fresh = self._new_ones(batch)
+            if fresh is None:
                 return
-            samples = fresh
-        elif not self._is_fresh and (missing := last - self._last - len(samples)) > 0:
-            account.taken += missing
-            account.drop(DropReason.NOT_WANTED if self._is_back else DropReason.REPLACED, missing)
-        self._is_fresh = self._is_back = False
-        self._last = last
+            batch = fresh
         if self._limit is not None:
-            passing = self._limit.passing(samples)
-            account.drop(DropReason.RATE_LIMIT, len(samples) - len(passing))
-            if not passing:
+            passing = Loose.some(self._limit.passing(batch))
+            account.drop(DropReason.RATE_LIMIT, batch.count - (0 if passing is None else passing.count))
+            if passing is None:
                 return
-            samples = passing
+            batch = passing
         writer = self.writer
-        if writer is not None and not self._waiting and writer.is_wanted:
-            sent = self._write(writer, samples)
-            if sent == len(samples):
+        if writer is not None and not self._waiting.count and writer.is_wanted:
+            sent = self._write(writer, batch)
+            if sent == batch.count:
                 return
-            samples = samples[sent:]
-        self._wait(samples)
+            batch = batch.after(sent)
+        self._wait(batch)
 
     def flush(self) -> None:
         """The writer can take more, perhaps, or is wanted no longer; or a match has come or gone."""
         waiting, writer = self._waiting, self.writer
         was_full, has_room = self.is_full, True
         self._is_given_up &= not self.is_flowing
-        while waiting and has_room and writer is not None and writer.is_wanted:
-            samples = waiting.first(_AT_ONCE)
-            sent = self._write(writer, samples)
+        while waiting.count and has_room and writer is not None and writer.is_wanted:
+            batch = waiting.first(_AT_ONCE)
+            assert batch is not None
+            sent = self._write(writer, batch)
             waiting.remove(sent)
-            has_room = sent == len(samples)
-        if waiting and writer is not None and not writer.is_wanted and not self._is_matched(self.gid):
+            has_room = sent == batch.count
+        if waiting.count and writer is not None and not writer.is_wanted and not self._is_matched(self.gid):
             self.account.drop(DropReason.NOT_WANTED, waiting.clear())
         if was_full and not self.is_full:
             self._on_free(self.gid)
@@ -177,22 +168,37 @@ class Export:
         self.detach()
         self._on_free(self.gid)
 
-    def _wait(self, samples: Sequence[Sample]) -> None:
+    def _new_ones(self, batch: Batch) -> Batch | None:
+        """The messages of `batch` that had not come before. Missing ones were lost in the tap, or published
+        while a far subscription was cut off."""
+        continuity, account = self._continuity, self.account
+        is_jump = batch.first_number > continuity.last  # otherwise a history comes again, to another tap
+        found = continuity.jump(batch) if is_jump else continuity.classify(batch)
+        account.taken += found.lost + found.missed
+        account.drop(DropReason.REPEATED, found.repeated)
+        account.drop(DropReason.REPLACED, found.lost)
+        account.drop(DropReason.NOT_WANTED, found.missed)
+        return found.batch
+
+    def _wait(self, batch: Batch) -> None:
         writer, depth = self.writer, self._depth
         if writer is None or not writer.is_wanted:
             if self._is_given_up or not self._is_matched(self.gid):
-                self.account.drop(DropReason.NOT_WANTED, len(samples))
+                self.account.drop(DropReason.NOT_WANTED, batch.count)
                 return
             depth = self._patience
-        replaced, over = self._waiting.put(samples, None if self._is_lossless else depth)
+        replaced, over = self._waiting.put(batch, None if self.is_lossless else depth)
         self.account.drop(DropReason.REPLACED, replaced)
         self.account.drop(DropReason.MEMORY_LIMIT, over)
 
-    def _write(self, writer: Writer, samples: Sequence[Sample]) -> int:
-        sent = writer.write(samples)
+    def _write(self, writer: Writer, batch: Batch) -> int:
+        sent = writer.write(batch)
         account = self.account
         account.sent += sent
-        account.bytes += payload_bytes(samples if sent == len(samples) else samples[:sent])
+        if sent == batch.count:
+            account.bytes += batch.payload_bytes
+        elif sent:
+            account.bytes += batch.payload_bytes - batch.after(sent).payload_bytes
         return sent
 
 

@@ -4,25 +4,24 @@ There are taps for a topic and type while a far subscription is shown here. Owns
 """
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import msgspec
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.events import SubscriptionEvents
 from bus.node import Node
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.schema import MessageSchema, depth_for
 from bus.subscription import Subscription
+from bus_bridge.batch import Batch
 from bus_bridge.core.export import PATIENCE_S, Export
 from bus_bridge.core.local_graph import Shown
-from bus_bridge.core.pace import GATHER_S, Pace
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, RouteRule, Sample, Writer
+from bus_bridge.core.taps import Taps
+from bus_bridge.engine import RouteRule, Writer
 from bus_bridge.errors import in_words
-from bus_bridge.packed import Packed
 
 __all__ = ["Exports", "TopicExports", "TypedTopic"]
 
@@ -75,25 +74,21 @@ class TopicExports:
         meanwhile."""
         self.holders = 0
         """How many far subscriptions need the taps."""
-        self.taps: list[Subscription[Any]] = []
+        self.taps = Taps(self._put)
         self.depth = depth
-        self.opening = asyncio.Lock()
         self.early: dict[bytes, float] = {}
         """Publishers whose messages came before a graph has shown them: when the first did."""
         self.met: dict[bytes, Match] = {}
         """Publishers that no graph has shown yet, as they were when they met a tap."""
-        self.full: set[bytes] = set()
-        """Lossless publishers that wait until there is room."""
         self._knows = knows
         self._hides = hides
         self._on_trouble = on_trouble
         self._unsure = unsure
-        """Ways out to be swept: these are among them while there is something `early`, `met` or `full`."""
+        """Ways out to be swept: these are among them while something is `early` or `met`, or a publisher is
+        held back."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
-        self._loop = asyncio.get_running_loop()
         self._sent_by_gone = 0
-        self._due: set[Subscription[Any]] = set()
 
     def is_matched(self, gid: bytes) -> bool:
         """Whether a far subscription is matched with this publisher, or may have been until that left."""
@@ -124,17 +119,12 @@ class TopicExports:
         """How many messages have gone out."""
         return self._sent_by_gone + sum(one.account.sent for one in self.exports.values())
 
-    @property
-    def has_news(self) -> bool:
-        """Whether something has come that was not taken yet."""
-        return any(tap.statistics().queued for tap in self.taps)
-
     def export(self, gid: bytes, *, is_lossless: bool = False) -> Export:
         """That of a publisher, made when it is first asked for."""
         found = self.exports.get(gid)
         if found is None:
             found = self.exports[gid] = Export(
-                gid, self.depth, self.is_matched, self._on_free, is_lossless=is_lossless
+                gid, self.depth, self.is_matched, self.taps.release, is_lossless=is_lossless
             )
         return found
 
@@ -149,91 +139,25 @@ class TopicExports:
         for export in self.exports.values():
             export.begin(is_back=is_back)
         self.met = {gid: match for gid, match in self.met.items() if not self._knows(gid)}
-        for tap in self.taps:
-            for gid in self.full if tap.qos.is_lossless else ():
-                tap.hold_back(gid)
-            on_arrival = (
-                partial(self._arrive, tap, Pace()) if tap.qos.is_lossless else partial(self.take, tap)
-            )
-            tap.set_arrival_callback(on_arrival)
-            self.take(tap)
+        self.taps.begin()
 
-    def _arrive(self, tap: Subscription[Any], pace: Pace) -> None:
-        """Something lossless has come."""
-        if pace.is_gathering:
-            return
-        if pace.leaves(self._loop.time()):
-            self.take(tap)
-        else:
-            self._loop.call_later(GATHER_S, self._take_gathered, tap, pace)
-
-    def _take_gathered(self, tap: Subscription[Any], pace: Pace) -> None:
-        pace.gathered(self._loop.time())
-        if tap in self.taps:
-            self.take(tap)
-
-    def take(self, tap: Subscription[Any]) -> None:
-        """What has come may be taken now."""
-        pack = tap.take_packed(PACK_BYTES, LONG_BYTES) or tap.take_packed(LONG_PACK_BYTES, LONG_PACK_BYTES)
-        if pack is not None:
-            if pack.has_more:
-                self._take_on(tap)  # others have their turn first
-            self._put(tap, pack.publisher_gid, Packed.taken(pack))
-            return
-        batch = tap.take_many(_BATCH)
-        if not batch:
-            return
-        if len(batch) == _BATCH:
-            self._take_on(tap)  # others have their turn first
-        groups: dict[bytes, list[Sample]] = {}
-        gid: bytes | None = None
-        add: Callable[[Sample], None]
-        for payload, info in batch:
-            if info[4] is not gid:
-                gid = info[4]
-                add = groups.setdefault(gid, []).append
-            add(_new_sample(Sample, (payload, info[2], info[0])))
-        for gid, samples in groups.items():
-            self._put(tap, gid, samples)
-
-    def _put(self, tap: Subscription[Any], gid: bytes, samples: Sequence[Sample]) -> None:
+    def _put(self, tap: Subscription[Any], gid: bytes, batch: Batch) -> None:
         export = self.exports.get(gid) or self._early(gid, is_lossless=tap.qos.is_lossless)
         if export is not None:
             try:
-                export.put(samples)
+                export.put(batch)
             except Exception as error:  # one way out must not end the others
                 self._on_trouble(f"'{self.topic.name}': {in_words(error)}")
-            if export.is_full and gid not in self.full:
-                self.full.add(gid)
+            if export.is_lossless and export.is_full and gid not in self.taps.full:
+                self.taps.hold_back(gid)
                 self._unsure.add(self)
-                for one in self._lossless_taps:
-                    one.hold_back(gid)
 
     def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
         if self._hides(gid):  # one that is to be seen may not be shown yet
             return None
-        self.early[gid] = self._loop.time()
+        self.early[gid] = asyncio.get_running_loop().time()
         self._unsure.add(self)
         return self.export(gid, is_lossless=is_lossless)
-
-    def _on_free(self, gid: bytes) -> None:
-        self.full.discard(gid)
-        for tap in self._lossless_taps:
-            tap.release(gid)
-
-    @property
-    def _lossless_taps(self) -> list[Subscription[Any]]:
-        return [tap for tap in self.taps if tap.qos.is_lossless]
-
-    def _take_on(self, tap: Subscription[Any]) -> None:
-        if tap not in self._due:
-            self._due.add(tap)
-            self._loop.call_soon(self._take_now, tap)
-
-    def _take_now(self, tap: Subscription[Any]) -> None:
-        self._due.discard(tap)
-        if tap in self.taps:
-            self.take(tap)
 
 
 class Exports:
@@ -331,7 +255,7 @@ class Exports:
             nonlocal sent, end_s
             if export.account.sent != sent:  # it goes on, however slowly
                 sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
-            if (export.waiting or route.has_news) and self._loop.time() < end_s:
+            if (export.waiting or route.taps.has_news) and self._loop.time() < end_s:
                 self._leaving[export] = self._loop.call_later(_LOOK_S, look), on_closed
                 return
             if export.waiting:
@@ -352,7 +276,7 @@ class Exports:
         route = self.route(topic, schema)
         route.holders += 1
         try:
-            async with route.opening:
+            async with route.taps.opening:
                 if not route.taps:
                     await self._open_taps(route, is_back=gid in route.away)
         except BaseException:
@@ -369,10 +293,9 @@ class Exports:
         while len(route.away) > _MOST_REMEMBERED:
             del route.away[next(iter(route.away))]
         try:
-            async with route.opening:
+            async with route.taps.opening:
                 if not route.holders:
-                    taps, route.taps = route.taps, []
-                    await asyncio.gather(*(tap.close() for tap in taps))
+                    await asyncio.gather(*(tap.close() for tap in route.taps.replace([])))
         finally:
             route.matches_changed()
             self._drop_unused(route)
@@ -392,7 +315,7 @@ class Exports:
             for tap in taps:
                 await tap.close()
             raise
-        route.taps = taps
+        route.taps.replace(taps)
         route.begin(is_back=is_back)
 
     async def _open_tap(self, route: TopicExports, profile: QoSProfile) -> Subscription[Any]:
@@ -430,7 +353,10 @@ class Exports:
                         "its messages are dropped until somebody does"
                     )
             self._drop_unused(route)
-            if not (route.met or route.early or route.full) or self._routes.get(route.topic) is not route:
+            if (
+                not (route.met or route.early or route.taps.full)
+                or self._routes.get(route.topic) is not route
+            ):
                 self._unsure.discard(route)
 
     def close(self) -> None:
@@ -438,7 +364,7 @@ class Exports:
         for timer, _ in self._leaving.values():
             timer.cancel()
         for route in self._routes.values():
-            route.taps = []
+            route.taps.replace([])
             for export in route.exports.values():
                 export.close()
         self._routes.clear()

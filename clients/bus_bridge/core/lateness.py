@@ -7,6 +7,8 @@ took next to no time: by how much another was later than that, so old it was.
 __all__ = ["Lateness"]
 
 _WINDOW_NS = 30_000_000_000
+_STEP_NS = 100_000_000
+"""By so much a publisher's times may fall from one message to the next without its clock having been set."""
 
 
 class Lateness:
@@ -20,12 +22,11 @@ class Lateness:
         self._before_ns: int | None = None  # in the window before
         self._since_ns = 0
 
-    def forget(self) -> None:
-        """The far clock was set back: what was seen of it says nothing any more."""
-        self._least_ns = self._before_ns = None
-
-    def note(self, now_ns: int, source_ns: int) -> None:
-        """A message came; of many that come together, the newest is enough."""
+    def note(self, now_ns: int, source_ns: int, before_ns: int = 0) -> None:
+        """A message came; of many that come together, the newest is enough. `before_ns`: the source time of
+        its publisher's message before it; 0 if there was none."""
+        if source_ns < before_ns - _STEP_NS:  # the far clock was set back: what was learned is wrong
+            self._least_ns = self._before_ns = None
         if now_ns - self._since_ns > _WINDOW_NS:
             is_next = now_ns - self._since_ns <= 2 * _WINDOW_NS
             self._before_ns = self._least_ns if is_next else None

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.names import split_node_name

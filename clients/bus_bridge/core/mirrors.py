@@ -24,6 +24,7 @@ from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Pasts
 from bus_bridge.core.schemas import Schemas
+from bus_bridge.core.staying import NEVER_S, Retry, Stays
 from bus_bridge.engine import Engine
 from bus_bridge.errors import in_words
 
@@ -33,15 +34,6 @@ T = TypeVar("T")
 
 _AT_ONCE = 64
 _CLOSE_S = 1.0
-_FIRST_RETRY_S, _LONGEST_RETRY_S = 1.0, 4.0
-_LINGER_S = 60.0
-"""How long a transient local publisher stays when the link to its bus ends: when it is back by then, those
-that have its messages don't get them again."""
-_GONE_S = 0.5
-"""How long after one has gone it may turn out that the link to its bus has ended."""
-_RETURN_S = 5.0
-"""Once the bus is back, it has so long to show it."""
-_NEVER_S = float("inf")
 
 
 class NodeMirror:
@@ -50,8 +42,7 @@ class NodeMirror:
     def __init__(self, far: MirroredNode) -> None:
         self.far = far
         self.node: Node | None = None
-        self.failures = 0
-        self.retry_s = 0.0
+        self.retry = Retry()
 
 
 class EndpointMirror:
@@ -68,8 +59,7 @@ class EndpointMirror:
         """Of messages to a subscription."""
         self.sent_before = 0
         """What had gone that route before the subscription was there."""
-        self.failures = 0
-        self.retry_s = 0.0
+        self.retry = Retry()
         self.gone_s = 0.0
         """Since when a transient local publisher is missing on its bus; 0 while it is there."""
         self.is_leaving = False
@@ -111,8 +101,7 @@ class Mirrors:
         """Publishers that have gone and have messages left."""
         self._lateness: dict[str, Lateness] = {}
         self._pasts = Pasts()
-        self._stays_s: dict[str, float] = {}
-        """By bus: until when its transient local publishers stay though the link has ended."""
+        self._stays = Stays()
         self._is_due = asyncio.Event()
         self._timer: asyncio.TimerHandle | None = None
         schemas.on_found = self.look
@@ -133,12 +122,11 @@ class Mirrors:
 
     def bus_came(self, bus: str) -> None:
         """It is there, perhaps again. To be followed by `look`."""
-        if bus in self._stays_s:
-            self._stays_s[bus] = min(self._stays_s[bus], self._loop.time() + _RETURN_S)
+        self._stays.bus_came(bus, self._loop.time())
 
     def bus_went(self, bus: str) -> None:
         """The link to it has ended. To be called before `look`."""
-        self._stays_s[bus] = self._loop.time() + _LINGER_S
+        self._stays.bus_went(bus, self._loop.time())
         self._lateness.pop(bus, None)
 
     async def run(self) -> None:
@@ -175,7 +163,7 @@ class Mirrors:
             self._nodes.setdefault(far.key, NodeMirror(far))
         now_s = self._loop.time()
         closed = [one for one in self._nodes.values() if one.node is None and not self._is_gone(one)]
-        await self._each([one for one in closed if one.retry_s <= now_s], self._open_node)
+        await self._each([one for one in closed if one.retry.at_s <= now_s], self._open_node)
         # A service's client has its subscription for answers here before its requests come.
         await self._each(self._missing("subscription"), self._open_endpoint)
         await self._each(self._missing("publisher"), self._open_endpoint)
@@ -208,7 +196,7 @@ class Mirrors:
         if not is_kept:
             return 0.0
         mirror.gone_s = mirror.gone_s or self._loop.time()
-        return max(self._stays_s.get(mirror.node.far.bus, 0.0), mirror.gone_s + _GONE_S)
+        return self._stays.until(mirror.node.far.bus, mirror.gone_s)
 
     def _take_over_nodes(self) -> None:
         """What is left of a bus whose bridge is back stands for the nodes that it shows now."""
@@ -219,7 +207,8 @@ class Mirrors:
             known = self._nodes.get(key)
             if (known is None or known.far is not far) and far.identity in lost:
                 mirror = self._nodes.pop(lost.pop(far.identity))
-                mirror.far, mirror.retry_s = far, 0.0
+                mirror.far = far
+                mirror.retry.hurry()
                 self._nodes[key] = mirror
 
     def _take_over_endpoints(self) -> None:
@@ -245,7 +234,7 @@ class Mirrors:
             unready = {
                 one.node.far.key
                 for one in self._endpoints.values()
-                if not one.is_publisher and not one.is_open and not one.failures
+                if not one.is_publisher and not one.is_open and not one.retry.failures
             }
         for gid, far in self._far.endpoints.items():
             if far.far.kind != kind:
@@ -256,10 +245,10 @@ class Mirrors:
                 if node is None or node.node is None:
                     continue
                 mirror = self._endpoints[gid] = EndpointMirror(far, node)
-            if mirror.far is not far or mirror.is_open or mirror.retry_s > now_s:
+            if mirror.far is not far or mirror.is_open or mirror.retry.at_s > now_s:
                 continue
-            if mirror.failures and self._knows(gid):  # it has come by another way, and is still there
-                self._count_failure(mirror)
+            if mirror.retry.failures and self._knows(gid):  # it has come by another way, and is still there
+                mirror.retry.fail(now_s)
                 continue
             try:
                 schema = self._schemas.get(far.far)
@@ -273,17 +262,15 @@ class Mirrors:
     def _arm(self) -> None:
         """Look again when something is to be tried again, or need not stay any longer."""
         now_s = self._loop.time()
-        retries = [one.retry_s for one in self._nodes.values()]
-        retries += [one.retry_s for one in self._endpoints.values()]
-        retries += [one.gone_s + _GONE_S for one in self._endpoints.values() if one.gone_s]
-        due_s = min((one for one in retries if one > now_s), default=_NEVER_S)
-        if any(until_s > now_s for until_s in self._stays_s.values()):
-            due_s = min(due_s, *(one for one in self._stays_s.values() if one > now_s))
-        self._stays_s = {bus: until_s for bus, until_s in self._stays_s.items() if until_s > now_s}
+        times = [one.retry.at_s for one in self._nodes.values()]
+        times += [one.retry.at_s for one in self._endpoints.values()]
+        times += [self._stays.least(one.gone_s) for one in self._endpoints.values() if one.gone_s]
+        due_s = min((one for one in times if one > now_s), default=NEVER_S)
+        due_s = min(due_s, self._stays.next_end(now_s))
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        if due_s < _NEVER_S:
+        if due_s < NEVER_S:
             self._timer = self._loop.call_later(due_s - now_s + 0.01, self.look)
 
     # --- single steps
@@ -296,11 +283,11 @@ class Mirrors:
             node = self._make_node(far.name, far.namespace, Origin(self._engine.name, far.bus, far.via))
             await node.open()
         except Exception as error:
-            self._count_failure(mirror)
+            mirror.retry.fail(self._loop.time())
             self._warn(f"node {_full_name(far)} of '{far.bus}' can't be shown here: {in_words(error)}")
             return
         mirror.node = node
-        mirror.failures = 0
+        mirror.retry.succeed()
 
     async def _close_node(self, mirror: NodeMirror) -> None:
         if self._nodes.get(mirror.far.key) is mirror:
@@ -322,7 +309,7 @@ class Mirrors:
         except Exception as error:
             self._fail(mirror, error)
         else:
-            mirror.failures = 0
+            mirror.retry.succeed()
 
     async def _open_publisher(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
         far = mirror.far
@@ -433,17 +420,12 @@ class Mirrors:
         return qos
 
     def _fail(self, mirror: EndpointMirror, error: Exception) -> None:
-        self._count_failure(mirror)
+        mirror.retry.fail(self._loop.time())
         far = mirror.far
         self._warn(
             f"the {far.far.kind} of {_full_name(far.node)} of '{far.node.bus}' on '{far.topic}' can't be "
             f"shown here: {in_words(error)}"
         )
-
-    def _count_failure(self, mirror: NodeMirror | EndpointMirror) -> None:
-        mirror.failures += 1
-        pause_s = min(_FIRST_RETRY_S * 2 ** min(mirror.failures - 1, 8), _LONGEST_RETRY_S)
-        mirror.retry_s = self._loop.time() + pause_s
 
 
 def _full_name(far: MirroredNode) -> str:

@@ -1,12 +1,11 @@
 """Messages that wait for their way, bounded in number and bytes, and the rates that rules allow. Pure."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable
 from itertools import islice
-from typing import cast
 
-from bus_bridge.engine import Sample
-from bus_bridge.packed import Packed, payload_bytes
+from bus_bridge.batch import Batch, Loose, Sample
+from bus_bridge.packed import Packed
 
 __all__ = ["RateLimit", "Waiting"]
 
@@ -25,73 +24,64 @@ class Waiting:
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
         self._parts: deque[Sample | Packed] = deque()
-        self._count = 0
-        self._bytes = 0
+        self.count = 0
+        """Of messages."""
+        self.bytes = 0
 
-    def __len__(self) -> int:
-        return self._count
-
-    @property
-    def bytes(self) -> int:
-        return self._bytes
-
-    def put(self, samples: Sequence[Sample], depth: int | None) -> tuple[int, int]:
+    def put(self, batch: Batch, depth: int | None) -> tuple[int, int]:
         """Put them behind the others; the oldest beyond the bounds go. `depth` None: as many as there are.
 
         Returns how many went because of the depth, and how many because of the memory.
         """
-        if not samples:
-            return 0, 0
-        if type(samples) is Packed:
-            self._parts.append(samples)
+        if batch.__class__ is Packed:
+            self._parts.append(batch)
         else:
-            self._parts += samples
-        self._count += len(samples)
-        self._bytes += payload_bytes(samples)
-        replaced = 0 if depth is None else max(0, self._count - depth)
+            self._parts += batch
+        self.count += batch.count
+        self.bytes += batch.payload_bytes
+        replaced = 0 if depth is None else max(0, self.count - depth)
         self.remove(replaced)
         over = 0
-        while self._bytes > self.max_bytes and self._count > 1:
+        while self.bytes > self.max_bytes and self.count > 1:
             self.remove(1)
             over += 1
-        if (many := self._count - _MOST_MESSAGES) > 0:
+        if (many := self.count - _MOST_MESSAGES) > 0:
             self.remove(many)
             over += many
         return replaced, over
 
-    def first(self, limit: int) -> Sequence[Sample]:
-        """Some of the oldest, `limit` at most if they are not packed; they stay."""
-        first = self._parts[0] if self._parts else None
-        if type(first) is Packed:
+    def first(self, limit: int) -> Batch | None:
+        """Some of the oldest, `limit` at most if they are not packed; they stay. None if nothing waits."""
+        if self._parts and isinstance(first := self._parts[0], Packed):
             return first
         found = list[Sample]()
         for part in islice(self._parts, limit):
-            if type(part) is Packed:
+            if isinstance(part, Packed):
                 break
-            found.append(cast("Sample", part))
-        return found
+            found.append(part)
+        return Loose.some(found)
 
     def remove(self, count: int) -> None:
         """The oldest `count` have gone on."""
-        self._count -= count
+        self.count -= count
         while count:
             part = self._parts.popleft()
             if not isinstance(part, Packed):
-                self._bytes -= len(part.payload)
+                self.bytes -= len(part.payload)
                 count -= 1
                 continue
-            self._bytes -= part.payload_bytes
-            if count < len(part):
+            self.bytes -= part.payload_bytes
+            if count < part.count:
                 rest = part.after(count)
-                self._bytes += rest.payload_bytes
+                self.bytes += rest.payload_bytes
                 self._parts.appendleft(rest)
-            count -= min(count, len(part))
+            count -= min(count, part.count)
 
     def clear(self) -> int:
         """Returns how many waited."""
-        count = self._count
+        count = self.count
         self._parts.clear()
-        self._count = self._bytes = 0
+        self.count = self.bytes = 0
         return count
 
 
@@ -103,7 +93,7 @@ class RateLimit:
         self._slack_ns = int(self._period_ns * _SLACK)
         self._due_ns = -_NEVER_NS
 
-    def passing(self, samples: Sequence[Sample]) -> list[Sample]:
+    def passing(self, samples: Iterable[Sample]) -> list[Sample]:
         """Those of `samples`, which come in order, that may go on."""
         return [sample for sample in samples if self._passes(sample.source_time_ns)]
 

@@ -11,6 +11,7 @@ from bus.base.counted import counted
 from bus.names import request_topic, service_of_topic
 from bus.qos import Liveliness
 from bus.schema import MessageSchema
+from bus_bridge.batch import Batch
 from bus_bridge.dds.discovery import ENCLAVE, MARK, NO_SERVICES, Discovery
 from bus_bridge.dds.graph import DomainGraph, NodeEntities
 from bus_bridge.dds.known_types import KnownType, KnownTypes
@@ -30,7 +31,6 @@ from bus_bridge.engine import (
     LocalNode,
     Reader,
     RouteRule,
-    Sample,
     Writer,
 )
 from bus_bridge.errors import BridgeError, NotCarried
@@ -154,13 +154,13 @@ class DdsEngine:
         self,
         endpoint: FarEndpoint,
         schema: MessageSchema,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> Reader:
         handle = self._discovery.handles.get(endpoint.gid)
         if handle is None:
             raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
         known = self._learn(schema)
-        way = FarWay(self._ways, endpoint.gid, handle, topic_to_dds(endpoint.topic), known, on_samples)
+        way = FarWay(self._ways, endpoint.gid, handle, topic_to_dds(endpoint.topic), known, on_batch)
         self._ways.begin(way)
         return way
 

@@ -1,27 +1,24 @@
 """`ros_discovery_info`: what the participants of ROS 2 say of their nodes, and what we say of ours.
 
-Owns: our writer, our readers, and in which of the two forms they speak. What is said is in `graph`.
+Owns: our readers, and which of the two forms our writer speaks. The topic's endpoints are made in
+`node_topic`, and what is said is in `graph`.
 """
 
 import asyncio
-import time
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Final
 
 from bus_bridge.dds import raw
-from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode, encode
-from bus_bridge.dds.names import GRAPH_TOPIC, GRAPH_TYPE_HASH, type_to_dds, user_data
+from bus_bridge.dds.graph import GID_SIZE, HUMBLE_GID_SIZE, NodeEntities, decode
+from bus_bridge.dds.node_topic import NodeTopic, NodeWriter
 from bus_bridge.dds.options import Distro
 from bus_bridge.dds.participant import Endpoint, Participant
-from bus_bridge.dds.qos import Policies
 
 __all__ = ["NodeInfo"]
 
-_POLICIES: Final = Policies(transient_local=True)
 _PROBE_AFTER_S: Final = 0.1
 _PROBE_AGAIN_S: Final = 1.0
 _MOST_EARLY: Final = 1000
-_ALL: Final = Policies(transient_local=True, keep_all=True)
 
 
 class NodeInfo:
@@ -39,15 +36,13 @@ class NodeInfo:
         on_nodes: Callable[[bytes, list[NodeEntities]], None],
         warn: Callable[[str], None],
     ) -> None:
-        self._participant = participant
+        self._topic = NodeTopic(participant, mark)
         self._loop = asyncio.get_running_loop()
-        self._mark = mark
-        self._nodes = nodes
         self._on_nodes = on_nodes
         self._warn = warn
         self._is_fixed = distro != "auto"
-        self._size = HUMBLE_GID_SIZE if distro == "humble" else GID_SIZE
-        self._types: dict[int, Any] = {}
+        size = HUMBLE_GID_SIZE if distro == "humble" else GID_SIZE
+        self._writer = NodeWriter(self._topic, size, nodes)
         self._readers: dict[int, Endpoint] = {}
         self._writers: dict[int, tuple[bytes, int]] = {}
         """By handle: the far participant, and the size of its gids."""
@@ -58,30 +53,27 @@ class NodeInfo:
         """Handles of writers that have said nothing yet."""
         self._probes: list[Endpoint] = []
         self._timer: asyncio.TimerHandle | None = None
-        self._said = b""
-        self._is_due = False
         self._is_closed = False
-        self._writer = self._make_writer()
-        self._listen(self._size)
+        self._listen(size)
 
     def close(self) -> None:
         """Nothing is said or heard any more."""
         self._is_closed = True
+        self._writer.close()
         if self._timer is not None:
             self._timer.cancel()
 
     def say(self) -> None:
-        """Tell our nodes, soon: what changes in one turn of the loop is told once."""
-        if not self._is_due:
-            self._is_due = True
-            self._loop.call_soon(self._write)
+        """Tell our nodes, soon."""
+        if not self._is_closed:
+            self._writer.say()
 
     def writer_came(self, handle: int, participant: bytes, is_humble: bool) -> None:
         """Discovery has found a participant's writer."""
         size = HUMBLE_GID_SIZE if is_humble else GID_SIZE
         self._writers[handle] = participant, size
         self._listen(size)
-        if not self._is_fixed and size != self._size:
+        if not self._is_fixed and size != self._writer.size:
             sizes = {size for _, size in self._writers.values()}
             if len(sizes) == 2:
                 self._warn(
@@ -89,11 +81,7 @@ class NodeInfo:
                     "other's nodes, and those of Humble don't see the nodes of this bus (their topics work)"
                 )
             if size == GID_SIZE or len(sizes) == 1:
-                self._size = size
-                self._writer.close()
-                self._writer = self._make_writer()
-                self._said = b""
-                self.say()
+                self._writer.change(size)
         self._silent.add(handle)
         if (early := self._early.pop(handle, None)) is not None:
             self._hear(handle, early)
@@ -111,24 +99,12 @@ class NodeInfo:
         self._ignored.discard(handle)
         self._silent.discard(handle)
 
-    def _make_writer(self) -> Endpoint:
-        typehash = {"typehash": GRAPH_TYPE_HASH} if self._size == GID_SIZE else {}
-        data = user_data({**typehash, **self._mark})
-        return self._participant.make_writer(GRAPH_TOPIC, self._type(self._size), _POLICIES, data, None)
-
     def _listen(self, size: int) -> None:
         if size not in self._readers:
             self._readers[size] = self._make_reader(size)
 
     def _make_reader(self, size: int) -> Endpoint:
-        typehash = {"typehash": GRAPH_TYPE_HASH} if size == GID_SIZE else {}
-        return self._participant.make_reader(
-            GRAPH_TOPIC,
-            self._type(size),
-            _ALL,
-            user_data({**typehash, **self._mark}),
-            lambda: self._loop.call_soon_threadsafe(self._take),
-        )
+        return self._topic.make_reader(size, lambda: self._loop.call_soon_threadsafe(self._take))
 
     def _probe(self) -> None:
         """Ask those that are silent once more.
@@ -169,33 +145,3 @@ class NodeInfo:
             return  # another layout: an older ROS 2 than Humble, or no ROS 2 at all
         if participant[:12] == owner[:12]:
             self._on_nodes(owner, nodes)
-
-    def _write(self) -> None:
-        self._is_due = False
-        if self._is_closed:
-            return
-        data = encode(self._participant.guid, self._nodes(), self._size)
-        if data != self._said:
-            raw.writer_of(self._writer.entity)(data.ljust(-(-len(data) // 4) * 4, b"\0"), time.time_ns())
-            self._said = data
-
-    def _type(self, size: int) -> Any:
-        if size not in self._types:
-            self._types[size] = _info_type(size)
-        return self._types[size]
-
-
-def _info_type(gid_size: int) -> Any:
-    from cyclonedds.idl import make_idl_struct, types
-
-    def make(name: str, fields: dict[str, Any]) -> Any:
-        return make_idl_struct(
-            f"{name}_", type_to_dds(f"rmw_dds_common/msg/{name}"), fields, dataclassify=False
-        )
-
-    text: Any = types.bounded_str[256]
-    gid = make("Gid", {"data": types.array[types.uint8, gid_size]})
-    gids: Any = types.sequence[gid]
-    fields = {"node_namespace": text, "node_name": text, "reader_gid_seq": gids, "writer_gid_seq": gids}
-    nodes: Any = types.sequence[make("NodeEntitiesInfo", fields)]
-    return make("ParticipantEntitiesInfo", {"gid": gid, "node_entities_info_seq": nodes})

@@ -7,18 +7,19 @@ before a best-effort one. Another takes over where that one goes, without a mess
 
 import asyncio
 from collections.abc import Callable, Container, Mapping, Sequence
+from enum import Enum
 from typing import Final
 
 from bus.vocabulary import DropReason
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.dds import raw
 from bus_bridge.dds.early import Arrived, Early
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies, strength
-from bus_bridge.engine import Sample
 from bus_ros.cdr import CdrError
 
-__all__ = ["FarWay", "Intake", "Ways"]
+__all__ = ["TRANSITIONS", "FarWay", "Intake", "IntakeError", "IntakeEvent", "IntakeState", "Ways"]
 
 _BATCH: Final = 256
 _BURST: Final = 16
@@ -32,6 +33,39 @@ _EARLY_BYTES_OF_ALL: Final = 64 * 2**20
 """For subscriptions that keep all."""
 _PATIENCE_S: Final = 10.0
 """How long what a writer says waits for its way to be made. What it keeps for late joiners waits on."""
+
+
+class IntakeState(Enum):
+    """Whether a reader is in use."""
+
+    OPEN = "open"
+    RETIRING = "retiring"
+    """Its subscription has gone. It is used for a moment more, until other readers have its messages."""
+    CLOSED = "closed"
+
+
+class IntakeEvent(Enum):
+    """What happens to it."""
+
+    RETIRE = "retire"
+    """Its subscription goes."""
+    CLOSE = "close"
+    """It is not used any more, or the bridge ends."""
+
+
+TRANSITIONS: Final[Mapping[IntakeState, Mapping[IntakeEvent, IntakeState]]] = {
+    IntakeState.OPEN: {
+        IntakeEvent.RETIRE: IntakeState.RETIRING,
+        IntakeEvent.CLOSE: IntakeState.CLOSED,
+    },
+    IntakeState.RETIRING: {IntakeEvent.CLOSE: IntakeState.CLOSED},
+    IntakeState.CLOSED: {},
+}
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+
+
+class IntakeError(Exception):
+    """An event that can't happen in its state: a bug of the bridge."""
 
 
 class Intake:
@@ -52,8 +86,7 @@ class Intake:
         self.policies = policies
         self.matched: set[int] = set()
         """Handles of the far writers that it gets."""
-        self.is_retiring = False
-        self.is_closed = False
+        self.state = IntakeState.OPEN
         self._is_scheduled = False
         self._is_hushed = False
         """Whether it is looked into in each turn of the loop, and DDS need not call."""
@@ -73,9 +106,17 @@ class Intake:
         self._in_loop(self.look)
         self._wake()
 
+    def on(self, event: IntakeEvent) -> None:
+        """`event` happens. Raises IntakeError if it can't happen in this state. Nothing else changes it."""
+        state = TRANSITIONS[self.state].get(event)
+        if state is None:
+            way = f"a reader of DDS on '{self.topic}'"
+            raise IntakeError(f"{way} is {self.state.value!r}: {event.value!r} can't happen to it")
+        self.state = state
+
     def look(self) -> None:
         """Which writers are matched may have changed."""
-        if self.is_closed:
+        if self.state is IntakeState.CLOSED:
             return
         self.matched = set(self._endpoint.matched_writers())
         for handle in [handle for handle in self._early if handle not in self.matched]:
@@ -100,7 +141,7 @@ class Intake:
     def drain(self) -> bool:
         """Take what there is, a batch of it. Returns whether there may be more."""
         self._is_scheduled = False
-        if self.is_closed or self._holds:
+        if self.state is IntakeState.CLOSED or self._holds:
             return False  # `release` wakes it
         found = self._take(_BATCH)
         batches: dict[FarWay, list[Arrived]] = {}
@@ -130,8 +171,8 @@ class Intake:
 
     def close(self) -> None:
         """Nothing comes by it any more."""
-        if not self.is_closed:
-            self.is_closed = True
+        if self.state is not IntakeState.CLOSED:
+            self.on(IntakeEvent.CLOSE)
             self._early.clear()
             self._endpoint.close()
 
@@ -164,7 +205,7 @@ class FarWay:
         handle: int,
         topic: str,
         known: KnownType,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> None:
         self.gid = gid
         self.handle = handle
@@ -178,7 +219,7 @@ class FarWay:
         self._catches_up_until = 0.0
         self._ways = ways
         self._decode = known.codec.decode
-        self._on_samples = on_samples
+        self._on_batch = on_batch
         self._loop = asyncio.get_running_loop()
         self._early: list[Arrived] = []
         self._is_closed = False
@@ -223,7 +264,8 @@ class FarWay:
             samples = [Sample(decode(data), 0, time_ns) for data, time_ns in batch]
         except CdrError:
             samples = self._right_ones(batch)
-        self._on_samples(samples)
+        if samples:
+            self._on_batch(Loose(samples))
 
     def _right_ones(self, batch: Sequence[Arrived]) -> list[Sample]:
         samples = []
@@ -275,9 +317,10 @@ class Ways:
 
     def retire(self, intake: Intake) -> None:
         """Its subscription has gone: it ends, at once where it carries nothing that another could."""
-        if intake.is_retiring:
+        if intake.state is IntakeState.RETIRING:
             return
-        intake.is_retiring = True
+        if intake.state is IntakeState.OPEN:
+            intake.on(IntakeEvent.RETIRE)
         self._intakes[intake.topic].remove(intake)
         if not self._intakes[intake.topic]:
             del self._intakes[intake.topic]
@@ -320,7 +363,7 @@ class Ways:
             self._choose(way)
 
     def _choose(self, way: FarWay) -> None:
-        if way.carrier is not None and way.carrier.is_retiring:
+        if way.carrier is not None and way.carrier.state is IntakeState.RETIRING:
             return  # `_finish` will
         best = self._best(way)
         if best is way.carrier:

@@ -5,15 +5,15 @@ with the caller.
 """
 
 import asyncio
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container
 from typing import Final
 
 from bus.vocabulary import DropReason
+from bus_bridge.batch import Batch
 from bus_bridge.dds import raw
 from bus_bridge.dds.known_types import KnownType
 from bus_bridge.dds.participant import Participant
 from bus_bridge.dds.qos import Policies
-from bus_bridge.engine import Sample
 from bus_ros.cdr import CdrError
 
 __all__ = ["DdsWriter"]
@@ -63,10 +63,10 @@ class DdsWriter:
             self.is_wanted = is_wanted
             self._on_change()
 
-    def write(self, samples: Sequence[Sample]) -> int:
+    def write(self, batch: Batch) -> int:
         if self._is_closed:
-            return len(samples)
-        for gone, (payload, number, time_ns) in enumerate(samples):
+            return batch.count
+        for gone, (payload, number, time_ns) in enumerate(batch):
             if 0 < number <= self._last:
                 continue  # what the publisher keeps for late joiners is in the writer's history already
             try:
@@ -85,7 +85,7 @@ class DdsWriter:
                 self.lost[DropReason.REFUSED] = self.lost.get(DropReason.REFUSED, 0) + 1
             self._last = number
         self._pause_s = _FIRST_PAUSE_S
-        return len(samples)
+        return batch.count
 
     def close(self) -> None:
         if not self._is_closed:

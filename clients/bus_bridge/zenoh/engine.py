@@ -6,15 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from bus.schema import MessageSchema
-from bus_bridge.engine import (
-    FarEndpoint,
-    FarSide,
-    LinkStatus,
-    LocalEndpoint,
-    LocalNode,
-    RouteRule,
-    Sample,
-)
+from bus_bridge.batch import Batch
+from bus_bridge.engine import FarEndpoint, FarSide, LinkStatus, LocalEndpoint, LocalNode, RouteRule
 from bus_bridge.errors import BridgeError, in_words
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.links import Links
@@ -45,13 +38,12 @@ class ZenohEngine:
 
     def __init__(self, bus: str, options: ZenohOptions, *, owns_process: bool = False) -> None:
         """`owns_process`: stdout may be taken, since zenoh tells there of refused connections only."""
-        self._bus = bus
         self._owns_process = owns_process
         self._log: OwnLog | None = None
         self._options = options
         self._warnings = check(options)
         # Later runs sort behind earlier ones; chance keeps two of one moment apart.
-        self._run = f"{time.time_ns():016x}{secrets.token_hex(4)}"
+        self._own = Interest(bus, f"{time.time_ns():016x}{secrets.token_hex(4)}")
         self._session: Session | None = None
         self._far: FarSide | None = None
         self._presence: Presence | None = None
@@ -80,24 +72,24 @@ class ZenohEngine:
         self._session = session
         for text in self._warnings:
             far.warn(text)
-        self._presence = Presence(self._bus, self._run, far, self._see_interests)
+        self._presence = Presence(self._own.bus, self._own.run, far, self._see_interests)
         self._links = Links(self._options, session, far.warn)
         tokens = session.source(self._see_token, 5 * MAX_TOKENS, self._lose_token, keeps_oldest=True)
-        self._own_token = session.token(keys.bus_token(self._bus, self._run, session.zenoh_id))
+        self._own_token = session.token(keys.bus_token(self._own.bus, self._own.run, session.zenoh_id))
         self._declared = [
             session.watch_tokens(keys.ALL_TOKENS, tokens),
             session.watch_tokens(keys.ALL_BUSES, tokens),
         ]
         for expression, take in (
-            (keys.type_keys(self._bus), self._answer_type),
-            (keys.kept_keys(self._bus), self._answer_kept),
+            (keys.type_keys(self._own.bus), self._answer_type),
+            (keys.kept_keys(self._own.bus), self._answer_kept),
         ):
             asked = session.source(take, _MAX_QUERIES, Query.drop, keeps_oldest=True)
             self._declared.append(session.answer(expression, asked))
         heard = session.source(self._see_ack, _MAX_QUERIES, lambda _: None)
         self._declared.append(
             session.subscribe(
-                keys.ack_keys(self._bus), lambda key, payload, _: heard.push((str(key), payload))
+                keys.ack_keys(self._own.bus), lambda key, payload, _: heard.push((str(key), payload))
             )
         )
         self._looking = asyncio.get_running_loop().create_task(self._look())
@@ -120,7 +112,7 @@ class ZenohEngine:
 
     def announce_node(self, node: LocalNode) -> None:
         if node.id not in self._nodes:
-            self._nodes[node.id] = self._opened().token(keys.node_token(self._bus, self._run, node))
+            self._nodes[node.id] = self._opened().token(keys.node_token(self._own.bus, self._own.run, node))
 
     def withdraw_node(self, node: LocalNode) -> None:
         token = self._nodes.pop(node.id, None)
@@ -145,7 +137,7 @@ class ZenohEngine:
             del self._writers[endpoint.gid]
             withdraw()
 
-        writer = ZenohWriter(self._opened(), self._bus, endpoint, rule, on_change, end)
+        writer = ZenohWriter(self._opened(), self._own.bus, endpoint, rule, on_change, end)
         self._writers[endpoint.gid] = writer
         self._see_interests(endpoint.gid)
         return writer
@@ -158,7 +150,7 @@ class ZenohEngine:
         kind = (schema.type_name, schema.type_hash)
         encoded, uses = self._schemas.get(kind, (schema.encoded, 0))
         self._schemas[kind] = encoded, uses + 1
-        token = self._opened().token(keys.endpoint_token(self._bus, self._run, endpoint))
+        token = self._opened().token(keys.endpoint_token(self._own.bus, self._own.run, endpoint))
 
         def withdraw() -> None:
             token.undeclare()
@@ -202,7 +194,7 @@ class ZenohEngine:
         self,
         endpoint: FarEndpoint,
         schema: MessageSchema,
-        on_samples: Callable[[Sequence[Sample]], None],
+        on_batch: Callable[[Batch], None],
     ) -> ZenohReader:
         """As `Engine.read`."""
         assert self._presence is not None
@@ -214,11 +206,11 @@ class ZenohEngine:
             raise BridgeError(f"the publisher {endpoint.gid.hex()} on {endpoint.topic} is read already")
         reader = ZenohReader(
             self._opened(),
-            Interest(self._bus, self._run),
+            self._own,
             bus,
             endpoint,
             self._room,
-            on_samples,
+            on_batch,
             lambda reason: self.refuse(bus, reason),
             lambda: self._forget(place),
         )
@@ -241,7 +233,8 @@ class ZenohEngine:
         if self._links is None or self._presence is None:
             return ()
         doubles = [
-            (self._bus, zenoh_id, "another bus has the id of this one") for zenoh_id in self._presence.doubles
+            (self._own.bus, zenoh_id, "another bus has the id of this one")
+            for zenoh_id in self._presence.doubles
         ]
         return self._links.status([*self._presence.buses(), *doubles])
 

@@ -13,11 +13,12 @@ whose messages were taken. What asks for something kept has two u64 too: what is
 number, from that byte on. All little-endian.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from struct import Struct
 from typing import NamedTuple
 
-from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES, Sample
+from bus_bridge.batch import Batch, Loose, Sample
+from bus_bridge.engine import LONG_BYTES, LONG_PACK_BYTES, PACK_BYTES
 from bus_bridge.packed import RECORD, Packed
 
 __all__ = [
@@ -78,34 +79,35 @@ class Probe(NamedTuple):
     """No message."""
 
 
-Content = Sequence[Sample] | Piece | Probe
+Content = Batch | Piece | Probe
 
 
-def pack(samples: Sequence[Sample], number: int, most: int = WHOLE_BYTES) -> Iterator[Part]:
+def pack(samples: Iterable[Sample], number: int, most: int = WHOLE_BYTES) -> list[Part]:
     """The parts that carry `samples`; the first one has that number. One that zenoh has to cut has
     `most` bytes at most, which is not below `PART_BYTES`."""
-    if type(samples) is Packed and samples.size <= most:  # a batch already
-        yield Part(samples.data, number, _HEAD.pack(_BATCH_KIND, number))
-        return
+    if samples.__class__ is Packed and samples.size <= most:  # a batch already
+        return [Part(samples.whole[samples.start :], number, _HEAD.pack(_BATCH_KIND, number))]
+    found = list[Part]()
     record, parts, size = RECORD.pack, list[bytes](), 0
     for sample in samples:
         payload, message, source_time_ns = sample
         length = len(payload)
         if parts and (length >= LONG_BYTES or size + length + RECORD.size > PART_BYTES):
-            yield Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number))
+            found.append(Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number)))
             parts, size, number = [], 0, number + 1
         if length < LONG_BYTES:
             parts += (record(message, source_time_ns, length), payload)
             size += length + RECORD.size
         elif length <= most:
-            yield Part(payload, number, _WHOLE.pack(_WHOLE_KIND, number, message, source_time_ns))
+            found.append(Part(payload, number, _WHOLE.pack(_WHOLE_KIND, number, message, source_time_ns)))
             number += 1
         else:
             for offset in range(0, length, PART_BYTES):
-                yield piece(sample, offset, number)
+                found.append(piece(sample, offset, number))
                 number += 1
     if parts:
-        yield Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number))
+        found.append(Part(b"".join(parts), number, _HEAD.pack(_BATCH_KIND, number)))
+    return found
 
 
 def piece(sample: Sample, offset: int, number: int) -> Part:
@@ -131,7 +133,7 @@ def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
         return None if found is None else (number, found)
     if kind == _WHOLE_KIND and size == _WHOLE.size:
         _, _, message, source_time_ns = _WHOLE.unpack(head)
-        return None if message > MAX_NUMBER else (number, [Sample(payload, message, source_time_ns)])
+        return None if message > MAX_NUMBER else (number, Loose([Sample(payload, message, source_time_ns)]))
     if kind == _PIECE_KIND and size == _PIECE.size:
         _, _, message, source_time_ns, total, offset = _PIECE.unpack(head)
         if offset % PART_BYTES or len(payload) != min(PART_BYTES, total - offset) or not payload:

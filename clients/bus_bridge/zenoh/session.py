@@ -221,18 +221,15 @@ class Declared:
 
 
 class Outlet(Declared):
-    """A zenoh publisher: `put` as soon as it `is_ready`, which `on_ready` is told."""
+    """A zenoh publisher. `on_ready` is called when it can be used."""
 
     def __init__(
         self, session: "Session", key: str, priority: Priority, on_ready: Callable[[], None]
     ) -> None:
         self.put: Any = None
+        """None until then."""
         self._on_ready = on_ready
         super().__init__(session, lambda: session.declare_publisher(key, priority))
-
-    @property
-    def is_ready(self) -> bool:
-        return self.put is not None
 
     def _make(self) -> None:
         super()._make()

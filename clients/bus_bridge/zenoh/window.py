@@ -8,9 +8,9 @@ messages, and never has more than `WINDOW_BYTES` under way. An importer that has
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable
 
-from bus_bridge.engine import Sample
+from bus_bridge.batch import Sample
 from bus_bridge.zenoh.records import PART_BYTES, WHOLE_BYTES, Part, pack, piece
 
 __all__ = ["HISTORY_BYTES", "WINDOW_BYTES", "History", "Window"]
@@ -63,17 +63,15 @@ class Window:
         as a whole, and others wait for all of it."""
         return max(2 * PART_BYTES, min(WHOLE_BYTES, self._span // 4))
 
-    def add(self, part: Part) -> None:
-        """It is on its way."""
+    def add(self, part: Part) -> bool:
+        """It is on its way. Returns whether the importers are to be asked how far they are: four times in a
+        span."""
         self.last = part.number
         if self._importers:
             size = len(part.payload) + _PART
             self._flying.add(part, size)
             self._travelling += size
             self._unasked += size
-
-    def must_ask(self) -> bool:
-        """Whether the importers should be asked how far they are: four times in a span. Then they are."""
         if self._unasked * 4 < self._span:
             return False
         self._unasked = 0
@@ -200,7 +198,7 @@ class History:
         self._samples: deque[Sample] = deque()
         self._bytes = 0
 
-    def add(self, samples: Sequence[Sample]) -> None:
+    def add(self, samples: Iterable[Sample]) -> None:
         kept = self._samples
         kept += samples
         self._bytes += sum(len(one.payload) for one in samples)
@@ -222,4 +220,4 @@ class History:
             if found and size > PART_BYTES:
                 break
             found.append(sample)
-        return next(pack(found, 0), None)
+        return pack(found, 0)[0] if found else None

@@ -2,28 +2,63 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
+from enum import Enum
+from functools import partial
 
 from bus.qos import Durability, Reliability
 from bus.qos import History as Kept
 from bus.vocabulary import DropReason
-from bus_bridge.engine import LocalEndpoint, RouteRule, Sample
+from bus_bridge.batch import Batch, Loose
+from bus_bridge.engine import LocalEndpoint, RouteRule
 from bus_bridge.packed import Packed
 from bus_bridge.zenoh import keys, records
 from bus_bridge.zenoh.presence import Interest
-from bus_bridge.zenoh.records import Part
+from bus_bridge.zenoh.probing import Probing
+from bus_bridge.zenoh.records import PART_BYTES, Part
 from bus_bridge.zenoh.session import Outlet, Query, Session
 from bus_bridge.zenoh.window import History, Window
 
-__all__ = ["ZenohWriter"]
+__all__ = ["TRANSITIONS", "WriterError", "WriterEvent", "WriterState", "ZenohWriter"]
 
 _DEPTH = 1000
 _LEAVE_S = 2.0
-_NUDGE_S = 0.02
+
+
+class WriterState(Enum):
+    """Whether the publisher is there."""
+
+    OPEN = "open"
+    LEAVING = "leaving"
+    """The publisher has gone, but importers still get messages of it. Its token stays until then."""
+    CLOSED = "closed"
+
+
+class WriterEvent(Enum):
+    """What happens to it."""
+
+    LEAVE = "leave"
+    """The publisher goes."""
+    RETURN = "return"
+    """The publisher is there again."""
+    END = "end"
+    """All importers have all messages, or have taken too long; or the engine closes."""
+
+
+TRANSITIONS: Mapping[WriterState, Mapping[WriterEvent, WriterState]] = {
+    WriterState.OPEN: {WriterEvent.LEAVE: WriterState.LEAVING, WriterEvent.END: WriterState.CLOSED},
+    WriterState.LEAVING: {WriterEvent.RETURN: WriterState.OPEN, WriterEvent.END: WriterState.CLOSED},
+    WriterState.CLOSED: {},
+}
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+
+
+class WriterError(Exception):
+    """An event that can't happen in its state: a bug of the bridge."""
 
 
 class ZenohWriter:
-    """The way out of one publisher of this bus."""
+    """The way out of one publisher of this bus. Only `on` changes the state."""
 
     def __init__(
         self,
@@ -35,10 +70,10 @@ class ZenohWriter:
         on_close: Callable[[], None],
     ) -> None:
         qos = endpoint.qos
+        key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, endpoint.gid)
+        self.state = WriterState.OPEN
         self._endpoint = endpoint
-        self._session = session
-        self._key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, endpoint.gid)
-        self._priority = rule.priority
+        self._make_outlet = partial(session.outlet, key, rule.priority, self._begin)
         self._on_change = on_change
         self._on_close = on_close
         self._is_reliable = qos.reliability is Reliability.RELIABLE
@@ -46,74 +81,81 @@ class ZenohWriter:
         if qos.durability is Durability.TRANSIENT_LOCAL:
             self._history = History((rule.depth or _DEPTH) if qos.history is Kept.KEEP_ALL else qos.depth)
         self._window = Window(lossless=qos.is_lossless)
+        self._probing = Probing(self._window, self._probe, self._is_stuck)
         self._number = 0
         self._rest: deque[Part] = deque()
         """Parts of messages that have been written, for which there was no room yet."""
+        self._is_held = False
+        """The caller keeps further messages, because there was no room for them."""
         self._interests: frozenset[Interest] = frozenset()
         self._outlet: Outlet | None = None
         self._lost: dict[str, int] = {}
-        self._is_held = False
-        self._in_flight_before = 0
-        self._is_leaving = False
-        self._is_closed = False
-        self._waiting: set[str] = set()
-        """While leaving: who has not said yet that it has got everything."""
+        self._behind: set[str] = set()
+        """While LEAVING: importers that don't have all messages yet."""
         self._patience: asyncio.TimerHandle | None = None
-        self._nudging: asyncio.TimerHandle | None = None
+        """While LEAVING: ends it if importers take too long."""
 
     @property
     def is_wanted(self) -> bool:
         if self._history is not None:
             return True  # late joiners want what it keeps
-        return bool(self._interests) and self._outlet is not None and self._outlet.is_ready
+        return bool(self._interests) and self._outlet is not None and self._outlet.put is not None
 
     @property
     def lost(self) -> dict[str, int]:
         return self._lost
 
-    def write(self, samples: Sequence[Sample]) -> int:
+    def write(self, batch: Batch) -> int:
         """As `Writer.write`. What a best effort publisher sends beyond the link's speed is lost here."""
-        count = gone = len(samples)
+        count = gone = batch.count
         if self._interests:
-            gone = self._fitting(samples, count)
-            if gone < count:
-                if self._is_reliable:
-                    self._is_held = True
-                    self._nudge_later(_NUDGE_S)
-                else:
-                    self._lost[DropReason.LINK_FULL] = self._lost.get(DropReason.LINK_FULL, 0) + count - gone
-            fitting = samples if gone == count else samples[:gone]
-            self._rest += records.pack(fitting, self._number + 1, self._window.part_bytes)
-            if self._rest:
+            if batch.__class__ is Packed:  # mostly one part
+                gone = 0 if self._rest or self._window.room <= 0 else count
+            else:
+                gone = self._fitting(batch)
+            if gone:
+                fitting = batch if gone == count else Loose(list(batch)[:gone])
+                # The window never bounds parts of this size.
+                most = self._window.part_bytes if batch.payload_bytes > PART_BYTES else 2 * PART_BYTES
+                self._rest += records.pack(fitting, self._number + 1, most)
                 self._number = self._rest[-1].number
+            if gone < count:
+                self._refuse(count - gone)
+                gone = gone if self._is_reliable else count
             self._pump()
-            if not self._is_reliable:
-                gone = count
         if self._history is not None:
-            self._history.add(samples[:gone])
+            self._history.add(batch if gone == count else list(batch)[:gone])
         return gone
 
     def close(self) -> None:
         """As `Writer.close`. Its token stays until the importers have got what was written."""
-        if self._is_leaving or self._is_closed:
+        if self.state is not WriterState.OPEN:
             return
-        self._is_leaving = True
+        self.on(WriterEvent.LEAVE)
         if not self._interests or not self._number:
             self.end()
             return
-        self._waiting = {one.run for one in self._interests}
+        self._behind = {one.run for one in self._interests}
         self._probe()
         self._wait()
 
     # --- for the engine
+
+    def on(self, event: WriterEvent) -> None:
+        """`event` happens. Raises WriterError if it can't happen in this state."""
+        state = TRANSITIONS[self.state].get(event)
+        if state is None:
+            way = f"the way out of a publisher on '{self._endpoint.topic}'"
+            raise WriterError(f"{way} is {self.state.value!r}: {event.value!r} can't happen to it")
+        self.state = state
 
     def come_back(self, endpoint: LocalEndpoint, on_change: Callable[[], None]) -> bool:
         """The publisher is there again before all has arrived that it said when it went. Returns whether it
         is as it was: then importers go on, who would not see that a token went and came at once."""
         if endpoint != self._endpoint:
             return False
-        self._is_leaving = False
-        self._waiting.clear()
+        self.on(WriterEvent.RETURN)
+        self._behind.clear()
         if self._patience is not None:
             self._patience.cancel()
         self._on_change = on_change
@@ -122,12 +164,12 @@ class ZenohWriter:
 
     def end(self) -> None:
         """Gone, whatever has arrived."""
-        if self._is_closed:
+        if self.state is WriterState.CLOSED:
             return
-        self._is_closed = True
-        for timer in (self._patience, self._nudging):
-            if timer is not None:
-                timer.cancel()
+        self.on(WriterEvent.END)
+        self._probing.close()
+        if self._patience is not None:
+            self._patience.cancel()
         if self._outlet is not None:
             self._outlet.undeclare()
             self._outlet = None
@@ -143,11 +185,11 @@ class ZenohWriter:
         if not interests:
             self._rest.clear()
             self._number = self._window.last
-        elif self._outlet is None and not self._is_closed:
-            self._outlet = self._session.outlet(self._key, self._priority, self._begin)
-        self._waiting &= {one.run for one in interests}
+        elif self._outlet is None and self.state is not WriterState.CLOSED:
+            self._outlet = self._make_outlet()
+        self._behind &= {one.run for one in interests}
         self._go_on()
-        if self._is_leaving:
+        if self.state is WriterState.LEAVING:
             self._end_if_arrived()
         elif self.is_wanted != was_wanted:
             self._on_change()
@@ -157,11 +199,11 @@ class ZenohWriter:
         is_news = self._window.hear(importer, arrived, taken)
         if is_news:
             self._go_on()
-        if self._is_leaving:
+        if self.state is WriterState.LEAVING:
             if is_news:
                 self._wait()
             if not self._rest and arrived >= self._number:
-                self._waiting.discard(importer)
+                self._behind.discard(importer)
             elif not self._rest:
                 self._probe()
             self._end_if_arrived()
@@ -180,55 +222,47 @@ class ZenohWriter:
             query.reply(*((b"", begin) if kept is None else (kept.payload, begin + kept.head)))
 
     def look(self) -> None:
-        """About once a second: where nothing arrives any more, what was sent last may have been lost."""
-        in_flight, before = self._window.in_flight, self._in_flight_before
-        self._in_flight_before = in_flight
-        if in_flight and in_flight >= before:
-            self._probe()
+        """To be called about once a second."""
+        self._probing.scan()
 
     # --- inside
 
-    def _fitting(self, samples: Sequence[Sample], count: int) -> int:
-        """How many of these `count` may be written now."""
+    def _fitting(self, batch: Batch) -> int:
+        """How many of these messages may be written now."""
         room = 0 if self._rest else self._window.room
-        if type(samples) is Packed:  # mostly one part
-            return count if room > 0 else 0
-        for index, sample in enumerate(samples):
+        for index, sample in enumerate(batch):
             if room <= 0:
                 return index
             room -= len(sample[0])
-        return count
+        return batch.count
+
+    def _refuse(self, count: int) -> None:
+        """There is no room for `count` of the messages that were to be written."""
+        if self._is_reliable:
+            self._is_held = True
+            self._probing.begin()
+        else:
+            self._lost[DropReason.LINK_FULL] = self._lost.get(DropReason.LINK_FULL, 0) + count
 
     def _pump(self) -> None:
         """Put what waits for room, as far as there is some."""
         outlet, window, rest = self._outlet, self._window, self._rest
-        if not rest or outlet is None or not outlet.is_ready:
+        if not rest or outlet is None or outlet.put is None:
             return
-        put = outlet.put
+        put, must_ask = outlet.put, False
         while rest and window.room > 0:
             part = rest.popleft()
             try:
                 put(part.payload, attachment=part.head)
             finally:  # behind it: meanwhile zenoh's threads have begun
-                window.add(part)
-        if window.must_ask():
+                must_ask = window.add(part) or must_ask
+        if must_ask:
             self._probe()
         if rest:
-            self._nudge_later(_NUDGE_S)
+            self._probing.begin()
 
-    def _nudge_later(self, delay_s: float) -> None:
-        if self._nudging is None:
-            before = self._window.in_flight
-            self._nudging = asyncio.get_running_loop().call_later(delay_s, self._nudge, before, delay_s)
-
-    def _nudge(self, before: int, delay_s: float) -> None:
-        """Something waits for room: where nothing moves, a question or its answer was dropped."""
-        self._nudging = None
-        if not self._is_closed and (self._rest or self._is_held):
-            has_moved = self._window.in_flight != before
-            if not has_moved:
-                self._probe()
-            self._nudge_later(_NUDGE_S if has_moved else min(2 * delay_s, 1.0))
+    def _is_stuck(self) -> bool:
+        return self.state is not WriterState.CLOSED and (bool(self._rest) or self._is_held)
 
     def _go_on(self) -> None:
         """There may be room again: for what waits here, then for the caller."""
@@ -242,7 +276,7 @@ class ZenohWriter:
         self._on_change()
 
     def _probe(self) -> None:
-        if self._outlet is not None and self._outlet.is_ready:
+        if self._outlet is not None and self._outlet.put is not None:
             part = records.probe(self._window.last)
             self._outlet.put(part.payload, attachment=part.head)
 
@@ -252,5 +286,5 @@ class ZenohWriter:
         self._patience = asyncio.get_running_loop().call_later(_LEAVE_S, self.end)
 
     def _end_if_arrived(self) -> None:
-        if not self._waiting:
+        if not self._behind:
             self.end()

@@ -3,7 +3,6 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from bus_cli.bag.reading import STORAGES
 from bus_cli.output import CommandError, complain, say
 
 
@@ -55,11 +54,14 @@ def main(args: Namespace) -> int:
 
 def _input(words: list[str]) -> Path:
     """In ROS 2's words."""
+    from bus_bag.storage.registry import storages
+
     if len(words) > 2:
         raise CommandError(f"--input expects 1 or 2 arguments, {len(words)} provided")
     path = Path(words[0])
     if not path.exists():
         raise CommandError(f"Bag path '{path}' does not exist!")
-    if len(words) == 2 and words[1] not in STORAGES:
-        raise CommandError(f"Unknown storage ID '{words[1]}', options are: {', '.join(STORAGES)}")
+    known = [one.identifier for one in storages()]
+    if len(words) == 2 and words[1] not in known:
+        raise CommandError(f"Unknown storage ID '{words[1]}', options are: {', '.join(known)}")
     return path

@@ -15,7 +15,9 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 
 def add_reader_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("bag_path", help="Bag to play: its folder, or a file .mcap or .db3")
+    from bus_bag.storage.registry import suffix_list
+
+    parser.add_argument("bag_path", help=f"Bag to play: its folder, or a file {suffix_list()}")
     add_storage_argument(parser)
     parser.add_argument(
         "--read-ahead-queue-size",

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
     from bus.qos import QoSProfile
     from bus_bag.storage import BagReader
 
-__all__ = ["STORAGES", "add_bag_argument", "add_storage_argument", "opened", "overrides_in", "tell_problems"]
+__all__ = ["add_bag_argument", "add_storage_argument", "opened", "overrides_in", "tell_problems"]
 
-STORAGES = ("mcap", "sqlite3")
 _MOST = 20
 """Problems that are told one by one."""
 
@@ -27,11 +26,13 @@ def add_bag_argument(parser: ArgumentParser) -> None:
 
 def add_storage_argument(parser: ArgumentParser) -> None:
     """`-s`."""
+    from bus_bag.storage.registry import storages
+
     parser.add_argument(
         "-s",
         "--storage",
         default="",
-        choices=STORAGES,
+        choices=[one.identifier for one in storages()],
         help="Storage implementation of bag; taken, and without effect: files say what they are",
     )
 

@@ -12,18 +12,24 @@ from bus_cli.output import CommandError, complain
 from bus_cli.query import full_type_name
 from bus_cli.stream import unsigned_int
 
-_PRESETS = ("none", "fastwrite", "zstd_fast", "zstd_small")
 _NAME = "rosbag2_recorder"
 _CACHE = 100 << 20
 
 
 def add_arguments(parser: ArgumentParser) -> None:
+    from bus_bag.storage.registry import DEFAULT, writable_storages
+
+    storages = [one.identifier for one in writable_storages()]
     completed_by(parser.add_argument("names", nargs="*", metavar="TOPIC", help="topics to record"), topics)
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", help="the bag to create (default: a folder named after the time)"
     )
     parser.add_argument(
-        "-s", "--storage", choices=["mcap"], default="mcap", help="storage identifier to be used (mcap)"
+        "-s",
+        "--storage",
+        choices=storages,
+        default=DEFAULT.identifier,
+        help=f"storage identifier to be used ({', '.join(storages)})",
     )
     group = parser.add_argument_group("what to record")
     completed_by(
@@ -95,7 +101,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     group.add_argument(
         "--storage-preset-profile",
-        choices=_PRESETS,
+        choices=list(dict.fromkeys(preset for one in writable_storages() for preset in one.presets)),
         default="none",
         help="how the file is chunked and compressed",
     )
@@ -157,6 +163,7 @@ def main(args: Namespace) -> int:
         max_bag_duration=args.max_bag_duration,
         max_bag_files=args.max_bag_files,
         max_cache_size=args.max_cache_size,
+        storage=args.storage,
         preset=args.storage_preset_profile,
         is_paused=args.start_paused,
         is_simulated=args.use_sim_time,

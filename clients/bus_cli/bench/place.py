@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from bus.link.autostart import is_allowed
+from bus.link.reach import is_allowed
 from bus_cli.bench.harness import Group
 from bus_cli.output import CommandError
 from bus_cli.query import NotRunning, Query

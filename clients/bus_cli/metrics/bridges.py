@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from bus.vocabulary import DropReason
-from bus_bridge.core.status import RouteState
+from bus_cli.metrics.growth import Growth
 from bus_cli.metrics.sums import Labels, Sums
 
 if TYPE_CHECKING:  # asking takes a node
@@ -13,7 +13,8 @@ if TYPE_CHECKING:  # asking takes a node
 __all__ = ["BridgeTotals", "links", "waiting"]
 
 _MOST_GONE = 16_384
-"""Routes that are gone and remembered: they come back with their totals."""
+"""Routes and bridges that are gone and remembered: they come back with their totals."""
+_COUNTERS = ("taken", "sent", "bytes", "lost")
 
 
 class BridgeTotals:
@@ -25,39 +26,48 @@ class BridgeTotals:
         """By reason besides. What was lost before it came to the bridge is not in it."""
         self.refused = Sums(most)
         """Connections, by bridge."""
-        self._heard: dict[Labels, RouteState] = {}
-        self._refused: dict[str, int] = {}
+        self._routes = Growth("taken", _MOST_GONE)
+        self._bridges = Growth("refused", _MOST_GONE)
 
     def take(self, bridges: "Mapping[str, Answer]") -> None:
-        """What all bridges say at one moment, by name. Counters that have fallen began anew, at 0."""
-        amounts: dict[str, dict[Labels, int]] = {"taken": {}, "sent": {}, "bytes": {}, "lost": {}}
+        """What all bridges say at one moment, by name."""
+        amounts: dict[str, dict[Labels, int]] = {name: {} for name in _COUNTERS}
         dropped: dict[Labels, int] = {}
-        heard: dict[Labels, RouteState] = {}
-        for bridge, status in bridges.items():
-            for route in status.routes:
-                key = (bridge, route.direction, route.gid, route.topic)
-                before = self._heard.get(key) or RouteState()
-                if before.taken > route.taken:
-                    before = RouteState()
-                heard[key] = route
-                labels = (bridge, route.direction, route.topic)
-                for name in ("taken", "sent", "bytes"):
-                    _add(amounts[name], labels, getattr(route, name) - getattr(before, name))
-                _add(amounts["lost"], labels, _grown(route, before, DropReason.LOST_ON_THE_WAY))
-                for reason in route.dropped:
-                    if reason != DropReason.LOST_ON_THE_WAY:
-                        _add(dropped, (*labels, reason), _grown(route, before, reason))
-        now = {bridge: status.refused for bridge, status in bridges.items()}
-        before_now = {bridge: self._refused.get(bridge, 0) for bridge in now}
-        self.refused.add(
-            {(one,): now[one] - (before_now[one] if before_now[one] <= now[one] else 0) for one in now}
-        )
-        self._refused = now
-        gone = [(key, route) for key, route in self._heard.items() if key not in heard]
-        self._heard = {**dict(gone[-_MOST_GONE:]), **heard}
+        for (bridge, direction, _, topic), grown in self._routes.take(_routes(bridges)).items():
+            labels = (bridge, direction, topic)
+            for name, amount in grown.items():
+                if name in amounts:
+                    _add(amounts[name], labels, amount)
+                else:
+                    _add(dropped, (*labels, name), amount)
         for name, rows in amounts.items():
             getattr(self, name).add(rows)
         self.dropped.add(dropped)
+        refused: dict[Labels, dict[str, int]] = {
+            (bridge,): {"refused": status.refused} for bridge, status in bridges.items()
+        }
+        self.refused.add({bridge: one["refused"] for bridge, one in self._bridges.take(refused).items()})
+
+
+def _routes(bridges: "Mapping[str, Answer]") -> dict[Labels, dict[str, int]]:
+    """The counters of each route: those of its own, and what was dropped by reason."""
+    found: dict[Labels, dict[str, int]] = {}
+    for bridge, status in bridges.items():
+        for route in status.routes:
+            # First, so that no reason can be taken for one of the route's own counters.
+            dropped = {
+                reason: count
+                for reason, count in route.dropped.items()
+                if reason != DropReason.LOST_ON_THE_WAY
+            }
+            found[(bridge, route.direction, route.gid, route.topic)] = {
+                **dropped,
+                "taken": route.taken,
+                "sent": route.sent,
+                "bytes": route.bytes,
+                "lost": route.dropped.get(DropReason.LOST_ON_THE_WAY, 0),
+            }
+    return found
 
 
 def waiting(bridges: "Mapping[str, Answer]") -> dict[Labels, float]:
@@ -81,8 +91,4 @@ def _count(
 
 
 def _add(amounts: dict[Labels, int], labels: Labels, amount: int) -> None:
-    amounts[labels] = amounts.get(labels, 0) + max(0, amount)
-
-
-def _grown(route: RouteState, before: RouteState, reason: str) -> int:
-    return route.dropped.get(reason, 0) - before.dropped.get(reason, 0)
+    amounts[labels] = amounts.get(labels, 0) + amount

@@ -243,8 +243,8 @@ def _about_routing(routing: RoutingRecord) -> Iterator[Metric]:
         buckets.append((bound, sums))
     yield HistogramMetricFamily(
         "busd_routing_seconds",
-        "Time that messages spend in busd: from a read of a publisher's socket until all messages of that read "
-        "were handed on. Counts reads.",
+        "Time that messages spend in busd: from a read of a publisher's socket until all messages of that "
+        "read were handed on. Counts reads.",
         buckets,
         routing.total_us / 1e6,
     )

@@ -15,6 +15,8 @@ class State:
 
     def __init__(self, by: str = "topic", *, hidden: bool = False) -> None:
         self.by = by
+        self.table: Table = BY_TOPIC
+        """Its columns: those of topics, or of nodes."""
         self.filter = ""
         self.is_paused = False
         self.is_away = False
@@ -25,14 +27,9 @@ class State:
         self.sums = "looking for the bus"
         self._hidden = hidden
         self._is_reversed = False
-        self._is_by_node = False
         self._model: Model | None = None
         self._name = ""
         """Of the row that the user chose, which may not be there at the moment."""
-
-    @property
-    def table(self) -> Table:
-        return BY_NODE if self._is_by_node else BY_TOPIC
 
     @property
     def chosen(self) -> Row | None:
@@ -113,7 +110,7 @@ class State:
         self._arrange()
 
     def toggle_nodes(self) -> None:
-        self._is_by_node = not self._is_by_node
+        self.table = BY_NODE if self.table is BY_TOPIC else BY_TOPIC
         self._name, self.index = "", 0
         if self.by not in (keys := self.table.sort_keys):
             self.by = keys[0]
@@ -129,7 +126,7 @@ class State:
         if model is None:
             return
         topics = model.topics(hidden=self._hidden)
-        rows: Sequence[Row] = model.nodes(hidden=self._hidden) if self._is_by_node else topics
+        rows: Sequence[Row] = model.nodes(hidden=self._hidden) if self.table is BY_NODE else topics
         if text := self.filter.lower():
             rows = [row for row in rows if text in _searched(row)]
         self.rows = self.table.sort(rows, self.by, reverse=self._is_reversed)

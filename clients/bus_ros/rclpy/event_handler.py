@@ -12,6 +12,8 @@ from msgspec.structs import replace
 
 from bus import events
 from bus.base.callbacks import ignore
+from bus.endpoint.core import EndpointCore
+from bus.endpoint.endpoint import core_of
 from bus_ros.rclpy.exceptions import UnsupportedEventTypeError
 from bus_ros.rclpy.impl.executor_parts import await_or_execute
 from bus_ros.rclpy.qos import QoSPolicyKind
@@ -335,12 +337,13 @@ def watch_event(native: Any, event_type: IntEnum, enqueue: Enqueue) -> Any:
     Returns the value until now: of matches, for other events are known from now on. Raises TypeError where
     the kind is not one of the endpoint's.
     """
-    is_publisher = native._kind == "publisher"
+    core: EndpointCore[Any] = core_of(native)
+    is_publisher = core.kind == "publisher"
     kinds = PUBLISHER_EVENTS if is_publisher else SUBSCRIPTION_EVENTS
     # Numbers are not enough: both kinds of endpoints have the same.
     found = [(name, info) for name, (one, info) in kinds.items() if one is event_type]
     if not found:
-        raise TypeError(f"{event_type!r} is no event of a {native._kind}")
+        raise TypeError(f"{event_type!r} is no event of a {core.kind}")
     ((name, info),) = found
     callbacks: dict[str, Any] = {name: ignore}
     wanted: Any = (
@@ -349,16 +352,16 @@ def watch_event(native: Any, event_type: IntEnum, enqueue: Enqueue) -> Any:
         else subscription_events(SubscriptionEventCallbacks(**callbacks), enqueue)
     )
     field, tell = next((one, call) for one in wanted.__struct_fields__ if (call := getattr(wanted, one)))
-    before = getattr(native._events, field)
+    before = getattr(core.events, field)
 
     def both(event: Any) -> None:
         tell(event)
         if before is not None:
             before(event)
 
-    native._events = replace(native._events, **{field: both})
+    core.events = replace(core.events, **{field: both})
     if name == "matched":
-        total, now = native._total_matches, len(native.matches)
+        total, now = core.matches.total, len(core.matches)
         return info(total, total, now, now)
     return info(*(QoSPolicyKind.INVALID if one == "last_policy_kind" else 0 for one in info._fields))
 

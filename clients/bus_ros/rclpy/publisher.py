@@ -4,6 +4,7 @@ from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
 from bus_ros.engine import Engine
@@ -43,7 +44,7 @@ class Publisher(Destroyable, Generic[M]):
         self._loop = engine.loop
         self._guard = engine.loop.guard
         self.native = native
-        sends = native._sender.sends
+        sends = core_of(native).sender.quick.sends
         if sends is not None and type(self).publish is Publisher.publish:
             sends.share(self._loop, self._publish_on)
             # Guard and quick way in one native call: half the time of a message.
@@ -117,7 +118,7 @@ class Publisher(Destroyable, Generic[M]):
             if not is_taken:
                 with self._guard:
                     if status is None:
-                        status = native._sender.publish(msg)
+                        status = native._quick.publish(msg)
                     is_taken = status is True or native._publish_on(msg, status)
         except ConnectionClosed as error:
             raise self._why_closed(error) from None
@@ -136,7 +137,7 @@ class Publisher(Destroyable, Generic[M]):
         if not isinstance(msg, bytes):
             if not isinstance(msg, self.msg_type):
                 raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
-            msg = self.native._support.encode(msg)
+            msg = core_of(self.native).support.encode(msg)
         try:
             with self._loop:
                 is_taken = self.native.publish_encoded(msg)

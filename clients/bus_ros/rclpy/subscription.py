@@ -7,6 +7,7 @@ from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Generic, TypedDict, TypeVar
 
 from bus.base.callbacks import is_async, takes_info
+from bus.endpoint.endpoint import core_of
 from bus.subscription import MessageInfo as NativeInfo
 from bus.subscription import Subscription as NativeSubscription
 from bus_ros.engine import Engine, Waiter
@@ -65,8 +66,8 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self.is_async = is_async(callback)
         self._engine = engine
         self.native = native
-        self._receiver = native._receiver
-        self._take_messages = native._receiver.take_messages
+        self._receiver = core_of(native).receiver
+        self._take_messages = self._receiver.take_messages
         self._wants_info = takes_info(callback)
         self._batch = 1  # of messages to be taken at once
         self._takes_one = self.is_async or self._wants_info
@@ -265,7 +266,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
                 executor.handed.add(self)
                 self._receiver.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
                 self._wait = self._receiver.quick_wait(with_info=False)
-                self._is_quiet = self.native._events.message_lost is None
+                self._is_quiet = core_of(self.native).events.message_lost is None
         self.notify()
 
     def _hand(self, message: M) -> None:

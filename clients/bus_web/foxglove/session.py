@@ -24,6 +24,7 @@ from bus_web.foxglove.parameters import EVENTS, Parameters
 from bus_web.foxglove.protocol import Level, Said
 from bus_web.foxglove.publishing import Publishing
 from bus_web.foxglove.subscriptions import Subscriptions
+from bus_web.foxglove.tasks import Tasks
 from bus_web.hub import Hub, Watcher
 from bus_web.outbox import Outbox
 from bus_web.sender import Socket
@@ -31,10 +32,6 @@ from bus_web.shared_subscriptions import Heard
 
 __all__ = ["Permissions", "Session"]
 
-_MOST_TASKS = 64
-"""Calls and questions for parameters of one client that may be under way."""
-_MOST_TASK_BYTES = 32 << 20
-"""Of their requests; one may be larger."""
 _RETURN_S = 5.0
 """Channels stay so long after busd was away: programs come back one by one."""
 _TOO_MANY = "too many calls and questions are under way"
@@ -50,6 +47,33 @@ class Permissions(msgspec.Struct, frozen=True, kw_only=True):
     set: bool = False
 
 
+class ServerInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """The server as its clients are told of it."""
+
+    bus: str
+    id: str
+    permissions: Permissions
+
+    def told(self, *, has_clock: bool) -> bytes:
+        """The message, with what can be had."""
+        may_be = {
+            "connectionGraph": True,
+            "parameters": True,
+            "parametersSubscribe": True,
+            "time": has_clock,
+            "clientPublish": self.permissions.publish,
+            "services": self.permissions.call,
+        }
+        return protocol.text(
+            "serverInfo",
+            name=f"busd {RELEASE}, {self.bus}",
+            capabilities=[name for name, is_there in may_be.items() if is_there],
+            supportedEncodings=["cdr"],
+            metadata={"ROS_DISTRO": "jazzy"},
+            sessionId=self.id,
+        )
+
+
 class Session(Watcher):
     """Speaks with the client at `socket` until that ends (`run`).
 
@@ -61,9 +85,7 @@ class Session(Watcher):
     ) -> None:
         self._hub = hub
         self._socket = socket
-        self._bus = bus
-        self._id = id
-        self._may = permissions
+        self._server = ServerInfo(bus=bus, id=id, permissions=permissions)
         self._loop = asyncio.get_running_loop()
         self._client = client = Client(socket, Outbox(shared=hub.waiting))
         self._news = asyncio.Event()
@@ -80,8 +102,7 @@ class Session(Watcher):
         self._publishing = Publishing(hub, client) if permissions.publish else None
         self._calls = Calls(hub, formats, client, may_set=permissions.set) if permissions.call else None
         self._missed: Counter[str] = Counter()
-        self._tasks: dict[asyncio.Task[None], int] = {}
-        """Each with the bytes of its request."""
+        self._tasks = Tasks()
 
     async def run(self) -> None:
         """Raises what the socket raises when it ends."""
@@ -99,9 +120,9 @@ class Session(Watcher):
                 for task in done:
                     task.result()
         finally:
-            for task in (*tasks, *self._tasks):
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, *self._tasks, return_exceptions=True)
+            await asyncio.gather(*tasks, self._tasks.cancel(), return_exceptions=True)
             self._looks.close()
             self._client.close()
             for part in (self._publishing, self._calls):
@@ -111,23 +132,7 @@ class Session(Watcher):
 
     def _introduce(self) -> None:
         """Say who serves and what can be had; once more, where a clock has come or gone."""
-        may_be = {
-            "connectionGraph": True,
-            "parameters": True,
-            "parametersSubscribe": True,
-            "time": self._clock.is_there,
-            "clientPublish": self._may.publish,
-            "services": self._may.call,
-        }
-        told = protocol.text(
-            "serverInfo",
-            name=f"busd {RELEASE}, {self._bus}",
-            capabilities=[name for name, is_there in may_be.items() if is_there],
-            supportedEncodings=["cdr"],
-            metadata={"ROS_DISTRO": "jazzy"},
-            sessionId=self._id,
-        )
-        self._client.notify(told)
+        self._client.notify(self._server.told(has_clock=self._clock.is_there))
 
     # --- of the hub
 
@@ -272,7 +277,7 @@ class Session(Watcher):
             self._publishing.publish(said)
 
     def _set_parameters(self, said: protocol.SetParameters) -> None:
-        if self._may.set:
+        if self._server.permissions.set:
             self._begin(self._change_parameters(said), _TOO_MANY)
             return
         self._refuse("set parameters", "--allow-set")
@@ -299,16 +304,10 @@ class Session(Watcher):
 
     def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "", *, size: int = 0) -> bool:
         """Do it beside all else; returns whether there is room for that. `size`: bytes that it keeps."""
-        is_large = self._tasks and sum(self._tasks.values()) + size > _MOST_TASK_BYTES
-        if len(self._tasks) >= _MOST_TASKS or is_large:
-            work.close()
-            if refusal:
-                self._client.say(Level.ERROR, refusal)
-            return False
-        task = self._loop.create_task(work)
-        self._tasks[task] = size
-        task.add_done_callback(self._tasks.pop)
-        return True
+        has_begun = self._tasks.begin(work, size)
+        if not has_begun and refusal:
+            self._client.say(Level.ERROR, refusal)
+        return has_begun
 
     def _refuse(self, what: str, option: str) -> None:
         self._client.say(Level.ERROR, f"no permission to {what}: start bus web with {option}")

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus import shm
-from bus_bridge.engine import Sample
-from bus_bridge.packed import RECORD, Packed, number_and_time, payload_bytes, scan, scan_here
+from bus_bridge.batch import Batch, Loose, Sample
+from bus_bridge.packed import RECORD, Packed, scan, scan_here
 
 _MOST = 1 << 48
 _samples = st.lists(
@@ -24,36 +24,40 @@ def data_of(samples: Sequence[Sample]) -> bytes:
     )
 
 
+def figures(batch: Batch) -> tuple[object, ...]:
+    return (
+        batch.count,
+        batch.payload_bytes,
+        batch.first_number,
+        batch.last_number,
+        batch.last_time_ns,
+        batch.is_consecutive,
+    )
+
+
 def read(samples: Sequence[Sample]) -> Packed:
     found = Packed.read(data_of(samples), _MOST)
     assert found is not None
     return found
 
 
-@given(_samples, st.integers(0, 12))
-def test_it_is_as_a_list(samples: list[Sample], count: int) -> None:
+@given(_samples)
+def test_it_is_as_a_list(samples: list[Sample]) -> None:
     packed = read(samples)
-    assert list(packed) == samples and len(packed) == len(samples)
-    assert [packed[index] for index in range(len(samples))] == samples
-    assert (packed[0], packed[-1]) == (samples[0], samples[-1])
-    for one in (packed, samples):
-        assert number_and_time(one, 0) == samples[0][1:]
-        assert number_and_time(one, -1) == samples[-1][1:]
-    assert list(packed[:count]) == samples[:count]
-    assert list(packed[count:]) == samples[count:]
-    assert payload_bytes(packed) == payload_bytes(samples) == sum(len(one.payload) for one in samples)
-    assert payload_bytes(packed[count:]) == payload_bytes(samples[count:])
-    with pytest.raises(IndexError):
-        packed[len(samples)]
+    assert list(packed) == samples and packed.count == len(samples)
+    assert figures(packed) == figures(Loose(samples))
 
 
 @given(_samples, st.integers(0, 12))
 def test_what_is_left_is_one_too(samples: list[Sample], count: int) -> None:
     count = min(count, len(samples) - 1)
     rest = read(samples).after(count)
-    assert list(rest) == samples[count:] and rest[-1] == samples[-1]
-    assert rest.whole[rest.start :] == rest.data == data_of(samples[count:])
-    assert rest.size == len(rest.data) and number_and_time(rest, 0) == samples[count][1:]
+    assert list(rest) == samples[count:]
+    assert rest.whole[rest.start :] == data_of(samples[count:])
+    assert rest.size == len(rest.whole) - rest.start
+    whole, after = Loose(samples), Loose(samples).after(count)
+    assert figures(rest)[:-1] == figures(after)[:-1]
+    assert rest.is_consecutive is whole.is_consecutive
 
 
 def test_whether_one_is_missing_in_between() -> None:

@@ -60,3 +60,13 @@ def test_a_value_for_each_second() -> None:
     assert seconds.values == (1.0, 3.0, 4.0, 5.0, 5.0, 5.0)
     seconds.add(1000 * S, 6.0)
     assert seconds.values == (6.0,) * HISTORY_S
+
+
+def test_a_rate_is_taken_over_at_least_two_seconds() -> None:
+    """Of what came in bursts, too: the sample before the window counts."""
+    meter = Meter()
+    for second, count in ((1, 0), (2, 0), (3, 100), (4, 100)):
+        meter.add(second * S, count)
+    assert meter.rates(4 * S) == (50.0,)
+    meter.add(5 * S, 100)
+    assert meter.rates(5 * S) == (0.0,)

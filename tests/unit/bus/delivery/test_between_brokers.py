@@ -70,8 +70,8 @@ def test_what_was_read_in_the_ring_is_not_sent_once_more() -> None:
     talker.publish(publisher, 5)
     world.settle()
     assert numbers(listener, subscription) == [1, 2, 3, 4, 5]
-    refusal = m.RefuseRoute(endpoint=subscription._id, other=publisher._id, text="a test")
-    listener.send_about(subscription, refusal)
+    refusal = m.RefuseRoute(endpoint=subscription._core.id, other=publisher._core.id, text="a test")
+    listener.send_about(subscription._core, refusal)
     world.settle()
     assert [match.route for match in publisher.matches] == ["socket"]
     talker.publish(publisher)

@@ -33,7 +33,7 @@ class Stage:
 
     def publisher(self, qos: QoSProfile) -> Publisher[Any]:
         made = self.talker.publisher(qos)
-        made._events = PublisherEvents(matched=self.changes.append)
+        made._core.events = PublisherEvents(matched=self.changes.append)
         self.world.settle()
         return made
 
@@ -85,10 +85,10 @@ class TestTaps:
         publisher = stage.publisher(QoSProfile(3))
         tap = stage.bridge.subscription(QoSProfile(3), role="tap")
         stage.world.settle()
-        assert len(publisher._taps) == 1
+        assert len(publisher._core.matches.taps) == 1
         stage.bridge.close(tap)
         stage.world.settle()
-        assert publisher._taps == {} and stage.changes == []
+        assert publisher._core.matches.taps == {} and stage.changes == []
 
     def test_nobody_who_waits_for_a_subscription_waits_for_it(self, shares: bool) -> None:
         """Nor is kept waiting by one whose process hangs before it has named its slot."""
@@ -97,11 +97,11 @@ class TestTaps:
         stage.bridge.is_held = True
         stage.bridge.subscription(QoSProfile(3), role="tap")
         stage.world.settle()
-        assert publisher._ready_matches() == 0
+        assert publisher._core.count_ready() == 0
         listener = stage.world.client(shares=stage.talker.shm_context is not None)
         listener.subscription(QoSProfile(3))
         stage.world.settle()
-        assert publisher._ready_matches() == 1
+        assert publisher._core.count_ready() == 1
 
     def test_the_graph_has_it_apart(self, shares: bool) -> None:
         stage = Stage(shares=shares)
@@ -110,7 +110,8 @@ class TestTaps:
         stage.world.settle()
         graph = graph_of(stage.world.whole_graph())
         assert [one.gid for one in graph.taps] == [tap.gid] and graph.subscriptions == ()
-        assert [(one.publisher, one.subscription) for one in graph.matches] == [(publisher._id, tap._id)]
+        (match,) = graph.matches
+        assert (match.publisher, match.subscription) == (publisher._core.id, tap._core.id)
         assert [one.origin for one in graph.nodes] == [None, FAR]
 
     def test_watches_hear_of_it(self, shares: bool) -> None:
@@ -230,8 +231,8 @@ class TestHoldingBack:
     def test_what_waits_in_the_ring_comes_where_the_match_goes_by_socket_then(self) -> None:
         stage = Held(shares=True)
         said = stage.fill(stage.first)
-        refusal = m.RefuseRoute(endpoint=stage.tap._id, other=stage.first._id, text="a test")
-        stage.bridge.send_about(stage.tap, refusal)
+        refusal = m.RefuseRoute(endpoint=stage.tap._core.id, other=stage.first._core.id, text="a test")
+        stage.bridge.send_about(stage.tap._core, refusal)
         stage.world.settle()
         said += stage.fill(stage.first)
         assert stage.talker.publish(stage.second, 1) == 1
@@ -278,7 +279,7 @@ class TestMirrors:
         mirror = stage.bridge.subscription(LOSSLESS, role="mirror", gid=GID)
         stage.world.settle()
         assert [(one.gid, one.route) for one in publisher.matches] == [(GID, "bridge")]
-        assert publisher.get_subscription_count() == publisher._ready_matches() == 1
+        assert publisher.get_subscription_count() == publisher._core.count_ready() == 1
         assert [one.current_count for one in stage.changes] == [1]
         assert mirror.get_publisher_count() == 1
         stage.bridge.is_held = True
@@ -300,7 +301,7 @@ class TestMirrors:
         stage.publisher(qos)
         mirror = stage.bridge.subscription(qos, role="mirror", gid=GID)
         stage.world.advance(1)
-        assert mirror.get_publisher_count() == 1 and mirror._deadline is None
+        assert mirror.get_publisher_count() == 1 and mirror._core.deadline is None
 
     def test_it_is_there_again_after_busd_was_away(self, shares: bool) -> None:
         stage = Stage(shares=shares)

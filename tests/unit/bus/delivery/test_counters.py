@@ -98,8 +98,8 @@ def test_what_a_ring_gave_up_before_the_match_went_by_socket_is_counted_here() -
     pair = Pair("shm", LAST_3)
     pair.publish(2)
     assert pair.heard() == [1, 2]
-    refusal = m.RefuseRoute(endpoint=pair.subscription._id, other=pair.publisher._id, text="a test")
-    pair.listener.send_about(pair.subscription, refusal)
+    refusal = m.RefuseRoute(endpoint=pair.subscription._core.id, other=pair.publisher._core.id, text="a test")
+    pair.listener.send_about(pair.subscription._core, refusal)
     while pair.listener.step() | pair.listener.serve():
         pass  # the ring is left, and its publisher has yet to hear of that
     pair.talker.publish(pair.publisher, 100, "x" * 20_000)
@@ -110,19 +110,19 @@ def test_what_a_ring_gave_up_before_the_match_went_by_socket_is_counted_here() -
     lost = 101 - len(heard)
     assert lost > 0
     assert pair.closes() == {"replaced": lost}
-    assert 2 < pair.subscription._counters.expected_here < 103 - 3, "the others were sent to it alone"
+    assert 2 < pair.subscription._core.counters.expected_here < 103 - 3, "the others were sent to it alone"
 
 
 def test_what_came_by_an_earlier_connection_the_present_broker_did_not_route() -> None:
     pair = Pair("socket")
     pair.publish(5)
     assert pair.heard() == [1, 2, 3, 4, 5]
-    assert pair.subscription._counters.expected_here == 0
+    assert pair.subscription._core.counters.expected_here == 0
     pair.reconnect()
-    assert pair.subscription._counters.expected_here == 5
+    assert pair.subscription._core.counters.expected_here == 5
     pair.publish(2)
     assert pair.heard() == [6, 7]
-    assert pair.subscription._counters.expected_here == 5
+    assert pair.subscription._core.counters.expected_here == 5
     assert pair.closes() == {}
 
 
@@ -138,7 +138,7 @@ class TestReasonsThatAreToldLater:
 
     def test_count_once_however_often_they_are_told(self) -> None:
         subscription = Pair("socket").subscription
-        counters = subscription._counters
+        counters = subscription._core.counters
         counters.tell(m.Dropped(subscription=1, dropped={"replaced": 2}))
         counters.disconnected("a broker")
         counters.tell(self.dropped(before=5, last_seq=10))
@@ -148,7 +148,7 @@ class TestReasonsThatAreToldLater:
 
     def test_are_those_of_one_broker(self) -> None:
         subscription = Pair("socket").subscription
-        counters = subscription._counters
+        counters = subscription._core.counters
         counters.tell(m.Dropped(subscription=1, dropped={"replaced": 2}))
         counters.disconnected("a broker")
         counters.tell(m.Dropped(subscription=1, dropped={"replaced": 1}))
@@ -162,8 +162,8 @@ class TestReasonsThatAreToldLater:
 def test_who_tells_of_more_than_can_be_counted_is_not_believed() -> None:
     subscription = Pair("socket").subscription
     for broker in range(3):
-        subscription._counters.tell(m.Dropped(subscription=1, dropped={"replaced": MAX_COUNT}))
-        subscription._counters.disconnected(broker)
+        subscription._core.counters.tell(m.Dropped(subscription=1, dropped={"replaced": MAX_COUNT}))
+        subscription._core.counters.disconnected(broker)
     assert subscription.statistics().dropped == {"replaced": MAX_COUNT}
 
 

@@ -12,7 +12,7 @@ def test_each_change_is_told_once() -> None:
     talker, listener = world.client(), world.client()
     subscription = listener.subscription(QoSProfile(1))
     told: list[LivelinessChanged] = []
-    subscription._events = SubscriptionEvents(liveliness_changed=told.append)
+    subscription._core.events = SubscriptionEvents(liveliness_changed=told.append)
     world.settle()
     first, second = talker.publisher(LEASED), talker.publisher(LEASED)
     world.settle()
@@ -46,7 +46,7 @@ def test_those_that_were_not_alive_when_the_connection_was_lost_count_anew() -> 
     world.settle()
     world.advance(1.5)
     told: list[LivelinessChanged] = []
-    subscription._events = SubscriptionEvents(liveliness_changed=told.append)
+    subscription._core.events = SubscriptionEvents(liveliness_changed=told.append)
     listener.hang_up()
     listener.connect()
     world.settle()

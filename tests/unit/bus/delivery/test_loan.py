@@ -12,7 +12,7 @@ import msgspec
 import pytest
 from msgspec import Meta
 
-import bus.delivery.sender
+import bus.delivery.lending
 from bus.errors import LocalProtocolError, MessageTypeError, PayloadTooLarge
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
@@ -187,7 +187,7 @@ def test_that_could_not_be_published_has_ended_all_the_same(
         raise MemoryError
 
     with monkeypatch.context() as patch:
-        patch.setattr(bus.delivery.sender, "bytes", fail, raising=False)
+        patch.setattr(bus.delivery.lending, "bytes", fail, raising=False)
         with pytest.raises(MemoryError):
             loan.publish()
     stage.publisher.publish(Image(2))
@@ -248,8 +248,10 @@ def test_with_a_match_that_leaves_the_ring_meanwhile() -> None:
     stage = Stage("shm")
     stage.publisher.publish(Image(0))
     loan = stage.loan()
-    refusal = m.RefuseRoute(endpoint=stage.subscription._id, other=stage.publisher._id, text="a test")
-    stage.listener.send_about(stage.subscription, refusal)
+    refusal = m.RefuseRoute(
+        endpoint=stage.subscription._core.id, other=stage.publisher._core.id, text="a test"
+    )
+    stage.listener.send_about(stage.subscription._core, refusal)
     stage.world.settle()
     stage.publish(loan)
     stage.publisher.publish(Image(2))

@@ -115,7 +115,7 @@ class Scene:
         self.listener.is_held = state in (GateState.EXPECTED, GateState.UNSURE)
         self.subscription = self.listener.subscription(KEEP_ALL)
         self.world.settle()
-        ring = publisher._sender._ring
+        ring = publisher._sender.ring
         assert ring is not None
         self.ring = ring
         self.gate = ring._gates[self.subscription.gid]
@@ -153,10 +153,9 @@ class Scene:
         self.world.advance(0)
 
     def refuse(self) -> None:
-        refusal = m.RefuseRoute(
-            endpoint=self.subscription._id, other=next(iter(self.subscription._matches)), text="a test"
-        )
-        self.listener.send_about(self.subscription, refusal)
+        core = self.subscription._core
+        refusal = m.RefuseRoute(endpoint=core.id, other=next(iter(core.matches)), text="a test")
+        self.listener.send_about(core, refusal)
         self.world.advance(1)
 
     def vanish(self) -> None:
@@ -246,7 +245,7 @@ class ReadScene(Scene):
 
     def __init__(self, state: FeedState) -> None:
         super().__init__(GateState.ATTACHED)
-        rings = self.subscription._rings
+        rings = self.subscription._core.rings
         assert rings is not None
         self.rings = rings
         self.read = rings._feeds[self.publisher.gid]
@@ -278,7 +277,7 @@ class ReadScene(Scene):
         self.world.advance(RETURN_S + 1)
 
     def end(self) -> None:
-        self.subscription._end(ConnectionClosed("a test"))
+        self.subscription._core.end(ConnectionClosed("a test"))
 
     def connection_is_lost(self) -> None:
         self.listener.hang_up()

@@ -51,8 +51,9 @@ class Pair:
 
     def refuse(self) -> None:
         """The subscription's process can't read the ring; it is told that it may leave it."""
-        refusal = m.RefuseRoute(endpoint=self.subscription._id, other=self.publisher._id, text="a test")
-        self.listener.send_about(self.subscription, refusal)
+        core = self.subscription._core
+        refusal = m.RefuseRoute(endpoint=core.id, other=self.publisher._core.id, text="a test")
+        self.listener.send_about(core, refusal)
 
     def route(self) -> str:
         (match,) = self.publisher.matches
@@ -357,7 +358,7 @@ class TestKeepAll:
         pair.publish(10_000, PADDING)
         first = sending(pair.talker, pair.publisher)
         pair.world.settle()
-        ring = pair.publisher._sender._ring
+        ring = pair.publisher._sender.ring
         assert ring is not None
         ring.writer.woken()  # as the second does, when something is taken while it lies down
         pair.heard()
@@ -465,7 +466,7 @@ class TestLoan:
     @by_either
     def test_nothing_else_is_published_while_it_is_open(self, route: str) -> None:
         pair = Pair(route)
-        payload = Numbered(pair.world.number_of(pair.publisher), 1)
+        payload = Numbered(pair.world.number_of(pair.publisher._core), 1)
         encoded = pair.publisher._encode(payload)
         loan = pair.publisher._sender.lend(b"", len(encoded), b"")
         assert loan is not None
@@ -482,7 +483,7 @@ class TestLoan:
         talker, listener = world.client(shares=True), world.client(shares=True)
         publisher = talker.publisher(LAST_10)
         world.settle()
-        encoded = publisher._encode(Numbered(world.number_of(publisher), 1))
+        encoded = publisher._encode(Numbered(world.number_of(publisher._core), 1))
         loan = publisher._sender.lend(b"", len(encoded), b"")
         assert loan is not None
         subscription = listener.subscription(LAST_10)
@@ -592,7 +593,7 @@ class TestEnd:
         port = pair.talker
         assert port.connection is not None
         before = len(port.calls), len(port.connection.sent_up), port.clock.now_ns
-        pair.publisher._abandon(ForkError("forked"))
+        pair.publisher._core.abandon(ForkError("forked"))
         with pytest.raises(ForkError):
             pair.publisher._put(b"x")
         assert (len(port.calls), len(port.connection.sent_up), port.clock.now_ns) == before

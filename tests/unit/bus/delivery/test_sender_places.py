@@ -175,8 +175,8 @@ class TestBesideARing:
     def test_it_comes_back_by_socket_where_that_was_its_route(self) -> None:
         """In the ring, what it has missed may have been overwritten."""
         stream = Stream(has_ring=True, listener_shares=True)
-        (match,) = stream.subscription._matches
-        stream.subscription._rings._refuse(stream.subscription._receiver.tracker[match], "a test")  # type: ignore[union-attr]
+        (match,) = stream.subscription._core.matches
+        stream.subscription._core.rings._refuse(stream.subscription._receiver.tracker[match], "a test")  # type: ignore[union-attr]
         stream.world.settle()
         stream.publish(2)
         stream.cut(stream.listener)

@@ -60,7 +60,7 @@ def test_a_ring_whose_publisher_does_not_come_back_is_read_to_its_end_and_left()
     talker.die()
     listener.connect()
     world.advance(RETURN_S - 1)
-    rings = subscription._rings
+    rings = subscription._core.rings
     assert rings is not None and len(rings._feeds) == 1
     assert heard(listener, subscription) == [1, 2, 3]
     world.advance(2)
@@ -123,17 +123,17 @@ def test_of_two_matches_with_one_gid_the_newer_counts() -> None:
     subscription = listener.subscription(LAST_10)
     publisher = talker.publisher(LAST_10)
     world.settle()
-    twin = subscription._id + 100
-    publisher._handle(
+    twin = subscription._core.id + 100
+    publisher._core.handle(
         m.Matched(
-            endpoint=publisher._id, other=twin, node="/n", gid=subscription.gid, qos=LAST_10, route="shm"
+            endpoint=publisher._core.id, other=twin, node="/n", gid=subscription.gid, qos=LAST_10, route="shm"
         )
     )
     assert publisher._sender.count_expected(()) == 1
     assert talker.publish(publisher, 2) == 2
     world.settle()
     assert heard(listener, subscription) == [1, 2]  # its process may read on
-    publisher._handle(m.Unmatched(endpoint=publisher._id, other=subscription._id))
+    publisher._core.handle(m.Unmatched(endpoint=publisher._core.id, other=subscription._core.id))
     assert publisher._sender.count_expected(()) == 1
-    publisher._handle(m.Unmatched(endpoint=publisher._id, other=twin))
+    publisher._core.handle(m.Unmatched(endpoint=publisher._core.id, other=twin))
     assert publisher._sender.count_expected(()) == 0

@@ -163,13 +163,13 @@ def test_one_that_grows_while_busd_is_told_of_it_is_told_once_more(
         publisher = await talker.create_publisher(Numbered, TOPIC, 100)
         subscription = await listener.create_subscription(Numbered, TOPIC, 100)
         await publisher.wait_for_subscriptions()
-        declaration = publisher._declaration
+        declaration = publisher._core.declaration
 
         def declare_and_grow(request: int, node: int) -> Any:
             asyncio.get_running_loop().call_soon(publisher.publish, Numbered(1, 1, 100 * LONG))
             return declaration(request, node)
 
-        monkeypatch.setattr(publisher, "_declaration", declare_and_grow)
+        monkeypatch.setattr(publisher._core, "declaration", declare_and_grow)
         publisher.publish(Numbered(1, 0))
         await restart_busd(world, TALKER, LISTENER)
         publisher.publish(Numbered(1, 2))

@@ -41,12 +41,12 @@ class TestWhenItLeaves:
 
     def test_what_is_for_the_history_alone_waits_for_the_end_of_the_turn(self) -> None:
         way = Way(HISTORY)
-        way.sender.set_readers(are_there=False)
+        way.sender.set_use(is_read=False)
         way.put(5)
         assert way.left() == []
         way.port.settle()
         assert way.left() == [[1, 2, 3, 4, 5]]
-        way.sender.set_readers(are_there=True)
+        way.sender.set_use(is_read=True)
         way.put_apart(1)
         assert way.left() == [[6]]
 
@@ -172,7 +172,7 @@ class TestWhoIsWaitedFor:
     def test_not_for_one_that_had_left(self) -> None:
         way = Way(QoSProfile(10))
         way.match()
-        way.sender.unmatched(OTHER)
+        way.sender.recipients.unmatched(OTHER)
         way.lose()
         way.declare()
         way.put_apart(1)
@@ -216,7 +216,7 @@ class TestKeepAll:
             assert way.sender.can_take(1)
             way.put_apart(1)
         assert not way.sender.can_take(1)
-        way.sender.credit(1)
+        way.sender.recipients.credit(1)
         assert way.sender.can_take(1)
         way.put_apart(1)
         assert not way.sender.can_take(1)
@@ -225,7 +225,7 @@ class TestKeepAll:
         way = Way(KEEP_ALL, window=100)
         way.put(1, size=900)
         assert way.sender.can_take(50) and not way.sender.can_take(200)
-        way.sender.credit(1)
+        way.sender.recipients.credit(1)
         assert way.sender.can_take(200)
 
     def test_one_alone_is_taken_however_long_it_is(self) -> None:
@@ -233,14 +233,14 @@ class TestKeepAll:
         assert way.sender.can_take(100_000)
         way.put(1, size=100_000)
         assert not way.sender.can_take(1)
-        way.sender.credit(1)
+        way.sender.recipients.credit(1)
         assert way.sender.can_take(100_000)
 
     def test_a_credit_that_is_older_takes_nothing_back(self) -> None:
         way = Way(KEEP_ALL, window=2)
         way.put_apart(2)
-        way.sender.credit(2)
-        way.sender.credit(1)
+        way.sender.recipients.credit(2)
+        way.sender.recipients.credit(1)
         way.put_apart(1)
         assert way.sender.can_take(1)
 
@@ -260,7 +260,7 @@ class TestKeepAll:
         way = Way(KEEP_ALL, window=10)
         way.match()
         way.put_apart(4)
-        way.sender.credit(2)
+        way.sender.recipients.credit(2)
         assert way.left() == [[1], [2], [3], [4]]
         way.lose()
         way.put_apart(1)

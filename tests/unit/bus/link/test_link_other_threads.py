@@ -33,7 +33,7 @@ class _Node:
 
 
 def test_nodes() -> None:
-    declarations = Declarations()
+    declarations = Declarations(int)
 
     def make() -> Any:
         node: Any = _Node()

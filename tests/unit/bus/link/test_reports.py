@@ -35,14 +35,14 @@ class _Loop:
 
 
 class _Endpoint:
-    _refusal = None
+    refusal = None
 
     def __init__(self, number: int, queued: int = 0) -> None:
-        self._id = number
+        self.id = number
         self.queued = queued
 
-    def _totals(self) -> m.Report:
-        return m.Report(endpoint=self._id, samples=1, bytes=2, queued=self.queued)
+    def totals(self) -> m.Report:
+        return m.Report(endpoint=self.id, samples=1, bytes=2, queued=self.queued)
 
 
 class _World:
@@ -54,7 +54,7 @@ class _World:
     def _send(self, endpoint: Any, frames: bytes) -> None:
         if not frames:
             return
-        assert endpoint._id
+        assert endpoint.id
         reader = FrameReader(max_control_bytes=MAX_CONTROL_BYTES, max_data_bytes=0)
         reader.get_buffer()[: len(frames)] = frames
         bodies: list[Any] = reader.received(len(frames))
@@ -104,9 +104,9 @@ def test_who_goes_is_told_of_at_once_and_no_more(world: _World) -> None:
     many: list[Any] = [_Endpoint(number) for number in range(1, 201)]
     world.reports.add_all(many)
     world.loop.fire()
-    last = next(one for one in many if one._id not in world.batches[0])
+    last = next(one for one in many if one.id not in world.batches[0])
     world.reports.send_last(last)
-    assert world.batches[-1] == [last._id]
+    assert world.batches[-1] == [last.id]
 
     while world.loop.timers:
         world.loop.fire()
@@ -144,9 +144,9 @@ def test_one_that_goes_while_the_others_are_counted_is_not_told(world: _World) -
     leaving = _Endpoint(1)
 
     class Closing(_Endpoint):
-        def _totals(self) -> m.Report:
-            found = super()._totals()
-            leaving._id = 0
+        def totals(self) -> m.Report:
+            found = super().totals()
+            leaving.id = 0
             return found
 
     both: list[Any] = [leaving, Closing(2)]
@@ -160,10 +160,10 @@ def test_what_can_not_be_counted_keeps_nobody_from_being_told(world: _World) -> 
     class Broken(_Endpoint):
         fails = True
 
-        def _totals(self) -> m.Report:
+        def totals(self) -> m.Report:
             if self.fails:
                 raise MemoryError
-            return super()._totals()
+            return super().totals()
 
     broken = Broken(1)
     some: list[Any] = [broken, _Endpoint(2), _Endpoint(3)]

@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from bus.node.unclosed import found
+from bus.link.declarations import LinkNode
+from bus.node.unclosed import CloseReminder
 
 
 class _Loop:
@@ -25,25 +26,15 @@ class _Link:
         return self
 
 
-class _Node:
-    full_name = "/talker"
-    _must_be_closed = True
-    _how_to_close = "use async with"
-    _made_at = ("talker.py", 7)
-
-    def __init__(self) -> None:
-        self._link = _Link()
-        self.let_go: list[tuple[object, object]] = []
-
-    def _let_go(self, link: object, connection: object) -> None:
-        self.let_go.append((link, connection))
-
-    def _when_dropped(self) -> None:
-        raise AssertionError("its loop has no more turns")
+def _dropped() -> None:
+    raise AssertionError("its loop has no more turns")
 
 
 def test_an_event_loop_that_another_thread_closes_meanwhile() -> None:
-    node: Any = _Node()
+    link: Any = _Link()
+    reminder = CloseReminder(LinkNode("talker", "/", None, ("talker.py", 7)), must_be_closed=True)
+    reminder.when_dropped = _dropped
+    let_go: list[tuple[object, object]] = []
     with pytest.warns(ResourceWarning, match="node /talker was never closed"):
-        found(node)
-    assert node.let_go == [(node._link, None)]
+        reminder.found(reminder, link, lambda *what: let_go.append(what))
+    assert let_go == [(link, None)]

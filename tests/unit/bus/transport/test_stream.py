@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream
+from bus.transport.stream_state import WriteState
 from bus.wire import messages as m
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
@@ -28,13 +29,8 @@ class End:
         sock.setblocking(False)
         self.items: list[object] = []
         self.lost: asyncio.Future[Exception | None] = asyncio.get_running_loop().create_future()
-        self.stream = Stream(
-            sock,
-            Session(Role.BROKER),
-            Outbox(),
-            on_received=self.items.extend,
-            on_lost=self.lost.set_result,
-        )
+        handlers = Handlers(on_received=self.items.extend, on_lost=self.lost.set_result)
+        self.stream = Stream(sock, Session(Role.BROKER), Outbox(), handlers)
 
     async def ended(self) -> None:
         async with asyncio.timeout(WAIT_S):
@@ -131,7 +127,7 @@ async def test_who_sends_much_at_a_time_gets_more_room(
 
     before = room()
     sent = b""
-    while not end.stream.is_blocked:
+    while end.stream.writing is not WriteState.BLOCKED:
         assert room() == before
         frame = m.encode_frame(m.Fault(text="x" * size))
         sent += frame
@@ -202,8 +198,11 @@ async def test_nobody_is_kept_by_one_that_has_ended(
     try:
         mine, other = pair
         end = End(mine)
-        end.stream.before_write(end.items.clear)
-        end.stream.on_received = partial(End.ended, end)  # type: ignore[assignment]
+        end.stream._handlers = Handlers(
+            on_received=partial(End.ended, end),  # type: ignore[arg-type]
+            on_lost=end.lost.set_result,
+            before_write=end.items.clear,
+        )
         if who == "we":
             end.stream.close()
         else:

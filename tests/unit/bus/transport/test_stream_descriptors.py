@@ -10,7 +10,8 @@ import pytest
 
 from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream, trusting
+from bus.transport.stream_state import WriteState
 from bus.wire import messages as m
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
@@ -33,14 +34,9 @@ class End:
         sock.setblocking(False)
         self.items: list[object] = []
         self.lost: asyncio.Future[Exception | None] = asyncio.get_running_loop().create_future()
-        self.stream = Stream(
-            sock,
-            Session(Role.BROKER),
-            Outbox(),
-            on_received=self.items.extend,
-            on_lost=self.lost.set_result,
-            takes_descriptors=takes_descriptors,
-        )
+        handlers = Handlers(on_received=self.items.extend, on_lost=self.lost.set_result)
+        taker = trusting if takes_descriptors else None
+        self.stream = Stream(sock, Session(Role.BROKER), Outbox(), handlers, taker)
 
     def say(self, frame: bytes, *descriptors: Descriptor) -> None:
         self.stream.outbox.put(frame, descriptors)
@@ -148,7 +144,7 @@ async def test_descriptors_go_with_the_first_byte(pair: Pair) -> None:
     before = opened()
     sender = End(mine)
     sender.say(ring(1, 100_000), numbered(41))
-    assert sender.stream.is_blocked, "the frame is longer than what the socket takes"
+    assert sender.stream.writing is WriteState.BLOCKED, "the frame is longer than what the socket takes"
     assert opened() == before, "on their way, and not held any more"
     sender.say(ring(2, 100_000), numbered(42))
     assert opened() == before + 1
@@ -165,7 +161,7 @@ async def test_descriptors_wait_where_no_byte_could_leave(pair: Pair) -> None:
     mine, other = pair
     before = opened()
     sender = End(mine)
-    while not sender.stream.is_blocked:
+    while sender.stream.writing is not WriteState.BLOCKED:
         sender.say(PING)
     for number in (41, 42):
         sender.say(ring(number), numbered(number))
@@ -258,7 +254,7 @@ async def test_an_end_with_descriptors_unsent(pair: Pair, wait: str) -> None:
     mine, _ = pair
     before = opened()
     sender = End(mine)
-    while not sender.stream.is_blocked:
+    while sender.stream.writing is not WriteState.BLOCKED:
         if wait == "in the stream":
             sender.say(SHARE, numbered(1), numbered(2))
         else:

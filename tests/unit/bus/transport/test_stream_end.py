@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream
+from bus.transport.stream_state import ReadState, WriteState
 from bus.wire import messages as m
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
@@ -24,13 +25,8 @@ class End:
         sock.setblocking(False)
         self.items: list[object] = []
         self.losses: list[Exception | None] = []
-        self.stream = Stream(
-            sock,
-            Session(Role.BROKER),
-            Outbox(),
-            on_received=self.items.extend,
-            on_lost=self.losses.append,
-        )
+        handlers = Handlers(on_received=self.items.extend, on_lost=self.losses.append)
+        self.stream = Stream(sock, Session(Role.BROKER), Outbox(), handlers)
 
     def say(self, frame: bytes) -> None:
         self.stream.outbox.put(frame)
@@ -49,12 +45,12 @@ async def test_what_has_begun_is_ended_and_nothing_follows(pair: tuple[socket.so
     reader.stream.hold()  # so that the long one does not get through at once
     asyncio.get_running_loop().call_later(0, reader.stream.release)
     speaker.say(HELLO + m.encode_frame(LONG))
-    assert speaker.stream.is_blocked
+    assert speaker.stream.writing is WriteState.BLOCKED
     speaker.stream.finish()
     speaker.say(HELLO)
     assert not speaker.stream.is_idle
     reader.stream.linger()
-    await until(lambda: reader.stream.has_ended)
+    await until(lambda: reader.stream.reading is ReadState.ENDED)
     assert reader.items[1:] == [LONG]
     reader.say(HELLO)  # the other half is as it was
     await until(lambda: speaker.items)
@@ -70,7 +66,7 @@ async def test_where_nothing_has_begun(pair: tuple[socket.socket, socket.socket]
     reader.stream.linger()
     speaker.stream.finish()
     speaker.stream.finish()
-    await until(lambda: reader.stream.has_ended)
+    await until(lambda: reader.stream.reading is ReadState.ENDED)
     assert (reader.items, reader.losses) == ([], [])
     speaker.stream.close()
     reader.stream.close()
@@ -93,7 +89,7 @@ async def test_what_has_come_is_heard_out(pair: tuple[socket.socket, socket.sock
     for _ in range(2):
         reader.stream.hear_out()
     speaker.say(HELLO)
-    await until(lambda: reader.stream.has_ended)
+    await until(lambda: reader.stream.reading is ReadState.ENDED)
     assert len(reader.items) == 1
     assert reader.losses == []
     reader.stream.close()
@@ -106,7 +102,7 @@ async def test_one_that_is_gone_is_drained(pair: tuple[socket.socket, socket.soc
     end.stream.linger()
     other.close()
     end.say(m.encode_frame(LONG))
-    await until(lambda: end.stream.has_ended)
+    await until(lambda: end.stream.reading is ReadState.ENDED)
     assert end.stream.is_drained
     end.stream.close()
 

@@ -12,7 +12,8 @@ PRELUDE = """
 import asyncio, errno, json, os, resource, socket, sys
 import uvloop
 from bus.base.descriptor import Descriptor
-from bus.transport.stream import Stream
+from bus.transport.stream import Handlers, Stream, trusting
+from bus.transport.stream_state import WriteEvent, WriteState
 from bus.wire import messages as m
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
@@ -26,15 +27,14 @@ class CountingStream(Stream):
         self.writes += 1
         super()._write()
 
-    def _resume(self):
-        self.pauses += 1
-        super()._resume()
+    def _change_writing(self, event):
+        self.pauses += event is WriteEvent.RETRY
+        super()._change_writing(event)
 
 def end(sock, came):
     sock.setblocking(False)
-    return CountingStream(
-        sock, Session(Role.BROKER), Outbox(), on_received=came, on_lost=print, takes_descriptors=True
-    )
+    handlers = Handlers(on_received=came, on_lost=print)
+    return CountingStream(sock, Session(Role.BROKER), Outbox(), handlers, trusting)
 
 def numbered(number):
     return Descriptor(os.eventfd(number))
@@ -105,7 +105,7 @@ async def main():
         sender.outbox.put(SHARE, pair)
         sender.outbox.put(m.encode_frame(m.Ping(number=number)))
     sender.flush()
-    assert sender.is_blocked and not sender.is_closed
+    assert sender.writing is WriteState.PAUSED
     try:
         socket.send_fds(mine, [b"x"], [0])
     except OSError as error:
@@ -122,7 +122,7 @@ async def main():
     await until(lambda: len(came) == 1 + 2 * MESSAGES)
     assert came[1::2] == [2] * MESSAGES, came
     assert came[2::2] == list(range(MESSAGES))
-    assert not sender.is_blocked
+    assert sender.writing is WriteState.OPEN
     return found
 
 run(main())

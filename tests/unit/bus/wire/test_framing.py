@@ -105,14 +105,12 @@ class TestWhatComesOut:
         assert (run.endpoint, run.source, run.only_for) == ((7, 0, 8) if is_broker else (7, 8, 0))
 
     @pytest.mark.parametrize("is_broker", [False, True])
-    def test_also_at_the_front(self, is_broker: bool) -> None:
+    def test_also_in_a_read_of_one_run(self, is_broker: bool) -> None:
         made = FrameReader(max_control_bytes=MAX_CONTROL, max_data_bytes=MAX_DATA, is_broker=is_broker)
         frame = data(record(3))
         made.get_buffer()[: len(frame)] = frame
-        made.came(len(frame))
-        front = made.front()
-        assert front is not None
-        run = made.take(front)
+        run = made.came_alone(len(frame))
+        assert run is not None
         assert (run.source, run.only_for) == ((0, 8) if is_broker else (8, 0))
 
     def test_frames_before_a_bad_one_come_out_first(self) -> None:
@@ -285,10 +283,9 @@ class TestFront:
         assert made.cut() == []
         buffer = made.get_buffer()  # the beginning of the next one was kept
         buffer[: len(first) - 10] = first[10:]
-        made.came(len(first) - 10)
-        front = made.front()
-        assert front is not None
-        assert values([made.take(front)]) == [(7, 8, 1, 1, record(3), False)]
+        run = made.came_alone(len(first) - 10)
+        assert run is not None
+        assert values([run]) == [(7, 8, 1, 1, record(3), False)]
         assert made.is_cut
 
     @for_each(
@@ -309,6 +306,17 @@ class TestFront:
     )
     def test_all_others_are_cut(self, content: bytes) -> None:
         assert self.came(content).front() is None
+        made = reader()
+        made.get_buffer()[: len(content)] = content
+        assert made.came_alone(len(content)) is None
+
+    @for_each("more", [b"\x01", control(b"x"), data(record(5), first_seq=2)])
+    def test_a_run_that_does_not_come_alone_is_cut_with_the_rest(self, more: bytes) -> None:
+        content, made = data(record(3)) + more, reader()
+        made.get_buffer()[: len(content)] = content
+        assert made.came_alone(len(content)) is None
+        first, *_ = made.cut()
+        assert values([first]) == [(7, 8, 1, 1, record(3), False)]
 
     def test_what_is_too_large_is_cut(self) -> None:
         made = reader(max_data=100)
@@ -327,6 +335,9 @@ class TestFront:
         made.get_buffer()[:1] = frame[100_000:100_001]
         made.came(1)
         assert made.front() is None
+        made.get_buffer()[: len(frame) - 100_001] = frame[100_001:]
+        assert made.came_alone(len(frame) - 100_001) is None
+        assert len(made.cut()) == 1
 
 
 class TestCharges:

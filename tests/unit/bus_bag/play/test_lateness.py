@@ -18,10 +18,10 @@ def test_the_words() -> None:
     assert str(late) == "p50 0.059 ms, p99 0.885 ms, max 2.000 ms"
 
 
-@given(st.lists(st.integers(-10, 10**11), min_size=1), st.sampled_from([1, 50, 99, 100]))
+@given(st.lists(st.integers(0, 10**11), min_size=1), st.sampled_from([1, 50, 99, 100]))
 def test_percentiles_are_right_to_a_thirtieth(times: list[int], percent: int) -> None:
     late = Lateness()
     for late_ns in times:
         late.add(late_ns)
-    exact = sorted(max(0, late_ns) for late_ns in times)[-(-len(times) * percent // 100) - 1]
+    exact = sorted(times)[-(-len(times) * percent // 100) - 1]
     assert exact * 31 / 32 - 1 <= late.percentile(percent) <= exact

@@ -194,3 +194,41 @@ async def test_the_bags_time_stands_still_while_it_is_read() -> None:
         reader.may_read.set()
         assert await task
         assert output.taken == [0, 1, 2] and player.bag_time >= 2 * MS
+
+
+async def test_stopped_before_it_begins_it_publishes_nothing() -> None:
+    output = Output()
+    async with playing(Reader(0, 1), output) as player:
+        player.stop()
+        assert await player.play()
+        assert not await player.play()
+        assert output.taken == []
+
+
+async def test_stopped_within_a_burst_it_ends_at_the_next_message() -> None:
+    output = Output()
+    async with playing(Reader(0, 1), output, is_paused=True) as player:
+        task = asyncio.create_task(player.play())
+        output.room.clear()
+        bursting = asyncio.create_task(player.burst(0))
+        await turns()
+        assert player.progress.status is Status.BURST
+        player.stop()
+        output.room.set()
+        assert await bursting == 1
+        assert await task
+        assert output.taken == [0]
+        assert await player.burst(1) == 0
+
+
+async def test_two_seeks_at_once_go_to_the_later_one() -> None:
+    output = Output()
+    async with playing(Reader(0, 10, 20, 3_600_000), output, is_paused=True) as player:
+        task = asyncio.create_task(player.play())
+        seeks = [asyncio.create_task(player.seek(at * MS)) for at in (5, 15)]
+        assert await asyncio.gather(*seeks) == [True, True]
+        assert player.bag_time == 15 * MS
+        assert await player.play_next()
+        assert output.taken == [2]
+        player.stop()
+        assert await task

@@ -1,15 +1,19 @@
 """What waits for the disk, and who loses when there is no room."""
 
+from typing import TypeVar
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_bag.record.cache import Cache
 
+T = TypeVar("T")
 
-def drain(cache: Cache[str]) -> list[str]:
+
+def drain(cache: Cache[T]) -> list[T]:
     found = []
-    while (taken := cache.take()) is not None:
-        found.append(taken[1])
+    while cache.waiting:
+        found.append(cache.take()[1])
     return found
 
 
@@ -18,10 +22,10 @@ def test_in_the_order_in_which_it_came() -> None:
     cache.put("a", "1", 1, 10)
     cache.put("b", "2", 1, 10)
     cache.put("a", "3", 2, 10)
-    assert (cache.bytes, bool(cache)) == (30, True)
+    assert (cache.bytes, cache.waiting) == (30, 3)
     assert cache.take() == ("a", "1", 1)
     assert drain(cache) == ["2", "3"]
-    assert (cache.bytes, bool(cache), cache.lost) == (0, False, {})
+    assert (cache.bytes, cache.waiting, cache.lost) == (0, 0, {})
 
 
 def test_the_topic_with_most_bytes_loses_its_oldest() -> None:
@@ -56,7 +60,7 @@ def test_thrown_away() -> None:
     cache.put("a", "2", 3, 10)
     cache.put("b", "3", 1, 10)
     assert cache.clear() == {"a": 5, "b": 1}
-    assert not cache
+    assert not cache.waiting
 
 
 _deeds = st.lists(
@@ -72,13 +76,12 @@ def test_nothing_is_lost_without_being_counted(
     put, taken = 0, []
     for deed in deeds:
         if deed is None:
-            if (one := cache.take()) is not None:
-                taken.append(one[1])
+            if cache.waiting:
+                taken.append(cache.take()[1])
         else:
             cache.put(deed[0], put, 1, deed[1])
             put += 1
-    while (one := cache.take()) is not None:
-        taken.append(one[1])
+    taken += drain(cache)
     assert taken == sorted(taken)
     assert len(taken) + sum(cache.lost.values()) == put
     assert cache.bytes == 0

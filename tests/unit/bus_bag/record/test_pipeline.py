@@ -217,3 +217,16 @@ def test_offers_that_come_later_are_in_the_metadata(folder: Path) -> None:
     world.finish()
     (found,) = world.bag.metadata.topics
     assert [qos.depth for qos in found.topic_metadata.offered_qos_profiles] == [10, 7]
+
+
+@pytest.mark.parametrize("is_snapshot", [False, True])
+def test_beyond_half_of_the_cache_it_is_crowded_but_not_where_it_is_a_memory(
+    folder: Path, is_snapshot: bool
+) -> None:
+    world = World(folder, is_slow=True, max_cache_size=1000, is_snapshot=is_snapshot)
+    topic = world.topic("/topic")
+    world.put(topic, "x" * 400)
+    assert not world.pipeline.is_crowded
+    world.put(topic, "x" * 400)
+    assert world.pipeline.is_crowded is not is_snapshot
+    world.finish()

@@ -1,7 +1,7 @@
 """Messages gathered into chunks."""
 
-from bus_bag.storage.bag_file import Buffer
-from bus_bag.storage.chunk import ChunkBuilder, Stamp
+from bus_bag.storage.bag_file import Buffer, Stamp
+from bus_bag.storage.chunk import ChunkBuilder
 
 
 def test_many_at_once_are_as_one_by_one() -> None:

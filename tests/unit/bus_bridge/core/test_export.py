@@ -1,13 +1,12 @@
-from collections.abc import Sequence
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.qos import QoSProfile
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.core import export
 from bus_bridge.core.export import Export
-from bus_bridge.engine import RouteRule, Sample
+from bus_bridge.engine import RouteRule
 
 _GID = bytes(16)
 
@@ -20,8 +19,8 @@ class Writer:
         self.numbers: list[int] = []
         self.is_closed = False
 
-    def write(self, samples: Sequence[Sample]) -> int:
-        taken = samples[: self.room]
+    def write(self, batch: Batch) -> int:
+        taken = list(batch)[: self.room]
         self.numbers += [one.number for one in taken]
         self.room -= len(taken)
         return len(taken)
@@ -46,7 +45,7 @@ class Way:
         return self
 
     def put(self, *numbers: int) -> None:
-        self.export.put([Sample(b"1234", number, number) for number in numbers])
+        self.export.put(Loose([Sample(b"1234", number, number) for number in numbers]))
 
     def _free(self, gid: bytes) -> None:
         self.frees += 1
@@ -127,9 +126,9 @@ def test_a_lossless_publisher_waits_once_there_is_no_room_and_loses_nothing() ->
 def test_a_lossless_publisher_waits_for_bytes_too() -> None:
     way = Way(QoSProfile(history="keep_all")).attach()
     way.writer.room = 0
-    way.export.put([Sample(bytes(1 << 19), 1, 1)])
+    way.export.put(Loose([Sample(bytes(1 << 19), 1, 1)]))
     assert not way.export.is_full
-    way.export.put([Sample(bytes(1 << 19), 2, 2)])
+    way.export.put(Loose([Sample(bytes(1 << 19), 2, 2)]))
     assert way.export.is_full
 
 

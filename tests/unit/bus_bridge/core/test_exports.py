@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,10 +13,11 @@ from bus.qos import QoSProfile
 from bus.schema import schema_of
 from bus.subscription import MessageInfo
 from bus.types.support import type_support
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.core import exports, pace
 from bus_bridge.core.exports import Exports, TopicExports, TypedTopic
 from bus_bridge.core.rules import Rules
-from bus_bridge.engine import RouteRule, Sample
+from bus_bridge.engine import RouteRule
 from semantics import until
 
 LOSSLESS = QoSProfile(history="keep_all")
@@ -61,8 +62,8 @@ class Writer:
         self.numbers: list[int] = []
         self.lost: dict[str, int] = {}
 
-    def write(self, samples: Sequence[Sample]) -> int:
-        sent = samples[: self.room]
+    def write(self, batch: Batch) -> int:
+        sent = list(batch)[: self.room]
         self.room -= len(sent)
         self.numbers += [one.number for one in sent]
         return len(sent)
@@ -92,11 +93,11 @@ class Stage:
 
     def open(self) -> None:
         self.lossy, self.tap = taps = Tap(QoSProfile(5)), Tap(LOSSLESS)
-        self.route.taps = [*taps]  # type: ignore[list-item]
+        self.route.taps.replace([*taps])  # type: ignore[list-item]
         self.route.begin(is_back=False)
 
     def take(self) -> None:
-        self.route.take(self.tap)  # type: ignore[arg-type]
+        self.route.taps.take(self.tap)  # type: ignore[arg-type]
 
 
 async def test_one_that_is_full_is_held_back_and_no_other() -> None:
@@ -115,7 +116,7 @@ async def test_one_that_is_full_is_held_back_and_no_other() -> None:
     assert stage.route.exports[STUCK].waiting == 4
     stage.writers[STUCK].room = 100
     stage.route.exports[STUCK].flush()
-    assert stage.tap.held == set() and stage.route.full == set()
+    assert stage.tap.held == set() and stage.route.taps.full == set()
     stage.take()
     assert stage.writers[STUCK].numbers == [1, 2, 3, 4, 5]
 
@@ -148,7 +149,7 @@ async def test_one_that_has_gone_is_held_back_no_more() -> None:
     stage.tap.come(STUCK, 1, 2, 3)
     stage.take()
     stage.route.exports[STUCK].close()
-    assert stage.tap.held == set() and stage.route.full == set()
+    assert stage.tap.held == set() and stage.route.taps.full == set()
 
 
 class Leaving:
@@ -160,7 +161,7 @@ class Leaving:
         self.exports = Exports(node, Rules(), lambda gid: True, lambda gid: False, self.troubles.append)
         self.ends = 0
         self.show(Writer(0))
-        self.export.put([Sample(b"1234", number, number) for number in range(1, 4)])
+        self.export.put(Loose([Sample(b"1234", number, number) for number in range(1, 4)]))
         self.exports.withdraw(STUCK, self.end)
 
     def show(self, writer: Writer) -> None:
@@ -221,9 +222,10 @@ async def test_a_tap_that_does_not_end_leaves_nothing_behind() -> None:
     ways = Exports(node, Rules(), lambda gid: True, lambda gid: False, print)
     route = ways.route(TOPIC, SCHEMA)
     tap: Any = SimpleNamespace(close=asyncio.Event().wait)
-    route.taps, route.holders = [tap], 1
+    route.taps.replace([tap])
+    route.holders = 1
     releasing = asyncio.create_task(ways.release(route, b"far"))
     await asyncio.sleep(0)
     releasing.cancel()
     await asyncio.wait((releasing,))
-    assert ways.schema(TOPIC) is None and route.taps == []
+    assert ways.schema(TOPIC) is None and not route.taps

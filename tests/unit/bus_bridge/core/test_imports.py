@@ -7,17 +7,18 @@ from typing import Any
 
 import pytest
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema
-from bus_bridge.core import imports
+from bus_bridge.batch import Loose, Sample
+from bus_bridge.core import far_reading, imports, publishing
 from bus_bridge.core.accounts import Account
 from bus_bridge.core.imports import Import
 from bus_bridge.core.lateness import Lateness
 from bus_bridge.core.pasts import Past
-from bus_bridge.engine import FarEndpoint, Sample
+from bus_bridge.engine import FarEndpoint
 from bus_bridge.errors import BridgeError, in_words
 from semantics import until
 
@@ -118,7 +119,7 @@ class Way:
         self.way.look()
 
     def receive(self, *numbers: int, at_ns: int = 1_000) -> None:
-        self.way.receive([Sample(b"12", number, at_ns) for number in numbers])
+        self.way.receive(Loose([Sample(b"12", number, at_ns) for number in numbers]))
 
     @property
     def closes(self) -> bool:
@@ -174,6 +175,21 @@ async def test_what_the_engine_had_and_lost_was_taken_and_dropped() -> None:
     assert way.way.taken == way.way.account.sent + sum(way.way.losses.values())
 
 
+async def test_what_the_engine_had_lost_stays_counted_when_the_publisher_returns() -> None:
+    before = Way()
+    before.receive(1, 2)
+    before.engine.lost = {"undecodable": 3}
+    past = before.way.past()
+    before.way.end()
+    assert past.lost_before == {"undecodable": 3}
+    way = Way(past=past)
+    assert (way.way.taken, way.way.losses) == (5, {"undecodable": 3})
+    way.engine.lost = {"undecodable": 1}
+    way.receive(3)
+    assert (way.way.taken, way.way.losses) == (7, {"undecodable": 4})
+    assert way.way.past().lost_before == {"undecodable": 4}
+
+
 async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> None:
     way = Way()
     way.receive(1, 2, 3)
@@ -195,7 +211,7 @@ async def test_what_nobody_listened_to_is_not_lost() -> None:
 
 
 async def test_what_is_missed_while_busd_is_away_for_long_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imports, "_LINGER_S", 0.0)
+    monkeypatch.setattr(far_reading, "_LINGER_S", 0.0)
     way = Way()
     way.match(LISTENER, OTHER)
     way.receive(1, 2, 3)
@@ -253,7 +269,7 @@ async def test_in_transit_what_is_kept_for_late_joiners_does_not_come_again() ->
         way.receive(number, at_ns=number * 1_000)
     way.way.begin_again(way.endpoint, numbering="mid/2")
     way.receive(1, at_ns=2_000)
-    way.way.receive([Sample(b"12", 2, 3_000), Sample(b"12", 3, 4_000), Sample(b"12", 5, 5_000)])
+    way.way.receive(Loose([Sample(b"12", 2, 3_000), Sample(b"12", 3, 4_000), Sample(b"12", 5, 5_000)]))
     assert [source_ns for _, source_ns in way.publisher.published] == [1_000, 2_000, 3_000, 4_000, 5_000]
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
     way.way.begin_again(way.endpoint, numbering="mid/3")
@@ -294,7 +310,7 @@ async def test_what_was_missed_is_lost_for_those_that_listened_before(
 
 @pytest.mark.parametrize("error", [BridgeError("a reason"), RuntimeError("a fault of the engine")])
 async def test_what_can_not_be_read_is_tried_again(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imports, "_RETRY_S", 0.01)
+    monkeypatch.setattr(far_reading, "_RETRY_S", 0.01)
     way = Way()
     way.engine.error = error
     way.way.begin_again(way.endpoint)
@@ -350,8 +366,8 @@ async def test_what_is_dropped_gives_credit_too() -> None:
 
 
 async def test_what_has_no_room_is_held_up_to_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imports, "_MOST_BYTES", 4)
-    monkeypatch.setattr(imports, "_STUCK_S", 0.0)
+    monkeypatch.setattr(publishing, "_MOST_BYTES", 4)
+    monkeypatch.setattr(publishing, "_STUCK_S", 0.0)
     way = Way(LOSSLESS)
     way.publisher.room = 0
     way.receive(1, 2, 3)

@@ -4,7 +4,7 @@ from typing import Any
 
 import msgspec
 
-from bus.endpoint import Match
+from bus.endpoint.matches import Match
 from bus.graph import Graph, GraphEndpoint, GraphNode, Origin
 from bus.qos import QoSProfile
 from bus_bridge.core.local_graph import Changes, LocalGraph

@@ -6,17 +6,17 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus_bridge.engine import Sample
+from bus_bridge.batch import Batch, Loose, Sample
 from bus_bridge.zenoh.arrival import HELD_BYTES, Arrival, Untaken
 from bus_bridge.zenoh.records import Content, Probe, Room
 
 
 def content(number: int) -> Content:
-    return [Sample(b"x", number, 0)]
+    return Loose([Sample(b"x", number, 0)])
 
 
 def numbers(contents: list[Content]) -> list[int]:
-    return [sample.number for one in contents if isinstance(one, list) for sample in one]
+    return [sample.number for one in contents if isinstance(one, Batch) for sample in one]
 
 
 def arrive(arrival: Arrival, number: int, size: int = 1) -> list[int]:
@@ -98,7 +98,7 @@ def test_what_is_held_is_bounded_however_small_it_is_and_of_all_ways_together() 
     for arrival in arrivals:
         arrival.begin(0)
     for number in range(2, 100_000):
-        arrivals[0].arrive(number, [], 0)
+        arrivals[0].arrive(number, content(number), 0)
     assert 0 < room.left < 11_000
     for number in range(2, 1000):
         for arrival in arrivals[1:]:

@@ -2,10 +2,11 @@
 
 from random import Random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus_bridge.engine import Sample
+from bus_bridge.batch import Sample
 from bus_bridge.zenoh.records import PART_BYTES, WHOLE_BYTES, Assembler, Part, Piece, Probe, Room, read_part
 from bus_bridge.zenoh.window import HISTORY_BYTES, WINDOW_BYTES, History, Window
 
@@ -85,6 +86,54 @@ def test_it_grows_again() -> None:
     assert 2 * first < last - before <= WINDOW_BYTES / SIZE
 
 
+def spans(window: Window, count: int) -> list[int]:
+    """How many bytes may be on their way at once, each time after all has arrived."""
+    found = list[int]()
+    for _ in range(count):
+        found.append(window.room)
+        window.hear("a", fill(window), 0)
+    return found
+
+
+def test_until_something_is_dropped_it_doubles_with_each_round() -> None:
+    window = Window(lossless=False)
+    window.join("a")
+    first, second, third, *_ = spans(window, 4)
+    assert (second / first, third / second) == (pytest.approx(2, rel=0.01), pytest.approx(2, rel=0.01))
+
+
+def test_after_a_loss_it_grows_step_by_step() -> None:
+    window = Window(lossless=False)
+    window.join("a")
+    spans(window, 3)
+    before = window.room
+    last = fill(window)
+    window.find("a", last - 1)  # the last part was dropped
+    window.hear("a", last, 0)
+    first, second, *_ = spans(window, 2)
+    assert first == pytest.approx(before / 2, rel=0.1)
+    assert 0 < second - first < first / 8
+
+
+def test_many_losses_at_once_make_it_shrink_once() -> None:
+    one, many = Window(lossless=False), Window(lossless=False)
+    for window, dropped in ((one, 1), (many, 20)):
+        window.join("a")
+        last = fill(window)
+        window.hear("a", 10, 0)
+        for number in range(10, 10 + dropped):
+            assert window.find("a", number) is not None
+            window.hear("a", number + 1, 0)
+        window.hear("a", last, 0)
+    before = one.room
+    assert before == pytest.approx(many.room, rel=0.05)
+    fill(many)
+    many.hear("a", many.last - 1, 0)  # a loss after all that was on its way then
+    assert many.find("a", many.last - 1) is not None
+    many.hear("a", many.last, 0)
+    assert many.room == pytest.approx(before / 2, rel=0.1)
+
+
 def test_parts_are_small_where_little_may_be_on_its_way() -> None:
     window = Window(lossless=False)
     window.join("a")
@@ -129,8 +178,7 @@ def test_importers_are_asked_a_few_times_in_a_span() -> None:
     window.join("a")
     asked = 0
     while window.room > 0:
-        send(window, 1)
-        asked += window.must_ask()
+        asked += window.add(Part(bytes(SIZE), window.last + 1, b""))
     assert 3 <= asked <= 4
 
 

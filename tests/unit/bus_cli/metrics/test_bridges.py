@@ -39,6 +39,17 @@ def test_they_go_on_where_a_route_or_a_bridge_goes_and_comes_back() -> None:
     assert totals.dropped.rows == {(*CAMERA, "replaced"): 1}
 
 
+def test_refused_connections_go_on_where_a_bridge_comes_back() -> None:
+    totals, row = BridgeTotals(10), ("/bridge_zenoh",)
+    totals.take({"/bridge_zenoh": Answer(refused=2)})
+    assert totals.refused.rows == {row: 2}
+    totals.take({})
+    totals.take({"/bridge_zenoh": Answer(refused=3)})
+    assert totals.refused.rows == {row: 3}
+    totals.take({"/bridge_zenoh": Answer(refused=1)})  # another process: it begins at 0
+    assert totals.refused.rows == {row: 4}
+
+
 def test_rows_are_bounded() -> None:
     totals = BridgeTotals(1)
     other = RouteState(topic="/other", gid="bb", taken=1)

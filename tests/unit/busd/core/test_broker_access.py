@@ -199,7 +199,7 @@ class TestOtherRules:
         alice = world.process(uid=ALICE)
         renew(world)
         assert alice.cut_reason is not None and "its access rules have changed" in alice.cut_reason
-        assert world.broker.why_turned_away(ALICE, frozenset({ALICE}))
+        assert world.broker.entrance.why_turned_away(ALICE, frozenset({ALICE}))
 
     def test_others_are_left_alone(self) -> None:
         world = World(access=(rule("/a", PUBLISH), rule("/a", PUBLISH, BOB)))
@@ -309,9 +309,9 @@ class TestIdentity:
 
 def test_the_door() -> None:
     world = World(access=(rule("/a", PUBLISH),))
-    assert world.broker.why_turned_away(ALICE, frozenset()) == ""
-    assert world.broker.why_turned_away(UID, frozenset()) == ""
-    assert "user 1002" in world.broker.why_turned_away(BOB, frozenset({BOB}))
+    assert world.broker.entrance.why_turned_away(ALICE, frozenset()) == ""
+    assert world.broker.entrance.why_turned_away(UID, frozenset()) == ""
+    assert "user 1002" in world.broker.entrance.why_turned_away(BOB, frozenset({BOB}))
 
 
 def test_qos_is_no_matter_of_access() -> None:

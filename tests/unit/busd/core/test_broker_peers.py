@@ -17,7 +17,7 @@ from rows import for_each
 def assert_nothing_is_left(world: World) -> None:
     broker, graph = world.broker, world.broker.graph
     assert broker._peers == world.processes == {}
-    tables = (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types)
+    tables = (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types.trusted)
     assert not any(tables)
     world.advance(world.broker.limits.lease_s + 1)
     world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
@@ -174,9 +174,9 @@ class TestGoing:
         one.declare_type(TEXT)
         other.declare_type(TEXT)
         one.die()
-        assert TEXT in world.broker.graph.types
+        assert TEXT in world.broker.graph.types.trusted
         other.die()
-        assert TEXT not in world.broker.graph.types
+        assert TEXT not in world.broker.graph.types.trusted
 
 
 MISTAKES = {

@@ -305,7 +305,7 @@ class TestRate:
         process.tell(m.DeclareType(type_name="a", type_hash="b"))
         node.destroy()
         assert node.id not in world.broker.graph.nodes
-        assert ("a", "b") in world.broker.graph.types
+        assert ("a", "b") in world.broker.graph.types.trusted
         assert process.cut_reason is None
 
     def test_pings_are_questions_that_are_always_answered(self) -> None:

@@ -63,7 +63,7 @@ class TestOthersOfTheUser:
         other.tell(m.DeclareType(type_name="a", type_hash="b"))
         assert other.cut_reason is None
         assert node.id not in world.broker.graph.nodes
-        assert ("a", "b") in world.broker.graph.types
+        assert ("a", "b") in world.broker.graph.types.trusted
 
     def test_bytes_that_a_user_may_have_change_with_the_limits(self) -> None:
         world = world_of(history_bytes_per_peer=64_000)  # so little that no runs are gathered
@@ -214,6 +214,6 @@ def test_the_accounts_that_the_shell_charges_have_their_limits(is_later: bool) -
     process = world.process()
     if is_later:
         world.carry_out(world.broker.reconfigure(world.now_ns, limits, (), Access(UID)))
-    control, unfinished = world.broker.accounts(process.id)
+    control, unfinished = world.broker.entrance.accounts(process.id)
     assert control.parent is not None
     assert (control.limit, control.parent.limit, unfinished.limit) == (2**20, 2**21, 2**27)

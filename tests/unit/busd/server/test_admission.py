@@ -305,6 +305,28 @@ class TestCost:
             assert door.admission.accept_some(3) == 2
             assert door.admission.accept_some(3) == 0
 
+    async def test_one_that_gives_up_in_the_backlog_does_not_end_the_round(self, door: Door) -> None:
+        """The kernel says so in its place, and those behind it wait already."""
+
+        class Aborting:
+            def __init__(self, listening: socket.socket) -> None:
+                self._listening = listening
+                self._left = 2
+
+            def accept(self) -> Any:
+                if self._left:
+                    self._left -= 1
+                    raise ConnectionAbortedError
+                return self._listening.accept()
+
+        with door:
+            door.come(HELLO)
+            listening = door.admission._listening
+            door.admission._listening = Aborting(listening)  # type: ignore[assignment]
+            assert door.admission.accept_some(3) == 3
+            door.admission._listening = listening
+            assert len(door.host.inside) == 1
+
     async def test_all_together_take_a_quarter_of_the_time(
         self, door: Door, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -1,29 +1,23 @@
-"""busd.server.server: the order in which it ends, and what it does where it did not run for a while."""
+"""busd.server.server: the order in which it ends, and what it does for connections that come and go."""
 
 import asyncio
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 
 import pytest
 
-from bus.base.ids import PeerId
-from bus.wire.layout import PROTOCOL_VERSION
-from bus.wire.messages import Hello, Matched
-from bus.wire.runs import Run
+from bus.wire.layout import LEAVING, PROTOCOL_VERSION
+from bus.wire.messages import Hello, Matched, Ping, Pong
 from busd.core.broker import Broker
-from busd.core.turns import Party
-from busd.server import server as server_module
+from busd.core.limits import Limits
 from busd.server.credentials import Credentials
 from busd.server.listener import Listener, open_listener
-from busd.server.peer import PeerConnection
 from busd.server.server import Server
 from callcount import CallCounter
+from conftest import WAIT_S
 from raw_peer import RawPeer
-from semantics import until
-
-SECOND = 1_000_000_000
 
 
 @pytest.fixture
@@ -83,85 +77,6 @@ async def test_processes_without_a_pid_have_turns_of_their_own(listener: Listene
     await server.stopped
 
 
-async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine that is always late must still see leases end."""
-    now_ns = 100 * SECOND
-    monkeypatch.setattr(server_module, "monotonic_ns", lambda: now_ns)
-    broker, ran = Broker(), list[int]()
-    server = Server(listener, broker)
-    for _ in range(2):
-        ran.clear()
-        broker.timers.add(now_ns + SECOND, ran.append)
-        server._arm_timer()
-        now_ns += 3 * SECOND
-        server._tick()
-        assert ran == []
-        now_ns += SECOND
-        server._tick()
-        assert ran == [now_ns]
-    server.stop("a test")
-
-
-class Deaf:
-    """Stands for a connection; says when it is flushed."""
-
-    id = PeerId(1)
-    is_closed = is_choked = is_held = False
-    items = None
-
-    def __init__(self, flushed: list["Deaf"]) -> None:
-        self.stream = self
-        self.party: Party[PeerConnection | PeerId] = Party()
-        self._flushed = flushed
-
-    def flush(self) -> int:
-        self._flushed.append(self)
-        return 1
-
-
-async def test_who_asked_is_answered_after_the_others_were_told(listener: Listener) -> None:
-    """A subscription that was made may count on every publisher having been told of it."""
-    server = Server(listener, Broker())
-    flushed: list[Deaf] = []
-    connections = [Deaf(flushed) for _ in range(20)]
-    for asker in connections:
-        server._dirty.update(connections)  # type: ignore[arg-type]
-        server._flush(asker)  # type: ignore[arg-type]
-        assert len(flushed) == len(connections)
-        assert flushed[-1] is asker
-        flushed.clear()
-    server._flush(connections[0])  # type: ignore[arg-type]
-    assert flushed == []
-    server.stop("a test")
-
-
-@pytest.mark.parametrize("is_swamped", [True, False])
-async def test_it_gives_way_where_more_comes_than_can_be_taken(
-    is_swamped: bool, listener: Listener, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """And only there: what is taken passes as fast as it goes."""
-    broker, yields = Broker(), list[None]()
-    monkeypatch.setattr("os.sched_yield", lambda: yields.append(None))
-
-    def route(*_: object) -> list[object]:
-        broker.is_overfull = is_swamped
-        return []
-
-    def trim(_: int) -> list[object]:
-        broker.is_overfull = False
-        return []
-
-    monkeypatch.setattr(broker, "route", route)
-    monkeypatch.setattr(broker, "trim", trim)
-    server = Server(listener, broker)
-    connection = Deaf([])
-
-    server._handle(connection, [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
-
-    assert len(yields) == is_swamped  # once for all that one read brought
-    server.stop("a test")
-
-
 async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener) -> None:
     """What all of busd does for one that matches a publisher, by socket; see `callcount`."""
     server = Server(listener, Broker(uid=os.getuid()))
@@ -182,35 +97,86 @@ async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener)
     assert 40 <= min(counts) <= 94
 
 
-async def test_one_that_is_back_waits_without_turns_for_what_is_held_of_it(
-    listener: Listener, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its earlier connection is paused, and what that had is in the graph until busd reads its end."""
-    server = Server(listener, Broker(uid=os.getuid()))
-    serve, turns = server._serve, 0
+@pytest.fixture
+async def server(listener: Listener) -> AsyncIterator[Server]:
+    """One with a peer that goes on sending, so that its end is not over before the peer is closed."""
+    server = Server(listener, Broker(Limits(drain_s=3600), uid=os.getuid()))
+    with RawPeer(listener.path) as peer:
+        polite = Hello(version=PROTOCOL_VERSION, capabilities=(LEAVING,), program="polite peer")
+        peer.send(polite)
+        await asyncio.to_thread(peer.expect, Hello)
+        yield server
+    async with asyncio.timeout(WAIT_S):
+        await server.stopped
 
-    def counted() -> None:
-        nonlocal turns
-        turns += 1
-        serve()
 
-    monkeypatch.setattr(server, "_serve", counted)
-    with RawPeer(listener.path) as old, RawPeer(listener.path) as new:
-        await asyncio.to_thread(old.hello)
-        await asyncio.to_thread(old.node, "back")
-        (connection,) = server._connections
-        connection.pause(60)
-        old.close()
-        await asyncio.to_thread(new.hello)
-        asked = asyncio.create_task(asyncio.to_thread(new.node, "back"))
-        (other,) = server._connections - {connection}
-        await until(lambda: other in server._early)
-        before = turns
-        for _ in range(100):
-            await asyncio.sleep(0)
-        assert (turns, asked.done()) == (before, False)
-        connection.end_pause()
-        await asked
-        assert server._connections == {other}
-    server.stop("a test")
-    await server.stopped
+class TestEnd:
+    async def test_on_a_restart_the_next_busd_gets_the_socket(
+        self, server: Server, listener: Listener
+    ) -> None:
+        server.restart("one")
+        assert server.is_ending and server.is_restarting
+        assert listener.path.exists()
+        with socket.socket(socket.AF_UNIX) as early:
+            early.connect(str(listener.path))  # waits for the next busd
+
+    @pytest.mark.parametrize("way", ["stop", "stop_now"])
+    async def test_a_restart_can_be_turned_into_an_end(
+        self, way: str, server: Server, listener: Listener
+    ) -> None:
+        """Whoever starts a busd then need not wait for this one."""
+        server.restart("one")
+        getattr(server, way)("two")
+        assert not server.is_restarting
+        assert not listener.path.exists()
+        assert not server.stopped.done()
+
+    @pytest.mark.parametrize("way", ["stop", "stop_now"])
+    async def test_also_when_the_last_connection_is_closed(self, way: str, listener: Listener) -> None:
+        server = Server(listener, Broker())
+        server.restart("one")
+        assert server.stopped.result() == "one"
+        assert server.is_restarting and listener.path.exists()
+        getattr(server, way)("two")
+        assert not server.is_restarting
+        assert not listener.path.exists()
+
+    async def test_an_end_is_never_a_restart(self, server: Server, listener: Listener) -> None:
+        server.stop("one")
+        server.restart("two")
+        assert not server.is_restarting
+        assert not listener.path.exists()
+
+    @pytest.mark.parametrize("first", ["stop", "stop_now", "restart"])
+    async def test_the_second_signal_waits_for_nobody(self, first: str, server: Server) -> None:
+        """After a restart has begun, the first one makes it an end."""
+        getattr(server, first)("one")
+        server.stop("two")
+        assert not server.stopped.done()
+        server.stop_now("three")
+        assert server.stopped.result() == "one"
+
+    async def test_who_is_paused_is_heard_out(self, listener: Listener) -> None:
+        """A pause may be longer than the end."""
+        server = Server(listener, Broker(Limits(drain_s=3600), uid=os.getuid()))
+        with RawPeer(listener.path) as peer:
+            await asyncio.to_thread(peer.hello)
+            (connection,) = server._connections
+            connection.pause(3600)
+            peer.send(Ping(number=7))
+            server.stop("a test")
+            assert not connection.is_held
+            assert (await asyncio.to_thread(peer.expect, Pong)).number == 7
+            async with asyncio.timeout(WAIT_S):
+                await server.stopped
+
+    async def test_nothing_is_due_any_more(self, server: Server) -> None:
+        """No lease ends, for one: busd listens to nobody much longer."""
+        due = list[int]()
+        server._broker.timers.add(0, due.append)
+        server._alarm.set()
+        server.stop("a test")
+        server._broker.timers.add(0, due.append)
+        server._alarm.set()
+        await asyncio.sleep(0.01)
+        assert due == []

@@ -1,4 +1,4 @@
-"""bus.delivery.socket_sender: what is kept for a lossless subscription that was lost, and for how long."""
+"""bus.delivery.recipients: what is kept for a lossless subscription that was lost, and for how long."""
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -12,7 +12,7 @@ BACK = OTHER + 1
 def repeated(way: Way, last_seq: int, other: int = BACK, gid: bytes = GID) -> list[list[int] | str]:
     """What is sent when the subscription is back and has had all up to `last_seq`."""
     way.port.sent()
-    way.sender.matched(other, gid, KEEP_ALL, by_socket=True, last_seq=last_seq)
+    way.sender.recipients.matched(other, gid, KEEP_ALL, by_socket=True, last_seq=last_seq)
     way.port.flush()
     found = list[list[int] | str]()
     for one in way.port.sent():
@@ -30,9 +30,9 @@ def lost(published: int = 5, credit: int = 1, window: int = 10) -> Way:
     way = Way(KEEP_ALL, window=window)
     way.match()
     way.put_apart(published)
-    way.sender.credit(credit)
-    way.sender.keep_place(OTHER, 10)
-    way.sender.credit(published)
+    way.sender.recipients.credit(credit)
+    way.sender.recipients.keep_place(OTHER, 10)
+    way.sender.recipients.credit(published)
     return way
 
 
@@ -52,7 +52,7 @@ class TestItIsBack:
         way.put(5)
         way.port.settle()
         assert way.left() == [[1], [2, 3, 4, 5]]
-        way.sender.keep_place(OTHER, 10)
+        way.sender.recipients.keep_place(OTHER, 10)
         assert repeated(way, 3) == [[4, 5], "caught up"]
 
     def test_what_still_waits_here_goes_to_all(self) -> None:
@@ -68,7 +68,7 @@ class TestItIsBack:
         """What was sent to it alone may not have come."""
         way = lost()
         repeated(way, 2)
-        way.sender.keep_place(BACK, 10)
+        way.sender.recipients.keep_place(BACK, 10)
         assert repeated(way, 2, BACK + 1) == [[3], [4], [5], "caught up"]
 
     def test_it_may_be_back_before_its_last_connection_is_seen_to_end(self) -> None:
@@ -76,8 +76,8 @@ class TestItIsBack:
         way.match()
         way.put_apart(3)
         assert repeated(way, 1) == [[2], [3], "caught up"]
-        way.sender.keep_place(OTHER, 10)
-        assert not way.sender.places, "it is there"
+        way.sender.recipients.keep_place(OTHER, 10)
+        assert not way.sender.recipients.places, "it is there"
 
     def test_one_that_was_never_there_gets_nothing(self) -> None:
         """Or any process could have a publisher send a window full, again and again."""
@@ -91,7 +91,7 @@ class TestWindow:
         assert not way.sender.can_take(1)
         repeated(way, 2)
         assert not way.sender.can_take(1)
-        way.sender.credit(3)
+        way.sender.recipients.credit(3)
         assert way.sender.can_take(1)
 
     def test_credit_goes_on_where_the_subscription_does(self) -> None:
@@ -111,19 +111,19 @@ class TestWindow:
 class TestHowLong:
     def test_until_time_is_up(self) -> None:
         way, gone = lost(5, credit=0, window=5), list[bool]()
-        way.sender.on_place_gone = lambda: gone.append(way.sender.can_take(1))
+        way.sender.recipients.on_fewer = lambda: gone.append(way.sender.can_take(1))
         way.port.advance(9.9)
-        assert way.sender.places and not gone
+        assert way.sender.recipients.places and not gone
         way.port.advance(0.3)
-        assert not way.sender.places and gone == [True]
+        assert not way.sender.recipients.places and gone == [True]
         assert repeated(way, 2) == ["caught up"]
 
     def test_until_the_broker_says_that_the_process_has_ended(self) -> None:
         way = lost(5, credit=0, window=5)
-        way.sender.keep_place(OTHER + 5, 0)
-        assert way.sender.places
-        way.sender.keep_place(OTHER, 0)
-        assert way.sender.can_take(1) and not way.sender.places
+        way.sender.recipients.keep_place(OTHER + 5, 0)
+        assert way.sender.recipients.places
+        way.sender.recipients.keep_place(OTHER, 0)
+        assert way.sender.can_take(1) and not way.sender.recipients.places
 
     def test_after_a_lost_connection_time_begins_when_it_is_back(self) -> None:
         way = lost()
@@ -137,7 +137,7 @@ class TestHowLong:
         way = lost()
         way.lose()
         way.declare()
-        way.sender.keep_place(OTHER, 0)
+        way.sender.recipients.keep_place(OTHER, 0)
         assert repeated(way, 2) == [[3], [4], [5], "caught up"]
 
     def test_a_next_broker_that_does_not_ask_is_given_what_was_missed(self) -> None:
@@ -162,7 +162,7 @@ class TestHowLong:
         way.lose()
         way.declare()
         assert repeated(way, 1) == [[2], [3], "caught up"]
-        way.sender.credit(3)
+        way.sender.recipients.credit(3)
         assert repeated(way, 0, 12, b"o" * 16) == [[1], [2], [3], "caught up"], "credit was for the other one"
 
     def test_how_many_is_bounded(self) -> None:
@@ -172,18 +172,18 @@ class TestHowLong:
             way.match(gid=gid, other=number)
         way.put_apart(1)
         for number, _ in enumerate(gids, 100):
-            way.sender.keep_place(number, 10)
+            way.sender.recipients.keep_place(number, 10)
         assert repeated(way, 0, gid=gids[0]) == ["caught up"]
         assert repeated(way, 0, gid=gids[1]) == [[1], "caught up"]
 
     def test_a_lossy_one_has_none(self) -> None:
         way = Way(KEEP_ALL)
         way.match(QoSProfile(10))
-        way.sender.keep_place(OTHER, 10)
-        assert not way.sender.places
+        way.sender.recipients.keep_place(OTHER, 10)
+        assert not way.sender.recipients.places
 
     def test_nothing_is_kept_after_the_end(self) -> None:
         way = lost()
         way.sender.end()
-        assert not way.sender.places
+        assert not way.sender.recipients.places
         way.port.advance(11)

@@ -1,0 +1,144 @@
+"""Work for peers that is done in pieces: tasks that wait for the next turn of their peer.
+
+A peer has one task at a time for what it has asked for, or for what its end leaves behind; before that is
+done, nothing else that it sends is handled. Beside it there may be feeds: what waits for the peer, which get
+half of each turn. Also owns the effects that are withheld from a peer while its task makes something: first
+all others learn of it. Must not know what the work does.
+"""
+
+from collections import deque
+from typing import Any
+
+import msgspec
+
+from bus.base.ids import PeerId
+from bus.wire import messages as m
+from busd.core.effects import Effect, Flush, Later, Send
+from busd.core.entities import GRAPH, Peer
+from busd.core.turns import BUDGET
+from busd.core.work import UNLIMITED, Meter, Work
+
+__all__ = ["Task", "Tasks"]
+
+
+class Task(msgspec.Struct):
+    """Work for a peer: to carry out `message`, or what comes of its end, or of runs for it."""
+
+    peer: Peer
+    work: Work
+    message: Any = None
+    has_begun: bool = False
+
+
+class Tasks:
+    """The tasks of `peers`, and of peers that have gone. Their effects go to `out`.
+
+    `withheld`: effects that peers do not get yet, by peer; only for peers that have a task.
+    """
+
+    def __init__(
+        self,
+        peers: dict[PeerId, Peer],
+        meter: Meter,
+        out: list[Effect],
+        withheld: dict[PeerId, list[Effect]],
+    ) -> None:
+        self.unfinished: dict[PeerId, Task] = {}
+        """Tasks to go on with, by peer, present or gone."""
+        self.feeds: dict[PeerId, deque[Task]] = {}
+        """What is done beside them, for peers that are present."""
+        self._peers = peers
+        self._meter = meter
+        self._out = out
+        self._withheld = withheld
+
+    def has_work(self, peer_id: PeerId) -> bool:
+        """Whether there is something to go on with for a peer."""
+        return peer_id in self.unfinished or peer_id in self.feeds
+
+    def do(self, now_ns: int, task: Task) -> None:
+        """Do as much of a task as the meter allows; the rest is `unfinished`."""
+        peer, work, meter = task.peer, task.work, self._meter
+        try:
+            while True:
+                price = work.send(now_ns) if task.has_begun else next(work)
+                task.has_begun = True
+                meter.left -= price
+                if meter.left <= 0:
+                    self.unfinished[peer.id] = task
+                    self._out.append(Later(peer.id))
+                    if peer.withheld:
+                        self._withheld.setdefault(peer.id, [])
+                    return
+        except StopIteration:
+            pass
+        if peer.id in self._withheld:
+            self.withhold()
+            self._out += self._withheld.pop(peer.id)
+        peer.withheld = 0
+
+    def begin(self, peer_id: PeerId, work: Work, *, is_first: bool = False) -> None:
+        """`work` is to be done in turns of a peer, beside its requests; of one that has gone it is not."""
+        if (peer := self._peers.get(peer_id)) is not None:
+            feeds = self.feeds.setdefault(peer_id, deque())
+            (feeds.appendleft if is_first else feeds.append)(Task(peer, work))
+            self._out.append(Later(peer_id))
+
+    def feed(self, now_ns: int, peer_id: PeerId) -> None:
+        """Do some of what was begun for a peer beside its requests, which get half of its turn."""
+        feeds, meter = self.feeds[peer_id], self._meter
+        least = min(meter.left, BUDGET) // 2
+        while feeds and meter.left > least:
+            task = feeds.popleft()
+            try:
+                meter.left -= task.work.send(now_ns) if task.has_begun else next(task.work)
+            except StopIteration:
+                pass
+            else:
+                task.has_begun = True
+                feeds.appendleft(task)
+            if peer_id not in self.feeds:  # it was cut off
+                return
+        if feeds:
+            self._out.append(Later(peer_id))
+        else:
+            del self.feeds[peer_id]
+
+    def feed_all(self, now_ns: int) -> None:
+        """Do at once all that was begun beside requests."""
+        for peer_id in tuple(self.feeds):
+            while peer_id in self.feeds:
+                self._meter.left = UNLIMITED
+                self.feed(now_ns, peer_id)
+
+    def drop(self, peer: Peer) -> None:
+        """The peer goes, and what was begun for it with it."""
+        self.unfinished.pop(peer.id, None)
+        self.feeds.pop(peer.id, None)
+        self._withheld.pop(peer.id, None)
+        peer.withheld = 0
+
+    def withhold(self) -> None:
+        """Keep back what a peer must not get yet: news of an endpoint before all others know of it."""
+        self._out[:] = [effect for effect in self._out if not self._is_withheld(effect)]
+
+    def _is_withheld(self, effect: Effect) -> bool:
+        if not isinstance(effect, Send | Flush):
+            return False
+        news = self._withheld.get(effect.peer)
+        if news is None or not _concerns(effect, self._peers[effect.peer].withheld):
+            return False
+        news.append(effect)
+        return True
+
+
+def _concerns(effect: Send | Flush, number: int) -> bool:
+    """Whether `effect` brings a peer news of its endpoint `number`, or of the graph (GRAPH)."""
+    if isinstance(effect, Flush):
+        return effect.queue.endpoint == number
+    message = effect.message
+    if number == GRAPH:
+        return isinstance(message, m.GraphChanged)
+    if isinstance(message, m.Created):
+        return message.id == number
+    return any(getattr(message, name, 0) == number for name in ("endpoint", "publisher", "subscription"))

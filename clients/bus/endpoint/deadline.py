@@ -1,0 +1,51 @@
+"""Watches for gaps between messages that are longer than the QoS deadline."""
+
+import asyncio
+from collections.abc import Callable
+from time import monotonic_ns
+from typing import Protocol
+
+__all__ = ["DeadlineWatch"]
+
+
+class Later(Protocol):
+    """The event loop's timers."""
+
+    def later(self, delay_s: float, call: Callable[[], object], /) -> asyncio.TimerHandle: ...
+
+
+class DeadlineWatch:
+    """Calls `on_missed` after each `deadline_ns` without a message, from now on until `end`.
+
+    `newest_ns` gives the time of the newest message that the watch was not given as `last_ns`.
+    """
+
+    def __init__(
+        self,
+        loop: Later,
+        deadline_ns: int,
+        newest_ns: Callable[[], int],
+        on_missed: Callable[[], object],
+    ) -> None:
+        self.last_ns = monotonic_ns()
+        """When the last message came or left."""
+        self._loop = loop
+        self._deadline_ns = deadline_ns
+        self._newest_ns = newest_ns
+        self._on_missed = on_missed
+        self._arm()
+
+    def end(self) -> None:
+        self._timer.cancel()
+
+    def _arm(self) -> None:
+        due_ns = self.last_ns + self._deadline_ns - monotonic_ns()
+        self._timer = self._loop.later(max(due_ns, 0) / 1e9, self._check)
+
+    def _check(self) -> None:
+        self.last_ns = max(self.last_ns, self._newest_ns())
+        now_ns = monotonic_ns()
+        if now_ns - self.last_ns >= self._deadline_ns:
+            self.last_ns = now_ns
+            self._on_missed()
+        self._arm()

@@ -1,0 +1,85 @@
+"""What users can do with publishers and subscriptions alike."""
+
+from collections.abc import Mapping
+from typing import Generic, Protocol, TypeVar
+
+import msgspec
+
+from bus.base.awaited import done_anyway
+from bus.endpoint.core import EndpointCore
+from bus.endpoint.matches import Match
+from bus.qos import QoSProfile, in_words
+from bus.schema import MessageSchema, schema_of
+
+__all__ = ["Endpoint", "core_of"]
+
+M = TypeVar("M", bound=msgspec.Struct)
+C = TypeVar("C", covariant=True)
+
+
+class Endpoint(Generic[M]):
+    """Base of Publisher and Subscription; not made by users."""
+
+    _core: EndpointCore[M]
+
+    def __init__(self, core: EndpointCore[M]) -> None:
+        self._core = core
+        self.topic_name: str = core.topic_name
+        """The topic's full name."""
+        self.node_name: str = core.node_name
+        """The full name of its node."""
+        self.type: type[M] = core.support.cls
+        """The message class; `bytes` where messages stay encoded because there is none."""
+        self.qos: QoSProfile = core.qos
+        """The policies that it was made with."""
+        self.gid: bytes = core.gid
+        """16 bytes that no other endpoint has, on this machine or in another run."""
+
+    def __repr__(self) -> str:
+        kind, core = type(self).__name__, self._core
+        state, qos = core.describe_state(), in_words(self.qos)
+        return f"<{kind} {state}{self.topic_name} {core.support.name} ({qos}) {self._counts()}>"
+
+    @property
+    def schema(self) -> MessageSchema:
+        """Its type, as it is described on the bus."""
+        return schema_of(self._core.support)
+
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """The endpoints that this one is matched with now; none while busd is away, and once it is closed."""
+        return tuple(self._core.matches.values())
+
+    def report_besides(
+        self, *, samples: int = 0, bytes: int = 0, dropped: Mapping[str, int] | None = None
+    ) -> None:
+        """Totals that are shown in the graph besides those that are counted here: for bridges, whose messages
+        go other ways too.
+
+        `samples` and their `bytes` crossed to the other bus; `dropped` by reason, a text of up to 32
+        characters. Each call replaces what the one before said.
+        """
+        self._core.report_besides(samples, bytes, dropped or {})
+
+    @done_anyway
+    async def close(self) -> None:
+        """Leave the graph, a publisher after it has handed over what was published. Closing twice is allowed.
+
+        Handing over takes 5 s at most; the log says what was lost. Calls that wait here raise
+        ConnectionClosed. Cancellation: closed, and what was not handed over is lost.
+        """
+        await self._core.close()
+
+    def _counts(self) -> str:
+        """For `repr`, at any time and from any thread."""
+        raise NotImplementedError
+
+
+class _HasCore(Protocol[C]):
+    @property
+    def _core(self) -> C: ...
+
+
+def core_of(endpoint: _HasCore[C]) -> C:
+    """The part of a publisher or subscription that users do not see, for other modules of this library."""
+    return endpoint._core

@@ -1,0 +1,409 @@
+"""The part of a subscription that users do not see: its receiver, and the news about its matches."""
+
+from collections.abc import Callable, Coroutine
+from functools import partial
+from time import monotonic_ns
+from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack
+
+import msgspec
+
+from bus.base.callbacks import ignore
+from bus.base.descriptor import Descriptor
+from bus.delivery.counters import DropCounters, SubscriptionStatistics
+from bus.delivery.dispatcher import Dispatcher
+from bus.delivery.receiver import Receiver, Taken
+from bus.delivery.sequence import PublisherProxy
+from bus.delivery.shm_receiver import ShmReceiver
+from bus.endpoint.acknowledging import Acknowledging
+from bus.endpoint.core import EndpointCore, NodeContext
+from bus.errors import BusError, again
+from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
+from bus.process.waiters import Waiters
+from bus.qos import Durability, History, QoSProfile
+from bus.types.support import TypeSupport
+from bus.vocabulary import Route
+from bus.wire import messages as m
+from bus.wire.layout import MAX_COUNT
+from bus.wire.runs import Run
+
+__all__ = ["Bridging", "MessageInfo", "SubscriptionCore", "SubscriptionOptions"]
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+Role: TypeAlias = Literal["", "mirror", "tap"]
+
+
+class Bridging(TypedDict, total=False):
+    """What bridges ask of `Node.create_subscription` besides."""
+
+    gid: bytes | None
+    local_only: bool
+    role: Role
+
+
+class SubscriptionOptions(Bridging, total=False):
+    """What else a subscription is made with."""
+
+    decode: Callable[[Any], Any] | None
+    busy_poll: float
+    on_slow: Callable[[int], object] | None
+
+
+class MessageInfo(NamedTuple):
+    """About one message.
+
+    For example:
+
+        message, info = await subscription.receive()
+        print((info.received_timestamp - info.source_timestamp) / 1e9)
+    """
+
+    source_timestamp: int
+    """When it was published, or came about elsewhere (`Publisher.publish_encoded`): nanoseconds of the wall
+    clock."""
+    received_timestamp: int
+    """When it came to this process: nanoseconds of the wall clock."""
+    publication_sequence_number: int
+    """Which one of its publisher's messages it is, from 1."""
+    reception_sequence_number: int
+    """Which one of those that this subscription has delivered, from 1."""
+    publisher_gid: bytes
+    """Whose it is: the `gid` of its publisher."""
+
+
+class SubscriptionCore(EndpointCore[M]):
+    """`decode` makes a message of its bytes, `callback` gets each; see `Node.create_subscription`."""
+
+    kind = "subscription"
+    shared = ()
+    consequence = "no messages will be received from it"
+
+    def __init__(  # noqa: PLR0913
+        self,
+        node: NodeContext,
+        topic: str,
+        support: TypeSupport[M],
+        qos: QoSProfile,
+        events: SubscriptionEvents,
+        callback: Callable[..., Any] | None = None,
+        *,
+        decode: Callable[[Any], Any] | None = None,
+        busy_poll: float = 0.0,
+        on_slow: Callable[[int], object] | None = None,
+        **bridging: Unpack[Bridging],
+    ) -> None:
+        super().__init__(node, topic, support, qos, events, bridging.get("gid"))
+        link = node.link
+        self.acks = Acknowledging(self) if qos.is_lossless else None
+        self.held_back: frozenset[bytes] = frozenset()
+        """Publishers that get no more room."""
+        self._local_only = bridging.get("local_only", False)
+        self._role: Role = bridging.get("role", "")
+        keeps_all = qos.history is History.KEEP_ALL
+        self.receiver: Receiver[M] = Receiver(
+            decode or support.decode,
+            0 if keeps_all else qos.depth,
+            is_lossless=self.acks is not None,
+            on_drop=lambda reason, count: self._report_lost(),
+            on_reject=self._reject,
+            on_taken=ignore if self.acks is None else self.acks.on_taken,
+        )
+        self.counters = DropCounters(self.receiver)
+        self._lost_reported = 0
+        self._not_alive: set[int] = set()  # of the matches
+        self._left_broker = link.broker
+        self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them
+        self._arrivals: Waiters | None = None  # since a task waited for the first time
+        self.on_arrival: Callable[[], object] | None = None
+        self.on_end: Callable[[BusError], object] | None = None
+        """Called once it can't be used any more, whatever the cause."""
+        self.on_lost: Callable[[bytes], object] | None = None
+        """Called with the gid of a publisher whose process has ended, or was cut off, without leaving."""
+        self.rings: ShmReceiver | None = None
+        if link.shm_context is not None and self._role != "mirror":
+            self.rings = ShmReceiver(link, link.shm_context, self, self._miss)
+            self.receiver.reader = self.rings.reader
+            self.receiver.on_report_due = partial(link.report, self)
+            if busy_poll:
+                self.rings.poll(busy_poll)
+        self.dispatcher: Dispatcher[M] | None = None
+        if callback is not None:
+            self.dispatcher = Dispatcher(
+                link,
+                callback,
+                self.receiver,
+                make_info=self.info,
+                receive=self.receive,
+                on_error=node.on_error,
+                name=topic,
+                is_timed=qos.deadline is not None,
+                on_slow=on_slow,
+            )
+            if self.dispatcher.is_plain:
+                self.receive_lone = self.dispatcher.deliver
+
+    def statistics(self) -> SubscriptionStatistics:
+        """As `Subscription.statistics`."""
+        return self.counters.statistics(len(self.matches))
+
+    def hold_back(self, publisher_gid: bytes) -> None:
+        """As `Subscription.hold_back`."""
+        self.held_back |= {publisher_gid}
+        if self.rings is not None:
+            self.rings.hold(publisher_gid, is_on=True)
+
+    def release(self, publisher_gid: bytes) -> None:
+        """As `Subscription.release`."""
+        if publisher_gid not in self.held_back or self.refusal is not None:
+            return
+        self.held_back -= {publisher_gid}
+        has_acknowledged = self.rings is not None and self.rings.hold(publisher_gid, is_on=False)
+        if self.acks is not None and not has_acknowledged:
+            self.acks.catch_up(publisher_gid)
+        self.link.soon(self.wake)
+
+    async def receive(self) -> tuple[M, MessageInfo]:
+        """For callbacks that are coroutine functions: as `Subscription.receive`."""
+        while (taken := self.receiver.take()) is None:
+            await self.wait_for_arrival()
+        return taken[0], self.info(taken)
+
+    def wait_for_arrival(self) -> Coroutine[Any, Any, bool]:
+        """To be awaited until messages have come. Raises why the subscription can't be used any more."""
+        if self.refusal is not None:
+            raise again(self.refusal)
+        if self._arrivals is None:
+            self._arrivals = self.link.waiters()
+        return self._arrivals.wait()
+
+    def info(self, taken: Taken[M]) -> MessageInfo:
+        """What users learn of a message besides the message."""
+        _, stamp_ns, seq, proxy, received_ns = taken
+        offset_ns = self.link.wall_offset_ns
+        return MessageInfo(
+            stamp_ns - (proxy.clock_ns if proxy else 0) + offset_ns if stamp_ns >= 0 else -stamp_ns,
+            received_ns + offset_ns,
+            seq,
+            self.receiver.delivered,
+            proxy.shown_gid if proxy else b"",
+        )
+
+    # --- for the link
+
+    def receive_run(self, run: Run) -> None:
+        """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
+        if self.receiver.put(run):
+            if self.dispatcher is not None and not self.dispatcher.is_async:
+                self.dispatcher.dispatch()
+            self.receiver.trim()
+
+    def wake(self) -> None:
+        """All that has come is in the queue or in a ring: deliver it."""
+        if self.refusal is not None:
+            return
+        if self.dispatcher is not None and not self.dispatcher.is_async:
+            self.dispatcher.dispatch()
+        elif self.on_arrival is not None:
+            self.on_arrival()
+        elif self._arrivals is not None:
+            self._arrivals.release()
+        if self.deadline is not None:
+            self.deadline.last_ns = monotonic_ns()
+        if self.rings is not None and self.events.message_lost is not None:
+            self.receiver.count_replaced()
+            self._report_lost()
+
+    def declaration(self, request: int, node: int) -> m.Message:
+        takes = None
+        if self.qos.durability is Durability.BEST_AVAILABLE:  # which an older busd does not know
+            takes = msgspec.structs.replace(self.qos, durability=Durability.VOLATILE)
+        return m.CreateSubscription(
+            request=request,
+            node=node,
+            topic=self.topic_name,
+            type_name=self.support.name,
+            type_hash=self.support.hash,
+            qos=self.qos if takes is None else takes,
+            gid=self.gid,
+            last_seqs=self.receiver.tracker.last_seqs,
+            takes_history=takes is not None,
+            local_only=self._local_only,
+            role=self._role,
+        )
+
+    def declared(self, answer: m.Created) -> None:
+        super().declared(answer)
+        self.receiver.set_depth(answer.depth)
+        if self.acks is not None:
+            self.acks.set_window(answer)
+        if self.matches.total:  # a new broker has its counters yet to learn
+            self.link.report(self)
+        if self.qos.deadline is not None and self._role != "mirror":
+            self.watch_deadline()
+        if self.rings is not None:
+            self.rings.declared()
+
+    def disconnected(self) -> None:
+        if self.rings is not None:
+            self.rings.disconnected()
+        super().disconnected()
+        tracker, broker = self.receiver.tracker, self.link.broker
+        met = dict.fromkeys((proxy.gid for proxy in tracker.values()), broker)
+        self.counters.disconnected(broker)
+        self.id = 0
+        self._left_broker = broker
+        known = self._left_brokers | met
+        self._left_brokers = {gid: known[gid] for gid in tracker.last_seqs if gid in known}
+
+    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        tracker, rings = self.receiver.tracker, self.rings
+        match message:
+            case m.Matched(other=other):
+                received_seq = tracker.last_seqs.pop(message.gid, None)
+                proxy = None
+                if rings is not None:
+                    proxy, received_seq = rings.take_up(message, received_seq, self._drain_rings)
+                if proxy is None and (proxy := tracker.take_back(message)) is not None:
+                    received_seq = proxy.last_seq
+                if proxy is None:
+                    left = self._left_brokers.pop(message.gid, self._left_broker)
+                    is_new_broker = self.link.broker != left
+                    proxy = tracker.meet(message, received_seq, self.qos, is_new_broker=is_new_broker)
+                tracker[other] = proxy
+                super().handle(message)
+                if rings is not None and message.route == Route.SHM:
+                    rings.attach(proxy, message, descriptors, received_seq)
+                    if proxy.shown_gid in self.held_back:
+                        rings.hold(proxy.shown_gid, is_on=True)
+                self._report_liveliness(1, 0)
+            case m.Unmatched(other=other, last_seq=last_seq, lost=is_lost):
+                if is_lost and self.on_lost is not None and other in self.matches:
+                    self.on_lost(self.matches[other].gid)
+                super().handle(message)
+                if rings is not None and other in tracker:
+                    rings.finish(tracker[other].gid)
+                tracker.forget(other, last_seq)
+            case m.RingReplaced(source=other):
+                if rings is not None and other in tracker:
+                    rings.replace(tracker[other], descriptors)
+            case m.Rerouted(other=other):
+                super().handle(message)
+                if rings is not None and other in tracker:
+                    self._leave_ring(tracker[other], rings)
+            case m.LivelinessChanged(publisher=publisher, alive=alive):
+                if publisher in self.matches and alive is (publisher in self._not_alive):
+                    self._not_alive ^= {publisher}
+                    self._report_liveliness(1 if alive else -1, -1 if alive else 1)
+            case m.Dropped(missed=missed):
+                if rings is not None:
+                    for gid, (_, last_seq) in missed.items():
+                        tracker.hear(gid, rings.conclude(gid, last_seq) if last_seq else None)
+                self.counters.tell(message)
+                if missed:
+                    self.link.report(self)
+                self._report_lost()
+            case _:
+                super().handle(message)
+
+    def totals(self) -> m.Report:
+        """This subscription's counters, for the graph."""
+        receiver = self.receiver
+        queued = receiver.queued  # looks at the rings
+        if self.rings is not None:
+            self.rings.reader.is_report_due = False
+            self.rings.sweep()
+        age_count, age_sum_ns, age_max_ns = receiver.ages.report()
+        report = m.Report(
+            endpoint=self.id,
+            samples=receiver.delivered,
+            bytes=receiver.bytes,
+            queued=min(queued, MAX_COUNT),  # a ring may lie
+            dropped=self.counters.dropped_here,
+            expected=self.counters.expected_here,
+            repeated=receiver.tracker.repeated,
+            at_ns=monotonic_ns(),
+            age_count=age_count,
+            age_sum_ns=age_sum_ns,
+            age_max_ns=age_max_ns,
+        )
+        besides = self.besides
+        if besides is None:
+            return report
+        expected = report.expected + besides.samples + sum(besides.dropped.values())
+        return msgspec.structs.replace(self.with_besides(report, besides), expected=expected)
+
+    def end(self, reason: Any) -> None:
+        super().end(reason)
+        if self._arrivals:
+            self._arrivals.release()
+        if self.acks is not None:
+            self.acks.end()
+        if self.dispatcher is not None:
+            self.dispatcher.end()
+        if self.rings is not None:
+            self.rings.close()
+        if self.on_end is not None:
+            self.on_end(reason)
+
+    def abandon(self, reason: BusError) -> None:
+        super().abandon(reason)
+        self.receiver.reader = None  # its cursors and pins are the parent's
+
+    # --- inside
+
+    def _miss(self, count: int) -> None:
+        """A publisher had gone on in another ring, which is gone with it."""
+        self.receiver.tracker.lose(count)
+        self.link.report(self)
+        self._report_lost()
+
+    def _leave_ring(self, proxy: PublisherProxy, rings: ShmReceiver) -> None:
+        try:
+            self._drain_rings()
+        finally:  # whatever is missing, the publisher sends
+            proxy.is_rerouted = rings.leave(proxy.gid)
+            received_seq = max(0, min(rings.received_seq(proxy.gid, proxy.received_seq) or 0, MAX_COUNT))
+            left = m.LeaveRing(subscription=self.id, source=proxy.number, seq=received_seq)
+            self.link.send_about(self, left)
+
+    def _drain_rings(self) -> None:
+        """What waits in the rings is brought in order with what comes by socket."""
+        self.receiver.drain_rings()
+        self.link.report(self)  # else perhaps nothing ever has it reported
+        self.link.soon(self.wake)  # a publisher that refuses to share memory has rung no doorbell
+
+    def remove_match(self, other: int, *, is_lost: bool = False) -> None:
+        is_known, was_alive = other in self.matches, other not in self._not_alive
+        super().remove_match(other)
+        self._not_alive.discard(other)
+        if is_known:
+            self._report_liveliness(*((-1, 0) if was_alive else (0, -1)))
+
+    def _reject(self, size: int, error: Exception) -> None:
+        text = f"a message of {size} bytes on '{self.topic_name}' is no {self.support.name}: {error}"
+        self.logger.warning(text, throttle_duration_sec=5.0)
+
+    def _report_lost(self) -> None:
+        callback = self.events.message_lost
+        if callback is not None:
+            reasons = self.counters.dropped
+            total = sum(reasons.values())
+            if total > self._lost_reported:
+                change, self._lost_reported = total - self._lost_reported, total
+                self.notify(callback, MessageLost(total, change, reasons))
+
+    def _report_liveliness(self, alive_change: int, not_alive_change: int) -> None:
+        lost = len(self._not_alive)
+        alive = len(self.matches) - lost
+        event = LivelinessChanged(alive, lost, alive_change, not_alive_change)
+        self.notify(self.events.liveliness_changed, event)
+
+    def describe_incompatible_qos(self) -> str:
+        return (
+            f"New publisher discovered on topic '{self.topic_name}', offering incompatible QoS. "
+            "No messages will be received from it"
+        )
+
+    def newest_ns(self) -> int:
+        # What the program takes before the loop hears the doorbell does not pass through `wake`.
+        return min(self.receiver.stamp_ns, monotonic_ns())  # a stamp may lie

@@ -1,0 +1,161 @@
+"""Messages of topics into the files of a bag: encoded, in files of the length that is asked for.
+
+Each further file begins with the state of the latched topics, so that it can be played by itself. While a
+recording is paused only that state is kept; it is written once the recording goes on.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from time import monotonic_ns
+
+from bus.vocabulary import DropReason
+from bus_bag.record.latched import Latched, LatchedState
+from bus_bag.record.options import RecordOptions
+from bus_bag.record.splitting import Splitting
+from bus_bag.record.topic import Batch, RecordedTopic, Sample
+from bus_bag.storage import BagWriter
+from bus_ros.cdr import CdrError
+
+__all__ = ["BagOutput"]
+
+_SHORT = 4 << 10
+"""Batches of messages that have up to so many bytes on the average go into a chunk as one."""
+
+
+class BagOutput:
+    """Writes to `writer`. `now_ns` is the clock of log times.
+
+    `size()` is the number of bytes of all files, with what is on its way there. `before_split()` is called
+    before a further file begins, `on_reject(topic, error)` for what is no message of its type.
+    """
+
+    def __init__(
+        self,
+        writer: BagWriter,
+        options: RecordOptions,
+        *,
+        now_ns: Callable[[], int],
+        size: Callable[[], int],
+        before_split: Callable[[], object],
+        on_reject: Callable[[RecordedTopic, CdrError], object],
+    ) -> None:
+        self._writer = writer
+        self._now_ns = now_ns
+        self._size = size
+        self._before_split = before_split
+        self._on_reject = on_reject
+        self._is_snapshot = options.is_snapshot
+        splitting = Splitting(options.max_bag_size, options.max_bag_duration)
+        self._splitting = splitting if splitting else None
+        self._latched: LatchedState[Sample] = LatchedState()
+        self.topics: dict[str, RecordedTopic] = {}
+        """By name."""
+        self.messages = 0
+        """That were given to the file."""
+        self.bytes = 0
+
+    def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
+        """See `Pipeline.set_publishers`."""
+        self._latched.set_publishers(topic.name, depths, monotonic_ns())
+        if topic.channel is not None and is_new:
+            self._writer.update_topic(topic.channel, topic.metadata)
+
+    def describe_topics(self) -> None:
+        """Have all topics in the bag, also those of which nothing has come."""
+        for topic in self.topics.values():
+            if topic.channel is None:
+                self._add_channel(topic)
+
+    def write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
+        """Write messages, whose payloads have `size` bytes; `is_paused`: as those of a pause."""
+        if is_paused:
+            topic.passed_over += len(samples)
+            self.keep(topic, samples, is_written=False)
+            return
+        if self._latched.has_unwritten and not self._is_snapshot:
+            self._write_state(self._latched.take_unwritten())
+        channel = topic.channel
+        if channel is None:
+            channel = self._add_channel(topic)
+        if self._splitting is not None and samples:
+            self._split_if_due(self._splitting, samples[0])
+        if len(samples) > 1 and size <= len(samples) * _SHORT and self._write_many(topic, channel, samples):
+            if topic.is_latched and not self._is_snapshot:
+                self.keep(topic, samples, is_written=True)
+            return
+        for sample in samples:
+            if self._splitting is not None:
+                self._split_if_due(self._splitting, sample)
+            topic.written += self._write_one(topic, channel, sample, sample[1][1])
+            if topic.is_latched and not self._is_snapshot:
+                self.keep(topic, [sample], is_written=True)
+
+    def write_state_before(self, batches: Iterable[Batch]) -> None:
+        """Write the state of latched topics that was not written, without what is in these batches."""
+        present = {id(sample) for samples in batches for sample in samples}
+        unwritten = self._latched.take_unwritten()
+        self._write_state([one for one in unwritten if id(one.message) not in present])
+
+    def keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
+        """Keep the state of a topic whose publishers keep messages for late joiners."""
+        if topic.is_latched:
+            for sample in samples:
+                if self._latched.is_offered(topic.name, sample[1].publisher_gid):
+                    self._latched.add(
+                        topic.name, sample[1].publisher_gid, sample, len(sample[0]), is_written=is_written
+                    )
+
+    def split(self, log_time: int | None = None) -> None:
+        """Go on in the next file, which begins with the state of latched topics, at `log_time`."""
+        self._before_split()
+        self._writer.split()
+        if self._splitting is not None:
+            self._splitting.split(self._size())
+        now_ns = self._now_ns() if log_time is None else log_time
+        for one in self._latched.state(monotonic_ns()):
+            topic = self.topics[one.topic]
+            if topic.channel is not None:
+                topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
+
+    def _split_if_due(self, splitting: Splitting, sample: Sample) -> None:
+        """Before this one is written."""
+        log_time = sample[1][1]
+        if splitting.is_due(self._size(), log_time):
+            self.split(log_time)
+
+    def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
+        """False, with nothing written, if one is no message of the type."""
+        payloads, infos = zip(*samples, strict=True)
+        try:
+            messages = topic.encode_many(payloads)
+        except CdrError:
+            return False
+        self.bytes += self._writer.write_many(channel, infos, messages)
+        topic.written += len(messages)
+        self.messages += len(messages)
+        return True
+
+    def _write_one(self, topic: RecordedTopic, channel: int, sample: Sample, log_time: int) -> int:
+        """Returns how many were written: 1, or 0 for what is no message of the type."""
+        payload, info = sample
+        try:
+            parts = topic.encode(payload)
+        except CdrError as error:
+            topic.lose(DropReason.UNDECODABLE, 1)
+            self._on_reject(topic, error)
+            return 0
+        self.bytes += self._writer.write(channel, log_time, info[0], info[2], parts)
+        self.messages += 1
+        return 1
+
+    def _write_state(self, state: Iterable[Latched[Sample]]) -> None:
+        """Write what was passed over, as the state of this moment."""
+        now_ns = self._now_ns()
+        for one in state:
+            topic = self.topics[one.topic]
+            topic.passed_over -= 1
+            channel = self._add_channel(topic) if topic.channel is None else topic.channel
+            topic.written += self._write_one(topic, channel, one.message, now_ns)
+
+    def _add_channel(self, topic: RecordedTopic) -> int:
+        topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
+        return topic.channel

@@ -1,0 +1,51 @@
+"""The time of log times: the system's, or that of the topic /clock."""
+
+import asyncio
+from time import time_ns
+from typing import Any
+
+from bus.node import Node
+from bus.parameters.time_source import CLOCK_QOS, CLOCK_TOPIC
+from bus.types.classes import message_class
+
+__all__ = ["RecordingClock"]
+
+
+class RecordingClock:
+    """The clock of one recording; `is_simulated`: that of `node`, which follows /clock."""
+
+    def __init__(self, node: Node, *, is_simulated: bool) -> None:
+        self._node = node
+        self.is_simulated = is_simulated
+
+    def now_ns(self) -> int:
+        """Nanoseconds since 1970, or since the simulation began; 0: it has not begun."""
+        if not self.is_simulated:
+            return time_ns()
+        now: Any = self._node.now()
+        return int(now.sec) * 1_000_000_000 + int(now.nanosec)
+
+    async def wait_for_begin(self, stopped: asyncio.Event) -> None:
+        """Until there is a time, or until `stopped`."""
+        if not self.is_simulated or self.now_ns():
+            return
+        log = self._node.get_logger()
+        log.info("use_sim_time set, waiting for /clock before starting recording...")
+        clock = await self._node.create_subscription(
+            message_class("rosgraph_msgs/msg/Clock"), CLOCK_TOPIC, CLOCK_QOS
+        )
+        receiving = asyncio.ensure_future(clock.receive())
+        stopping = asyncio.ensure_future(stopped.wait())
+        try:
+            await asyncio.wait((receiving, stopping), return_when=asyncio.FIRST_COMPLETED)
+            # The node's own subscription gets the same message, perhaps a moment later.
+            for _ in range(1000):
+                if self.now_ns() or stopped.is_set():
+                    break
+                await asyncio.sleep(0.001)
+        finally:
+            receiving.cancel()
+            stopping.cancel()
+            await clock.close()
+        if not stopped.is_set():
+            log.info("Sim time /clock found, starting recording.")

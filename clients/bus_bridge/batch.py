@@ -1,0 +1,72 @@
+"""Messages of one publisher that go together. Pure.
+
+A batch knows its count, its first and last number and its bytes. They are found once, when it is made: no
+step on its way has to read single messages for them.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+__all__ = ["Batch", "Loose", "Sample"]
+
+
+class Sample(NamedTuple):
+    """One message on its way."""
+
+    payload: bytes
+    """MessagePack, as on every bus."""
+    number: int
+    """Which of its publisher's messages it is, from 1; 0 where the engine does not know."""
+    source_time_ns: int
+    """When it was published: wall clock of the publisher's machine."""
+
+
+class Batch:
+    """One message or more, in order. Never changed."""
+
+    __slots__ = ("count", "first_number", "is_consecutive", "last_number", "last_time_ns", "payload_bytes")
+
+    count: int
+    """How many messages."""
+    payload_bytes: int
+    """Size of all payloads together."""
+    first_number: int
+    last_number: int
+    last_time_ns: int
+    """Source time of the last message."""
+    is_consecutive: bool
+    """Whether the numbers go up by one each time."""
+
+    def __iter__(self) -> Iterator[Sample]:
+        raise NotImplementedError
+
+    def after(self, count: int) -> "Batch":
+        """All except the first `count`; at least one is left."""
+        raise NotImplementedError
+
+
+class Loose(Batch):
+    """A batch in a list of samples, which must not be empty."""
+
+    __slots__ = ("_samples",)
+
+    def __init__(self, samples: list[Sample]) -> None:
+        self._samples = samples
+        self.count = len(samples)
+        self.payload_bytes = sum([len(one[0]) for one in samples])
+        self.first_number = number = samples[0][1]
+        _, self.last_number, self.last_time_ns = samples[-1]
+        self.is_consecutive = self.last_number - number == self.count - 1 and all(
+            one[1] == due for due, one in enumerate(samples, number)
+        )
+
+    @classmethod
+    def some(cls, samples: list[Sample]) -> "Loose | None":
+        """None if there are no samples."""
+        return cls(samples) if samples else None
+
+    def after(self, count: int) -> "Loose":
+        return Loose(self._samples[count:]) if count else self
+
+    def __iter__(self) -> Iterator[Sample]:
+        return iter(self._samples)

@@ -1,0 +1,233 @@
+"""The numbers of one publisher's messages: which comes next, which are repetitions, which were lost. Pure.
+
+The ways out use it (`export`), because taps come and go, and so do the ways in (`imports`), because the
+engine's readers come and go. The state says two things: whether a gap in the numbers is a loss, and whether a
+number that is not above the last one is a repetition.
+
+A way in may also get other numbers for the same messages. In a ring of buses, if the first way to a publisher
+fails, its messages come by another bridge, which counts from 1. Then messages that came before (copies) are
+recognized by their time.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import NamedTuple
+
+from bus_bridge.batch import Batch, Loose, Sample
+
+__all__ = [
+    "TRANSITIONS",
+    "Classified",
+    "Continuity",
+    "ContinuityError",
+    "ContinuityEvent",
+    "ContinuityState",
+    "Listeners",
+]
+
+
+class ContinuityState(Enum):
+    """What the number of the next message will mean."""
+
+    __hash__ = object.__hash__  # Enum's own is a call in Python
+
+    BEGINNING = "beginning"
+    """The next message may have any number above the last one. A gap is no loss."""
+    FOLLOWING = "following"
+    """The next message has the next number. A gap is a loss."""
+    RETURNING = "returning"
+    """There was an interruption. A gap is a loss for subscriptions that were there before it."""
+    RESTORING = "restoring"
+    """As RETURNING, but the history for late joiners was lost here and comes again. Its messages are no
+    repetitions."""
+
+
+class ContinuityEvent(Enum):
+    """What happens to it."""
+
+    __hash__ = object.__hash__
+
+    RECEIVE = "receive"
+    """A message with a number comes."""
+    RESUME = "resume"
+    """An earlier way of the publisher is continued, after its last number."""
+    RESTORE = "restore"
+    """The same, and the history is needed again."""
+    INTERRUPT = "interrupt"
+    """Messages stopped, and start again now."""
+    RESTART = "restart"
+    """Messages start now for a subscription that was not there before."""
+    RENUMBER = "renumber"
+    """Messages have other numbers from now on."""
+
+
+_State, _Event = ContinuityState, ContinuityEvent
+
+TRANSITIONS: Mapping[ContinuityState, Mapping[ContinuityEvent, ContinuityState]] = {
+    _State.BEGINNING: {
+        _Event.RECEIVE: _State.FOLLOWING,
+        _Event.RESUME: _State.RETURNING,
+        _Event.RESTORE: _State.RESTORING,
+        _Event.INTERRUPT: _State.BEGINNING,
+        _Event.RESTART: _State.BEGINNING,
+        _Event.RENUMBER: _State.BEGINNING,
+    },
+    _State.FOLLOWING: {
+        _Event.RECEIVE: _State.FOLLOWING,
+        _Event.INTERRUPT: _State.RETURNING,
+        _Event.RESTART: _State.BEGINNING,
+        _Event.RENUMBER: _State.BEGINNING,
+    },
+    _State.RETURNING: {
+        _Event.RECEIVE: _State.FOLLOWING,
+        _Event.INTERRUPT: _State.RETURNING,
+        _Event.RESTART: _State.BEGINNING,
+        _Event.RENUMBER: _State.BEGINNING,
+    },
+    _State.RESTORING: {
+        _Event.RECEIVE: _State.FOLLOWING,
+        _Event.INTERRUPT: _State.RESTORING,
+        _Event.RENUMBER: _State.BEGINNING,
+    },
+}
+"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+
+
+class ContinuityError(Exception):
+    """An event that can't happen in its state: a bug of the bridge."""
+
+
+class Classified(NamedTuple):
+    """A batch after its numbers were checked."""
+
+    batch: Batch | None
+    """The messages that are new."""
+    repeated: int
+    """How many messages had come before."""
+    lost: int
+    """How many numbers are missing, without an interruption."""
+    missed: int
+    """How many numbers are missing after an interruption."""
+
+
+class Continuity:
+    """The state of one way. Only `on` changes it."""
+
+    __slots__ = ("_copies", "_copies_until_ns", "last", "state")
+
+    def __init__(self) -> None:
+        self.state = ContinuityState.BEGINNING
+        self.last = 0
+        """The number of the last message that came; 0 for none."""
+        self._copies = 0
+        """How many copies may still come, of messages published up to `_copies_until_ns`."""
+        self._copies_until_ns = 0
+
+    def on(self, event: ContinuityEvent) -> None:
+        """`event` happens. Raises ContinuityError if it can't happen in this state."""
+        state = TRANSITIONS[self.state].get(event)
+        if state is None:
+            raise ContinuityError(f"a way is {self.state.value!r}: {event.value!r} can't happen to it")
+        self.state = state
+
+    def resume(self, last: int, *, restores: bool) -> None:
+        """Continue an earlier way, which ended at the number `last`. `restores`: the history is needed
+        again."""
+        self.on(_Event.RESTORE if restores else _Event.RESUME)
+        self.last = last
+
+    def renumber(self, copies: int, until_ns: int) -> None:
+        """The next messages have other numbers. At most `copies` of them, published up to `until_ns`, came
+        before. None counts as a copy if the history is needed again."""
+        if self.state is not _State.RESTORING:
+            self._copies, self._copies_until_ns = copies, until_ns
+        self.on(_Event.RENUMBER)
+        self.last = 0
+
+    def follows(self, batch: Batch) -> bool:
+        """Whether the batch continues the numbers without a gap or a repetition, as it nearly always does.
+        Then it counts as received. If not, call `classify` or `jump`."""
+        if batch.first_number != self.last + 1 or not batch.is_consecutive or self._copies:
+            return False
+        self.last = batch.last_number
+        if self.state is not _State.FOLLOWING:
+            self.on(_Event.RECEIVE)
+        return True
+
+    def jump(self, batch: Batch) -> Classified:
+        """As `classify`, for rising numbers, of which the first is above `last`."""
+        gap = max(0, batch.last_number - self.last - batch.count)
+        state = self.state
+        self.on(_Event.RECEIVE)
+        self.last = batch.last_number
+        if state is _State.FOLLOWING:
+            return Classified(batch, 0, gap, 0)
+        return Classified(batch, 0, 0, 0 if state is _State.BEGINNING else gap)
+
+    def classify(self, batch: Batch) -> Classified:
+        """Check each number, in any order. A message without a number is new."""
+        found: list[Sample] = []
+        repeated = lost = missed = 0
+        for sample in batch:
+            number = sample.number
+            if self._copies and sample.source_time_ns <= self._copies_until_ns:
+                self._copies -= 1
+                self.last = number
+                if self.state is not _State.FOLLOWING:
+                    self.on(_Event.RECEIVE)
+                repeated += 1
+                continue
+            self._copies = 0
+            if number:
+                state = self.state
+                if state is _State.RESTORING:
+                    self.last = min(self.last, number - 1)
+                if number <= self.last:
+                    repeated += 1
+                    continue
+                if state is _State.FOLLOWING:
+                    lost += number - self.last - 1
+                elif state is not _State.BEGINNING:
+                    missed += number - self.last - 1
+                self.last = number
+                if state is not _State.FOLLOWING:
+                    self.on(_Event.RECEIVE)
+            found.append(sample)
+        return Classified(batch if len(found) == batch.count else Loose.some(found), repeated, lost, missed)
+
+
+class Listeners:
+    """Subscriptions that got the last message of a way in, by gid. A gap after an interruption is a loss for
+    them only.
+
+    While busd is away there are no matches. When it is back, so are the same subscriptions.
+    """
+
+    __slots__ = ("_last", "before", "now")
+
+    def __init__(self) -> None:
+        self.before: frozenset[bytes] = frozenset()
+        """Subscriptions that got the last message before the matches changed."""
+        self.now: frozenset[bytes] = frozenset()
+        """Subscriptions that are matched."""
+        self._last = 0
+
+    def change(self, now: frozenset[bytes], last: int) -> None:
+        """The matches may have changed; the last message so far had the number `last`."""
+        if last != self._last and self.now:
+            self.before = self.now
+        self._last = last
+        self.now = now
+
+    def resume(self, before: frozenset[bytes], last: int) -> None:
+        """Continue an earlier way that ended at the number `last`, which these subscriptions got."""
+        self.before, self._last = before, last
+
+    def forget(self) -> None:
+        """The next messages have other numbers, so a gap before them can't be counted."""
+        self.before, self._last = frozenset(), 0
+
+    @property
+    def are_back(self) -> bool:
+        """Whether a subscription that got the last message is matched."""
+        return bool(self.before & self.now)

@@ -1,0 +1,195 @@
+"""bus_actions.client: what a client knows of its goals, on a bus of lists."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from action_world import NAME, ActionWorld
+from bus.errors import ConfigurationError, ConnectionClosed, LocalProtocolError
+from bus.msg import Message, int32
+from bus_actions import (
+    Action,
+    ActionClient,
+    ActionUnavailable,
+    GoalAborted,
+    GoalCanceled,
+    GoalStatus,
+    ServerGoal,
+)
+from bus_actions import client as client_module
+
+
+class Walk(Action):
+    class Goal(Message, kw_only=True):
+        steps: int32 = 0
+
+    class Result(Message, kw_only=True):
+        done: int32 = 0
+
+    class Feedback(Message, kw_only=True):
+        step: int32 = 0
+
+
+async def walk(goal: ServerGoal) -> Any:
+    for step in range(goal.request.steps):
+        goal.publish_feedback(Walk.Feedback(step=step))
+    return Walk.Result(done=goal.request.steps)
+
+
+async def forever(goal: ServerGoal) -> None:
+    await asyncio.get_running_loop().create_future()
+
+
+async def send(client: ActionClient, steps: int = 0, **kwargs: Any) -> Any:
+    return await client.send_goal(Walk.Goal(steps=steps), **kwargs)
+
+
+async def turns(number: int = 10) -> None:
+    for _ in range(number):
+        await asyncio.sleep(0)
+
+
+async def test_the_newest_feedback_is_kept_for_who_reads_it_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client_module, "_MOST_FEEDBACK", 3)
+    world = ActionWorld()
+    async with world.server(Walk, walk), world.client(Walk) as client:
+        goal = await send(client, 5)
+        assert (await goal.result()).done == 5
+        assert [one.step async for one in goal] == [2, 3, 4]
+        counts = client.statistics()
+        assert (counts.sent, counts.accepted, counts.ended, counts.active) == (1, 1, 1, 0)
+        assert (counts.feedback, counts.feedback_dropped) == (5, 2)
+
+
+async def test_a_result_may_be_awaited_by_several_and_again() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, walk), world.client(Walk) as client:
+        goal = await send(client, 1)
+        results = await asyncio.gather(goal.result(), goal.result())
+        assert [one.done for one in results] == [1, 1]
+        assert (await goal.result()).done == 1
+        assert goal.is_done
+        assert goal.status is GoalStatus.SUCCEEDED
+
+
+async def test_feedback_of_a_goal_of_another_client_is_not_taken() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, walk), world.client(Walk) as one, world.client(Walk) as other:
+        await (await send(one, 3)).result()
+        assert (one.statistics().feedback, other.statistics().feedback) == (3, 0)
+
+
+async def test_nobody_serves() -> None:
+    world = ActionWorld()
+    async with world.client(Walk) as client:
+        with pytest.raises(ActionUnavailable, match="nobody serves it now"):
+            await send(client)
+        assert client.statistics().sent == 0
+    with pytest.raises(ConnectionClosed, match="is not open"):
+        await send(client)
+
+
+async def test_a_goal_is_sent_once() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, forever), world.client(Walk) as client:
+        await send(client, goal_id=bytes(16))
+        with pytest.raises(LocalProtocolError, match="was sent already"):
+            await send(client, goal_id=bytes(16))
+        with pytest.raises(ConfigurationError, match="has 16 bytes, not 3"):
+            await send(client, goal_id=b"abc")
+
+
+async def test_a_server_that_leaves_before_it_answers_or_before_the_end() -> None:
+    world = ActionWorld()
+    async with world.client(Walk) as client:
+        await world.server(Walk, forever).open()
+        goal = await send(client)
+        world.is_held = True
+        sending = asyncio.ensure_future(send(client))
+        await turns()
+        world.lose_server()
+        with pytest.raises(ActionUnavailable, match="before it answered"):
+            await sending
+        with pytest.raises(ActionUnavailable, match="before the goal's end"):
+            await goal.result()
+        with pytest.raises(ActionUnavailable, match="before the goal's end"):
+            await goal.result()
+        assert client.statistics().active == 0
+
+
+async def test_the_end_of_a_goal_may_be_known_by_its_status_alone() -> None:
+    world = ActionWorld()
+    async with world.client(Walk) as client:
+        await world.server(Walk, forever).open()
+        goals = [await send(client) for _ in range(3)]
+        for goal, status in zip(
+            goals, (GoalStatus.ABORTED, GoalStatus.CANCELED, GoalStatus.SUCCEEDED), strict=True
+        ):
+            goal.status = status
+        world.lose_server()
+        kinds = []
+        for goal in goals:
+            with pytest.raises((GoalAborted, GoalCanceled, ActionUnavailable)) as caught:
+                await goal.result()
+            kinds.append(caught.type)
+        # What it succeeded with is lost.
+        assert kinds == [GoalAborted, GoalCanceled, ActionUnavailable]
+
+
+async def test_a_status_that_comes_late_takes_nothing_back() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, forever) as server, world.client(Walk) as client:
+        goal = await send(client)
+        await turns()
+        assert goal.status is GoalStatus.EXECUTING
+        message = world.publishers[f"{NAME}/_action/status"].published[-1]
+        message.status_list[0].status = int(GoalStatus.ACCEPTED)
+        client._take_status(message)
+        assert goal.status is GoalStatus.EXECUTING
+        assert len(server.goals) == 1
+
+
+async def test_a_goal_that_nobody_waits_for_any_more_is_canceled_when_it_is_accepted() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, forever) as server, world.client(Walk) as client:
+        world.is_held = True
+        sending = asyncio.ensure_future(send(client))
+        await turns()
+        sending.cancel()
+        await turns()
+        world.release()
+        await turns()
+        assert (server.statistics().accepted, server.statistics().canceled) == (1, 1)
+
+
+async def test_what_is_lost_with_busd_is_asked_again_if_that_changes_nothing() -> None:
+    """A result and a cancellation are; a goal is not, for it may be executed already."""
+    world = ActionWorld()
+    async with world.server(Walk, forever) as server, world.client(Walk) as client:
+        goal = await send(client)
+        world.is_held = True
+        sending = asyncio.ensure_future(send(client))
+        canceling = asyncio.ensure_future(goal.cancel())
+        await turns()
+        world.lose_busd()
+        with pytest.raises(ActionUnavailable, match="busd has ended meanwhile"):
+            await sending
+        world.release()
+        assert await canceling
+        with pytest.raises(GoalCanceled):
+            await goal.result()
+        assert server.statistics().accepted == 1
+
+
+async def test_closing_ends_the_wait_for_a_result() -> None:
+    world = ActionWorld()
+    async with world.server(Walk, forever):
+        async with world.client(Walk) as client:
+            goal = await send(client)
+            await turns()
+            waiting = asyncio.ensure_future(goal.result())
+            await turns()
+        with pytest.raises(ConnectionClosed):
+            await waiting
+        await client.close()

@@ -1,0 +1,88 @@
+"""Readers of DDS: every cell of their table. What they carry is tested with a domain, in the system tests."""
+
+import asyncio
+from collections.abc import Callable
+from itertools import product
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bus_bridge.dds import raw
+from bus_bridge.dds.qos import Policies
+from bus_bridge.dds.reading import TRANSITIONS, Intake, IntakeError, Ways
+from bus_bridge.dds.reading import IntakeEvent as Event
+from bus_bridge.dds.reading import IntakeState as State
+from transitions import paths
+
+
+class Endpoint:
+    entity, guid = 1, bytes(16)
+
+    def __init__(self) -> None:
+        self.closes = 0
+
+    def matched_writers(self) -> list[int]:
+        return []
+
+    def close(self) -> None:
+        self.closes += 1
+
+
+class Scene:
+    """A reader that has come to `state`. Nothing has arrived."""
+
+    def __init__(self, state: State, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.takes = 0
+        self.endpoint = Endpoint()
+        self.ways = Ways(set())
+        monkeypatch.setattr(raw, "taker_of", lambda entity: self._take)
+        participant: Any = SimpleNamespace(make_reader=lambda *_: self.endpoint)
+        known: Any = SimpleNamespace(depth=10, idl=None)
+        self.intake = Intake(self.ways, participant, "/t", known, Policies(), b"")
+        self.ways.add(self.intake)
+        for event in paths(TRANSITIONS, State.OPEN)[state]:
+            self.do(event)
+        assert self.intake.state is state
+
+    def _take(self, most: int) -> list[object]:
+        self.takes += 1
+        return []
+
+    def do(self, event: Event) -> None:
+        doing: dict[Event, Callable[[], None]] = {
+            Event.RETIRE: lambda: self.intake.on(Event.RETIRE),
+            Event.CLOSE: self.intake.close,
+        }
+        doing[event]()
+
+
+@pytest.mark.parametrize(("state", "event"), [*product(State, Event)])
+async def test_every_cell(state: State, event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, following = Scene(state, monkeypatch), TRANSITIONS[state].get(event)
+    if following is None:
+        with pytest.raises(IntakeError) as caught:
+            scene.intake.on(event)
+        assert str(caught.value) == (
+            f"a reader of DDS on '/t' is {state.value!r}: {event.value!r} can't happen to it"
+        )
+        following = state
+    else:
+        scene.do(event)
+    assert scene.intake.state is following
+    assert scene.endpoint.closes == (following is State.CLOSED)
+    scene.intake.drain()
+    assert scene.takes == (following is not State.CLOSED)
+
+
+def test_every_state_has_a_row_and_can_be_reached() -> None:
+    assert {*paths(TRANSITIONS, State.OPEN)} == {*State} == {*TRANSITIONS}
+
+
+async def test_one_that_carries_nothing_ends_as_soon_as_it_retires(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(State.OPEN, monkeypatch)
+    scene.ways.retire(scene.intake)
+    assert scene.intake.state is State.CLOSED and scene.endpoint.closes == 1
+    scene.intake.close()
+    await asyncio.sleep(0)
+    assert scene.endpoint.closes == 1 and scene.takes == 0

@@ -1,0 +1,59 @@
+"""bus_launch.launch.actions.process_state: every cell of the table, and which states can be reached."""
+
+from collections import deque
+from itertools import product
+
+import pytest
+
+from bus_launch.launch.actions.process_state import (
+    PROCESSES,
+    ProcessError,
+    ProcessEvent,
+    ProcessState,
+    next_state,
+)
+from rows import for_each
+
+START, EXIT, END, RESTART, GIVE_UP = ProcessEvent
+STARTING, UNWANTED, RUNNING, ENDING, WAITING, ENDED = ProcessState
+# By state: what follows on START, EXIT, END, RESTART, GIVE_UP.
+CELLS = {
+    STARTING: (RUNNING, WAITING, UNWANTED, None, None),
+    UNWANTED: (ENDING, ENDED, UNWANTED, None, None),
+    RUNNING: (None, WAITING, ENDING, None, None),
+    ENDING: (None, ENDED, ENDING, None, None),
+    WAITING: (None, None, ENDED, STARTING, ENDED),
+    ENDED: (None, None, ENDED, None, None),
+}
+
+
+@for_each(("state", "event"), list(product(ProcessState, ProcessEvent)))
+def test_every_cell(state: ProcessState, event: ProcessEvent) -> None:
+    expected = CELLS[state][list(ProcessEvent).index(event)]
+    if expected is not None:
+        assert next_state(state, event) is expected
+        return
+    with pytest.raises(ProcessError) as caught:
+        next_state(state, event)
+    assert str(caught.value) == f"the process is {state.value!r}: {event.value!r} can't happen to it"
+
+
+def test_every_state_has_a_row_and_can_be_reached_and_left() -> None:
+    assert {*PROCESSES} == {*ProcessState} == reached_from(STARTING)
+    for state in ProcessState:
+        assert ENDED in reached_from(state)
+
+
+def test_a_process_can_be_told_to_end_in_every_state() -> None:
+    """A launch shuts down at any moment, and says it to all."""
+    assert all(END in row for row in PROCESSES.values())
+
+
+def reached_from(first: ProcessState) -> set[ProcessState]:
+    found, waiting = {first}, deque([first])
+    while waiting:
+        for following in PROCESSES[waiting.popleft()].values():
+            if following not in found:
+                found.add(following)
+                waiting.append(following)
+    return found

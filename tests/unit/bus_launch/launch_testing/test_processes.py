@@ -1,0 +1,128 @@
+"""bus_launch.launch_testing.processes: which process is meant, what it has written, and how it ended."""
+
+import re
+from typing import Any
+
+import pytest
+
+from bus_launch.launch.actions import ExecuteProcess
+from bus_launch.launch.events.process import ProcessExited, ProcessStarted, ProcessStderr, ProcessStdout
+from bus_launch.launch_testing.asserts import (
+    assertExitCodes,
+    assertInStderr,
+    assertInStdout,
+    assertSequentialStdout,
+)
+from bus_launch.launch_testing.processes import (
+    ActiveIoHandler,
+    ActiveProcInfoHandler,
+    NoMatchingProcessException,
+    contains,
+    matching,
+)
+from rows import for_each
+
+TALKER, LISTENER = ExecuteProcess(cmd=["talker"]), ExecuteProcess(cmd=["listener"])
+
+
+def details(action: Any, name: str) -> dict[str, Any]:
+    return {
+        "action": action,
+        "name": name,
+        "cmd": [name.partition("-")[0], "--fast"],
+        "cwd": None,
+        "env": None,
+    }
+
+
+@pytest.fixture
+def info() -> ActiveProcInfoHandler:
+    info = ActiveProcInfoHandler()
+    info.append(ProcessStarted(**details(TALKER, "talker-1")))
+    info.append(ProcessExited(returncode=3, **details(LISTENER, "listener-2")))
+    return info
+
+
+@pytest.fixture
+def output(info: ActiveProcInfoHandler) -> ActiveIoHandler:
+    output = ActiveIoHandler(info)
+    output.append(ProcessStdout(text=b"first sec", **details(TALKER, "talker-1")))
+    output.append(ProcessStderr(text=b"oops", **details(TALKER, "talker-1")))
+    output.append(ProcessStdout(text=b"ond third", **details(TALKER, "talker-1")))
+    output.append(ProcessStdout(text=b"heard", **details(LISTENER, "listener-2")))
+    return output
+
+
+def test_which_process_is_meant(info: ActiveProcInfoHandler) -> None:
+    assert matching(info, TALKER) is TALKER
+    assert matching(info, "listener-2") is LISTENER
+    assert matching(info, "alk") is TALKER
+    with pytest.raises(
+        NoMatchingProcessException, match="Did not find any processes matching 'x'; there are: t"
+    ):
+        matching(info, "x")
+    with pytest.raises(NoMatchingProcessException, match="Found several processes matching '--fast'"):
+        matching(info, "--fast")
+    with pytest.raises(NoMatchingProcessException, match="Did not find any processes matching"):
+        matching(info, ExecuteProcess(cmd=["x"]))
+
+
+def test_an_exact_name_is_meant_before_a_part_of_another() -> None:
+    info = ActiveProcInfoHandler()
+    info.append(ProcessStarted(**details(TALKER, "a-1")))
+    info.append(ProcessStarted(**details(LISTENER, "a-12")))
+    assert matching(info, "a-1") is TALKER
+
+
+def test_the_output_of_one_process_or_of_all(output: ActiveIoHandler) -> None:
+    assert output.text(TALKER, "stdout") == "first second third"
+    assert output.text("talker", "stderr") == "oops"
+    assert output.text("talker") == "first secoopsond third"
+    assert output.text(stream="stdout") == "first second thirdheard"
+    assert output.process_names() == ["talker-1", "listener-2"]
+
+
+@for_each(
+    ("expected", "is_there"),
+    [
+        ("two", True),
+        (["one", "three"], True),
+        (["three", "one"], False),
+        (["one", "one"], False),
+        (re.compile("t.o"), True),
+        ([re.compile("t.o"), "three"], True),
+        ([re.compile("three$"), re.compile("t.o")], False),
+        ("four", False),
+    ],
+)
+def test_what_a_text_contains(expected: Any, is_there: bool) -> None:
+    assert contains("one two three", expected) is is_there
+
+
+def test_waiting(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> None:
+    info.assertWaitForStartup("talker", timeout=0)
+    info.assertWaitForShutdown("listener", timeout=0)
+    with pytest.raises(AssertionError, match="Timed out waiting for process 'talker' to finish"):
+        info.assertWaitForShutdown("talker", timeout=0)
+    with pytest.raises(AssertionError, match="Timed out waiting for process 'x' to start"):
+        info.assertWaitForStartup("x", timeout=0)
+    output.assertWaitFor("oops", "talker", timeout=0)
+    assert not output.waitFor("first", "talker", timeout=0), "stderr is meant, if no stream is given"
+    assert not output.waitFor("first", "x", stream="stdout", timeout=0)
+
+
+def test_assertions(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> None:
+    assertExitCodes(info, [0, 3], "listener")
+    with pytest.raises(AssertionError, match="Proc listener-2 exited with code 3"):
+        assertExitCodes(info, process="listener")
+    with pytest.raises(AssertionError, match="Proc talker-1 exited with code None"):
+        assertExitCodes(info, [3])
+    assertInStdout(output, "second", TALKER)
+    assertInStderr(output, "oops", TALKER)
+    with pytest.raises(AssertionError, match="Did not find 'oops'"):
+        assertInStdout(output, "oops", TALKER)
+    with assertSequentialStdout(output, TALKER) as stdout:
+        stdout.assertInStdout("first")
+        stdout.assertInStdout("third")
+        with pytest.raises(AssertionError, match="'second' not found in text"):
+            stdout.assertInStdout("second")

@@ -1,0 +1,269 @@
+"""Action servers and clients on a bus of a few lists: no busd, no socket, no process.
+
+    world = ActionWorld()
+    async with world.server(Count, count) as server, world.client(Count) as client:
+        goal = await client.send_goal(Count.Goal(target=3))
+        assert (await goal.result()).reached == 3
+
+`bus_actions` is the real one; its nodes are lists of what was made with them. A message arrives in a later
+turn of the event loop, in the order in which all were sent. While `world.is_held`, nothing arrives.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Any, cast
+
+from bus.errors import BusError, ConnectionClosed, ServiceError, ServiceUnavailable
+from bus.msg.builtin_interfaces import Time
+from bus.service.client import CallLost
+from bus.service.server import RequestId
+from bus.types.support import type_support
+from bus_actions import ActionClient, ActionServer
+
+__all__ = ["NAME", "ActionWorld"]
+
+NAME = "/act"
+
+
+class _Logger:
+    name = "acting"
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+class ListService:
+    """A server of a service. `answers` has the request ids and responses of all that it answered."""
+
+    def __init__(self, world: "ActionWorld", name: str, on_request: Callable[[Any, RequestId], Any]) -> None:
+        self.service_name = name
+        self.on_request = on_request
+        self.answers: list[tuple[RequestId, Any]] = []
+        self.is_closed = False
+        self._requests = self
+        self._on_end: Callable[[BusError], object] | None = None
+        self._world = world
+
+    def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
+        outcome = ServiceError(self.service_name, error) if error else response
+        self.answers.append((request_id, outcome))
+        self._world.send(self._world.answer, request_id, self.service_name, outcome)
+        return True
+
+    async def close(self) -> None:
+        self.is_closed = True
+        self._world.services.pop(self.service_name, None)
+
+
+class ListServiceClient:
+    def __init__(
+        self, world: "ActionWorld", name: str, gid: bytes, on_response: Callable[[int, Any], object]
+    ) -> None:
+        self.service_name = name
+        self.gid = gid
+        self.on_response = on_response
+        self.calls: set[int] = set()
+        self._requests = self
+        self._world = world
+        self._number = 0
+
+    def service_is_ready(self) -> bool:
+        return self.service_name in self._world.services
+
+    def _check_served(self) -> None:
+        if not self.service_is_ready():
+            raise ServiceUnavailable(self.service_name, "nobody serves it")
+
+    def send_request(self, request: Any) -> int:
+        self._number += 1
+        self.calls.add(self._number)
+        self._world.send(self._world.ask, self.service_name, request, RequestId(self.gid, self._number))
+        return self._number
+
+    def forget(self, number: int) -> bool:
+        is_known = number in self.calls
+        self.calls.discard(number)
+        return is_known
+
+    def settle(self, number: int, outcome: Any) -> None:
+        if self.forget(number):
+            self.on_response(number, outcome)
+
+    async def close(self) -> None:
+        for number in sorted(self.calls):
+            self.settle(number, ConnectionClosed("the client was closed"))
+
+
+class ListPublisher:
+    def __init__(self, world: "ActionWorld", message_type: Any, topic: str) -> None:
+        self.topic = topic
+        self.published: list[Any] = []
+        self._world = world
+        self._support = type_support(message_type)
+
+    def publish(self, message: Any) -> None:
+        self.publish_encoded(self._support.encode(message))
+
+    def publish_encoded(self, payload: Any) -> None:
+        message = self._support.decode(payload)
+        self.published.append(message)
+        self._world.send(self._world.deliver, self.topic, message)
+
+    def _hand_over(self) -> None:
+        pass
+
+    async def close(self) -> None:
+        self._world.publishers.pop(self.topic, None)
+
+
+class ListSubscription:
+    def __init__(self, world: "ActionWorld", callback: Callable[[Any], object]) -> None:
+        self.callback = callback
+        self._world = world
+
+    def take(self) -> None:
+        return None  # a message goes to the callback when it arrives
+
+    async def close(self) -> None:
+        for ends in self._world.subscriptions.values():
+            if self in ends:
+                ends.remove(self)
+
+
+class ListNode:
+    """`errors` are those that went out of callbacks."""
+
+    def __init__(self, world: "ActionWorld") -> None:
+        self.errors: list[Exception] = []
+        self.logger = _Logger()
+        self._world = world
+
+    def get_logger(self) -> _Logger:
+        return self.logger
+
+    def now(self) -> Time:
+        sec, nanosec = divmod(self._world.now_ns, 1_000_000_000)
+        return Time(sec=sec, nanosec=nanosec)
+
+    def _fail(self, error: Exception) -> None:
+        self.errors.append(error)
+
+    async def create_publisher(self, message_type: Any, topic: str, qos: object) -> ListPublisher:
+        made = self._world.publishers[topic] = ListPublisher(self._world, message_type, topic)
+        return made
+
+    async def create_subscription(
+        self, message_type: Any, topic: str, qos: object, callback: Callable[[Any], object]
+    ) -> ListSubscription:
+        made = ListSubscription(self._world, callback)
+        self._world.subscriptions.setdefault(topic, []).append(made)
+        return made
+
+    async def create_service(
+        self, definition: Any, name: str, *, qos: object, on_request: Callable[[Any, RequestId], Any]
+    ) -> ListService:
+        made = self._world.services[name] = ListService(self._world, name, on_request)
+        if self._world.in_opening is not None:
+            await self._world.in_opening(made)
+        return made
+
+    async def create_client(
+        self, definition: Any, name: str, qos: object, *, on_response: Callable[[int, Any], object]
+    ) -> ListServiceClient:
+        gid = len(self._world.clients).to_bytes(16, "big")
+        made = self._world.clients[gid] = ListServiceClient(self._world, name, gid, on_response)
+        return made
+
+
+class ActionWorld:
+    """Nodes whose endpoints find each other by their names; `now_ns` is their clock."""
+
+    def __init__(self) -> None:
+        self.now_ns = 1_000_000_000
+        self.is_held = False
+        self.in_opening: Callable[[ListService], Any] | None = None
+        """Awaited after each service that is made."""
+        self.services: dict[str, ListService] = {}
+        self.clients: dict[bytes, ListServiceClient] = {}
+        self.publishers: dict[str, ListPublisher] = {}
+        self.subscriptions: dict[str, list[ListSubscription]] = {}
+        self.server_node = ListNode(self)
+        self.client_node = ListNode(self)
+        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def server(self, action: Any, execute: Callable[..., Any], **options: Any) -> ActionServer:
+        return ActionServer(cast(Any, self.server_node), action, NAME, execute, **options)
+
+    def client(self, action: Any) -> ActionClient:
+        return ActionClient(cast(Any, self.client_node), action, NAME)
+
+    def service(self, kind: str) -> ListService:
+        """`send_goal`, `cancel_goal` or `get_result`."""
+        return self.services[f"{NAME}/_action/{kind}"]
+
+    def statuses(self) -> list[list[int]]:
+        """The status messages that were published: the states of all goals in each."""
+        published = self.publishers[f"{NAME}/_action/status"].published
+        return [[one.status for one in message.status_list] for message in published]
+
+    def release(self) -> None:
+        """All that was held arrives."""
+        self.is_held = False
+        self._arrive()
+
+    def lose_server(self) -> None:
+        """The server's process dies: calls that wait are told."""
+        self._waiting.clear()
+        self.services.clear()
+        self.publishers.clear()
+        self._fail_calls(ServiceUnavailable(NAME, "it left"))
+
+    def lose_busd(self) -> None:
+        """busd dies with all that was on its way, and is back at once."""
+        self._waiting.clear()
+        self._fail_calls(CallLost(NAME))
+
+    def _fail_calls(self, outcome: BusError) -> None:
+        for client in tuple(self.clients.values()):
+            for number in sorted(client.calls):
+                client.settle(number, outcome)
+
+    # --- for the endpoints
+
+    def send(self, arrive: Callable[..., None], *arguments: Any) -> None:
+        self._waiting.append((arrive, arguments))
+        asyncio.get_running_loop().call_soon(self._arrive)
+
+    def _arrive(self) -> None:
+        while self._waiting and not self.is_held:
+            arrive, arguments = self._waiting.popleft()
+            arrive(*arguments)
+
+    def ask(self, name: str, request: Any, request_id: RequestId) -> None:
+        service = self.services.get(name)
+        if service is None:
+            return
+        work = service.on_request(request, request_id)
+        if work is not None:
+            task = asyncio.get_running_loop().create_task(self._call(work))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+    async def _call(self, work: Any) -> None:
+        try:
+            await work
+        except Exception as error:
+            self.server_node._fail(error)
+
+    def answer(self, request_id: RequestId, name: str, outcome: Any) -> None:
+        if request_id.client in self.clients:
+            self.clients[request_id.client].settle(request_id.number, outcome)
+
+    def deliver(self, topic: str, message: Any) -> None:
+        for subscription in tuple(self.subscriptions.get(topic, ())):
+            subscription.callback(message)
