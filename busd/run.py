@@ -49,7 +49,7 @@ subscriptions of programs that `import bus`.
 """
 
 _EPILOG = """\
-where it listens, first that is set:
+socket path, in order of precedence:
   --socket PATH, $BUSD_SOCKET, $XDG_RUNTIME_DIR/busd/<domain>.sock, /tmp/busd-<uid>/<domain>.sock
 
 You need not start busd: the first program that opens a node does, in the background, and that busd leaves
@@ -114,12 +114,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--log-level", choices=LOG_LEVELS, help="how much to say on stderr (default: info)")
     parser.add_argument(
-        "--log-format", choices=LOG_FORMATS, help="a text or a JSON object a line (default: text)"
+        "--log-format",
+        choices=LOG_FORMATS,
+        help="log format: plain text, or one JSON object a line (default: text)",
     )
     parser.add_argument(
         "--idle-exit", type=_seconds, metavar="S", help="stop after S seconds without a connection"
     )
-    parser.add_argument(CHECK, action="store_true", help="only look whether FILE is right, and end")
+    parser.add_argument(CHECK, action="store_true", help="check FILE for errors, then exit")
     return parser
 
 

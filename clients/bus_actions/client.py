@@ -272,7 +272,7 @@ class ActionClient:
         try:
             ends.goal._check_served()
         except ServiceUnavailable:
-            raise ActionUnavailable(self.name, "nobody serves it now; see wait_for_server") from None
+            raise ActionUnavailable(self.name, "no server exists now; see wait_for_server") from None
         support = self._support
         request = support.send_goal.Request(goal_id=support.goal_id(goal_id), goal=goal)
         sent = _Sent(ClientGoal(self, goal_id, goal), asyncio.get_running_loop().create_future())

@@ -95,5 +95,5 @@ def _plan_ros2(table: Ros2Table) -> tuple[_MakeEngine, list[str]]:
         distro=table.distro or "auto",
     )
     options.check()
-    where = "this machine alone" if options.is_local else f"interface {options.interface}"
+    where = "this machine only" if options.is_local else f"interface {options.interface}"
     return lambda bus: DdsEngine(bus, options), [f"in domain {options.domain} of DDS, {where}"]

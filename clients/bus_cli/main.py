@@ -142,7 +142,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         },
     ),
     "bench": (
-        "Measure the bus on this machine, with processes of its own",
+        "Measure the bus on this machine, with separate processes",
         {
             "fanout": "One publisher to many subscribers",
             "latency": "How old messages are when they come",
@@ -365,7 +365,7 @@ def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
         metavar="N",
         type=int,
         default=default,
-        help="a bus of its own on this machine ($BUSD_DOMAIN)",
+        help="a separate bus on this machine ($BUSD_DOMAIN)",
     )
     group.add_argument("--json", action="store_true", default=SUPPRESS, help="print one JSON object per line")
     group.add_argument(

@@ -110,14 +110,14 @@ def add_arguments(parser: "ArgumentParser") -> None:
     parser.allow_abbrev = False
     parser.description = (
         "Run a Python script or module, or a program of a package. Modules of ROS 2 (rclpy, std_msgs, ...) "
-        "that can't be imported are busd's own. What follows the program is its own: also --ros-args."
+        "that can't be imported are busd's own. All words after the program belong to it, also --ros-args."
     )
     parser.add_argument("-m", dest="module", metavar="module", help="run a module, as python -m does")
     parser.add_argument(
         "--force", action="store_true", help="busd's modules even where real ones are installed"
     )
     parser.add_argument(
-        "--prefix", metavar="COMMAND", help="what goes before the program, as one word: 'gdb --args'"
+        "--prefix", metavar="COMMAND", help="command before the program, as one word: 'gdb --args'"
     )
     words = parser.add_argument(
         "words", nargs=REMAINDER, metavar="script.py | PKG EXE", help="the program, its arguments"

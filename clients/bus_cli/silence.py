@@ -63,7 +63,7 @@ class Silence:
 
         published = {publisher.topic for publisher in graph.publishers} - {self._topic}
         hint = did_you_mean(self._topic, published, 0.75)
-        return f"nobody publishes on '{self._topic}'{hint} (waiting)"
+        return f"no node publishes on '{self._topic}'{hint} (waiting)"
 
     def _nothing_shown(self, subscription: Subscription[Any]) -> str | None:
         """A topic that has shown something may be a slow one."""

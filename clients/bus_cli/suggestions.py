@@ -36,7 +36,7 @@ _NOT_YET = {
     "extensions": "",
     "multicast": "the bus does not leave its machine",
     "plugin": "",
-    "security": "who may do what stands in busd.toml, under [[access]]",
+    "security": "access rules are in busd.toml, under [[access]]",
     "trace": "",
 }
 """Commands of ros2, and what there is instead."""

@@ -37,7 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         action="append",
         type=_origin,
         default=[],
-        help="a page of another place that may connect, as http://localhost:8080; may be repeated",
+        help="origin of a page that may also connect, as http://localhost:8080; can be repeated",
     )
     parser.add_argument("--allow-publish", action="store_true", help="let Foxglove publish messages")
     parser.add_argument("--allow-call", action="store_true", help="let Foxglove call services")

@@ -68,18 +68,18 @@ class Gate:
             return Refuse(405, "only GET is answered here")
         host = ask.host[0].lower() if len(ask.host) == 1 else ""
         if not _is_loopback(host):
-            return Refuse(403, "ask for localhost or 127.0.0.1: no other name leads here")
+            return Refuse(403, "use localhost or 127.0.0.1: requests by another host name are refused")
         if not self._may_come(ask.origin, host):
-            return Refuse(403, "pages of other places may not look at the bus (see --allow-origin)")
+            return Refuse(403, "pages of other origins have no access (see --allow-origin)")
         try:
             parts = urlsplit(ask.target)
             given = parse_qs(parts.query, keep_blank_values=True, max_num_fields=20).get("token")
         except ValueError:
-            return Refuse(400, "this is no address")
+            return Refuse(400, "the address of the request is malformed")
         if given is None:
             if any(self._is_token(one) for one in self._cookies(ask.cookie)):
                 return Enter(parts.path, host)
-            return Refuse(403, "open the address that the server has printed: its token is of this start")
+            return Refuse(403, "open the address that the server has printed: its token is new at each start")
         if len(given) == 1 and given[0] in self._tickets and not is_socket:
             self._tickets.discard(given[0])
         elif not all(self._is_token(one) for one in given):

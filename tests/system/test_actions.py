@@ -262,7 +262,7 @@ class TestBadEnds:
     async def test_nobody_serves(self, node: bus.Node) -> None:
         async with ActionClient(node, Count, "count") as client:
             assert not client.server_is_ready()
-            with pytest.raises(ActionUnavailable, match="'/count' is not available: nobody serves it now"):
+            with pytest.raises(ActionUnavailable, match="'/count' is not available: no server exists now"):
                 await client.send_goal(Count.Goal())
 
     @pytest.mark.parametrize("is_awaited", [False, True])

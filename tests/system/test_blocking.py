@@ -268,9 +268,9 @@ class TestServices:
         def serve(server: bus.Node) -> object:
             return server.create_service(AddTwoInts, "add", add)
 
-        with pytest.raises(bus.ServiceUnavailable, match="nobody serves it now"):
+        with pytest.raises(bus.ServiceUnavailable, match="no server exists now"):
             node.call(AddTwoInts, "add", AddTwoInts.Request(a=1, b=2))
-        with pytest.raises(TimeoutError, match=r"nobody serves '/add' within 0\.01 s"):
+        with pytest.raises(TimeoutError, match=r"no server for '/add' within 0\.01 s"):
             node.wait_for_service(AddTwoInts, "add", timeout=0.01)
         with asyncio_node("adder", serve):
             node.wait_for_service(AddTwoInts, "add", timeout=WAIT_S)

@@ -152,7 +152,7 @@ class TestTwoBuses:
 def test_ros_2_begins_tells_and_ends(daemon: Daemon) -> None:
     """With nobody there; tests with rclpy have what crosses."""
     with bridge(daemon.path, "ros2", "--domain-id", DOMAIN) as running:
-        running.error_line_with(f"in domain {DOMAIN} of DDS, this machine alone")
+        running.error_line_with(f"in domain {DOMAIN} of DDS, this machine only")
         result = bus("bridge", "status")
         assert (result.err, result.code) == ("", 0)
         assert result.out.startswith("/bridge_ros2: ros2, this bus is ")

@@ -150,7 +150,7 @@ def test_what_can_not_be(server: None) -> None:
     assert unknown.err.startswith(f"{INVALID}: unknown interface 'demo/action/Nonsense'")
     with start("action", "send_goal", "fibonaci", TYPE, "{}") as sending:
         assert sending.line() == "Waiting for an action server to become available..."
-        assert sending.error_line() == "nobody serves '/fibonaci'; did you mean '/fibonacci'?"
+        assert sending.error_line() == "no server for '/fibonaci'; did you mean '/fibonacci'?"
 
 
 def test_a_server_that_is_up_is_no_mistake(daemon: object, monkeypatch: pytest.MonkeyPatch) -> None:

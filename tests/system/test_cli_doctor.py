@@ -37,7 +37,7 @@ def test_a_program_that_is_stopped(daemon: Daemon) -> None:
         wait_until(lambda: is_stopped(pid))
         result = bus("doctor")
     assert f"(pid {pid}) (/minimal_subscriber) is stopped (SIGSTOP, Ctrl-Z or a debugger)" in result.out
-    assert f"-> kill -CONT {pid}, or fg where it was started\n" in result.out
+    assert f"-> kill -CONT {pid}, or fg in its terminal\n" in result.out
     assert result.code == 0  # the others can work
 
 

@@ -277,13 +277,13 @@ def test_a_topic_with_two_types(daemon: object) -> None:
 
 def test_it_says_that_nobody_publishes(daemon: object) -> None:
     with start("topic", "echo", "/nosuch", "std_msgs/msg/String") as echo:
-        assert echo.error_line() == "nobody publishes on '/nosuch' (waiting)"
+        assert echo.error_line() == "no node publishes on '/nosuch' (waiting)"
         assert echo.end(signal.SIGINT) == Result("", "", -signal.SIGINT)
 
 
 def test_it_finds_the_topic_that_was_meant(daemon: object) -> None:
     with tell(), start("topic", "echo", "/topci", "std_msgs/msg/String") as echo:
-        assert echo.error_line() == "nobody publishes on '/topci'; did you mean '/topic'? (waiting)"
+        assert echo.error_line() == "no node publishes on '/topci'; did you mean '/topic'? (waiting)"
 
 
 def test_it_says_that_the_publisher_is_silent_and_then_gone(daemon: object) -> None:
@@ -292,7 +292,7 @@ def test_it_says_that_the_publisher_is_silent_and_then_gone(daemon: object) -> N
             assert echo.error_line_with("no message yet") == (
                 "no message yet on '/topic'; /teller publishes it, but sent nothing"
             )
-        assert echo.error_line_with("nobody") == "nobody publishes on '/topic' (waiting)"
+        assert echo.error_line_with("no node") == "no node publishes on '/topic' (waiting)"
 
 
 def test_it_says_that_nothing_passes_the_filter(daemon: object) -> None:

@@ -70,7 +70,7 @@ REFUSED = {
     "lifecycle get nobody": "Node not found\n",
     "lifecycle list lc_talkr": "Node not found; did you mean '/lc_talker'?\n",
     "lifecycle set _hidden configure": "Node not found; --include-hidden-nodes finds hidden ones, too\n",
-    "lifecycle set plain configure": "Node not found: '/plain' is there, but is no lifecycle node\n",
+    "lifecycle set plain configure": "Node not found: '/plain' exists, but is not a lifecycle node\n",
     "lifecycle set /lc_talker noop": f"{UNKNOWN}\n- configure [1]\n- shutdown [5]\n",
     "lifecycle set /lc_talker 3": f"{UNKNOWN}\n- configure [1]\n- shutdown [5]\n",
 }

@@ -143,7 +143,7 @@ def test_what_can_not_be(adder: None) -> None:
     assert bus("service", "type", "nosuch") == Result("", "", 1)
     with start("service", "call", "ad_two_ints", TYPE) as call:
         assert call.line() == "waiting for service to become available..."
-        assert call.error_line() == "nobody serves '/ad_two_ints'; did you mean '/add_two_ints'?"
+        assert call.error_line() == "no server for '/ad_two_ints'; did you mean '/add_two_ints'?"
     broken = bus("service", "call", "add_two_ints", TYPE, "{a: [}")
     assert (broken.out, broken.code) == ("", 1)
     assert broken.err.startswith("The passed value needs to be a dictionary in YAML format: ")

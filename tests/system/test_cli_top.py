@@ -175,7 +175,7 @@ def test_no_daemon_and_none_may_be_started(socket_path: Path, monkeypatch: pytes
         ((), "bus top needs a terminal; without one, use --once or --json"),
         (("--sort", "lots"), r"no column to sort by is 'lots': topic, type, hz, .*; did you mean 'lost'\?"),
         (("-d", "0"), "value must be a positive number"),
-        (("-d", "0.01"), "a look every 0.01 s is too often or too seldom: 0.1 to 3600"),
+        (("-d", "0.01"), "the period must be from 0.1 to 3600 s, not 0.01"),
     ],
 )
 def test_mistakes(daemon: Daemon, words: tuple[str, ...], why: str) -> None:

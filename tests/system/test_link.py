@@ -71,12 +71,12 @@ class TestAnswers:
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         client.send(m.Done(request=(await client.expect(m.GetGraph)).request))
-        with pytest.raises(bus.BusError, match="busd answered with Done, which is no Graph"):
+        with pytest.raises(bus.BusError, match="busd sent Done instead of Graph"):
             await asking
         asking_again = asyncio.ensure_future(node.get_type("a", "b"))
         request = (await client.expect(m.GetType)).request
         client.send(m.Created(request=request, id=1, depth=1, max_message_bytes=1))
-        with pytest.raises(bus.BusError, match="busd answered with Created, which is no TypeDescription"):
+        with pytest.raises(bus.BusError, match="busd sent Created instead of TypeDescription"):
             await asking_again
         await node.close()
 

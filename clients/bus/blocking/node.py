@@ -128,7 +128,7 @@ class BlockingNode:
         """Wait until somebody serves `name`. Raises TimeoutError after `timeout` seconds."""
         client = self._client(service_type, name)
         self._opened().run_or_tell(
-            client.wait_for_service, timeout, lambda: f"nobody serves '{client.service_name}'"
+            client.wait_for_service, timeout, lambda: f"no server for '{client.service_name}'"
         )
 
     @overload

@@ -91,7 +91,7 @@ def _distrust(folder: os.stat_result, *, is_default: bool, may_enter: int) -> st
     if is_default and folder.st_mode & 0o077 & ~may_enter:
         return "others may enter it; if you trust what is in it, chmod 700 it"
     if _is_open_to_all(folder):
-        return "anybody can replace files in it: it is world-writable without the sticky bit"
+        return "every user can replace files in it: it is world-writable without the sticky bit"
     return None
 
 

@@ -182,7 +182,7 @@ class _Reader:
         if node.id == "scalar":
             return self._scalar(node, name)
         if node.id != "sequence":
-            raise self._error(node, "a mapping is no value of a parameter")
+            raise self._error(node, "a parameter's value can't be a mapping")
         items: list[Any] = [self._scalar(child, name) for child in node.value]
         kinds = {type(item) for item in items}
         if kinds == {int, float}:

@@ -208,7 +208,7 @@ class ServiceClient(ServiceBase):
         if not self._servers and self._requests_core.id:
             if self._requests_core.refusal is not None:
                 raise again(self._requests_core.refusal)
-            raise ServiceUnavailable(self.service_name, "nobody serves it now; see wait_for_service")
+            raise ServiceUnavailable(self.service_name, "no server exists now; see wait_for_service")
 
     def _send(self, request: Any, deliver: Callable[[int, Any], object]) -> int:
         if len(self._calls) >= MAX_PENDING:

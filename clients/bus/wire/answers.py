@@ -23,7 +23,7 @@ def expect(answer: Any, kind: type[M]) -> M:
         return answer
     if isinstance(answer, Refused):
         raise _refusal(answer)
-    raise RemoteProtocolError(f"busd answered with {type(answer).__name__}, which is no {kind.__name__}")
+    raise RemoteProtocolError(f"busd sent {type(answer).__name__} instead of {kind.__name__}")
 
 
 def _refusal(answer: Refused) -> BusError:

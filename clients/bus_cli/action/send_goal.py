@@ -52,7 +52,7 @@ async def _send(args: Namespace, action: str, name: str, values: Any) -> int:
                 from bus_cli.suggestions import near_action
 
                 if near := near_action(action, graph):
-                    complain(f"nobody serves '{action}'{near}")
+                    complain(f"no server for '{action}'{near}")
             await client.wait_for_server()
             prototype.stamp()
             if not args.json:

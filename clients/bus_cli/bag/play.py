@@ -55,7 +55,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="S",
         type=not_negative,
         default=0.0,
-        help="Wait so long before each beginning",
+        help="Delay before playback starts, and before each loop, in seconds",
     )
     parser.add_argument(
         "--playback-duration",
@@ -75,7 +75,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--wait-for-all-acked",
         metavar="MS",
         type=unsigned_int,
-        help="At the end wait until what was published has left, at most so long (0: as long as it takes)",
+        help="At the end wait up to MS milliseconds for pending messages to be sent (0: no limit)",
     )
     parser.add_argument(
         "--message-order",

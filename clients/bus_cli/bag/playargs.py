@@ -33,7 +33,7 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--qos-profile-overrides-path",
         metavar="FILE",
-        help="YAML file with QoS profiles in place of those that were recorded, by topic",
+        help="YAML file with QoS profiles that replace the recorded ones, by topic",
     )
     parser.add_argument(
         "-m",
@@ -59,7 +59,9 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
         "(default: 3)",
     )
     parser.add_argument(
-        "--disable-keyboard-controls", action="store_true", help="Leave the keyboard of the terminal alone"
+        "--disable-keyboard-controls",
+        action="store_true",
+        help="Don't read keyboard controls from the terminal",
     )
     parser.add_argument("--log-level", choices=_LEVELS, help="Which lines are logged (default: info)")
     parser.add_argument(
@@ -115,12 +117,12 @@ def seconds(text: str) -> float:
     except ValueError:
         value = _MOST_S
     if not -_MOST_S < value < _MOST_S:
-        raise ArgumentTypeError(f"{text} is no number of seconds")
+        raise ArgumentTypeError(f"{text} is not a number of seconds")
     return value
 
 
 def not_negative(text: str) -> float:
     """For argparse."""
     if (value := seconds(text)) < 0:
-        raise ArgumentTypeError(f"{text} is no number of seconds from 0")
+        raise ArgumentTypeError(f"{text} is not a number of seconds from 0")
     return value

@@ -47,9 +47,14 @@ def add_arguments(parser: ArgumentParser) -> None:
     group.add_argument("-a", "--all", action="store_true", help="all topics and events of services")
     group.add_argument("--all-topics", action="store_true", help="all topics")
     group.add_argument("--all-services", action="store_true", help="events of all services")
-    group.add_argument("-e", "--regex", default="", help="topics and services in whose names this is found")
     group.add_argument(
-        "--exclude-regex", default="", metavar="REGEX", help="not those in whose names this is found"
+        "-e", "--regex", default="", help="topics and services with a match of REGEX in their name"
+    )
+    group.add_argument(
+        "--exclude-regex",
+        default="",
+        metavar="REGEX",
+        help="exclude topics and services with a match of REGEX in their name",
     )
     group.add_argument("--exclude-topics", nargs="+", default=[], metavar="TOPIC", help="not these topics")
     group.add_argument(
@@ -59,7 +64,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--exclude-services", nargs="+", default=[], metavar="SERVICE", help="not these services"
     )
     group.add_argument(
-        "--include-unpublished-topics", action="store_true", help="topics that nobody publishes, too"
+        "--include-unpublished-topics", action="store_true", help="also topics without a publisher"
     )
     group.add_argument("--ignore-leaf-topics", action="store_true", help="not topics without a subscription")
     group.add_argument(
@@ -92,7 +97,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=unsigned_int,
         default=_CACHE,
         metavar="BYTES",
-        help=f"what may wait for the disk (default: {_CACHE}); 0: nothing",
+        help=f"bytes that can wait for the disk (default: {_CACHE}); 0: nothing",
     )
     group.add_argument(
         "--storage-preset-profile",

@@ -98,7 +98,7 @@ class _Bench:
             return
         where = f"the busd at {place.socket} (pid {place.pid})"
         if place.own:
-            where = f"a busd of its own, for none listens on {self._path}"
+            where = f"a temporary busd, because none listens on {self._path}"
         plan = self._plan
         say(
             f"{Payload(plan.type_name, plan.sizes[0]).name}, {counted(plan.publishers, 'publisher')}, "

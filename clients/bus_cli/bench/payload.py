@@ -102,9 +102,7 @@ def _sized_field(name: str, cls: type[msgspec.Struct]) -> tuple[str, Node]:
         for field, node in fields:
             if fits(node):
                 return field, node
-    raise CommandError(
-        f"--type {name}: it has no field of bytes, text or numbers whose length could be chosen"
-    )
+    raise CommandError(f"--type {name}: it has no field of bytes, text or numbers with a variable length")
 
 
 def _is_octets(node: Node) -> bool:

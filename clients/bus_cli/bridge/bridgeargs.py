@@ -39,10 +39,10 @@ def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
         "--config",
         type=Path,
         metavar="FILE",
-        help=f"a file with [bridge.{engine}] (default: the one that busd was started with)",
+        help=f"a file with [bridge.{engine}] (default: busd's file)",
     )
     group.add_argument(
-        "--id", metavar="ID", help="what other buses call this one (default: after the machine)"
+        "--id", metavar="ID", help="name of this bus for other buses (default: from the machine's name)"
     )
     group.add_argument("--log-level", choices=_LEVELS, default="info", help="logging level")
 

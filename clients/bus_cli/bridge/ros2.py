@@ -21,7 +21,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     group.add_argument(
         "--interface",
         metavar="NAME",
-        help="network interface, by name or address (default: this machine alone)",
+        help="network interface, by name or address (default: this machine only)",
     )
     group.add_argument(
         "--peer",

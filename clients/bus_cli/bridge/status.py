@@ -29,7 +29,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "-v",
         "--verbose",
         action="store_true",
-        help="each publisher's route apart, and those that nobody wants",
+        help="show each publisher's route, also routes without a subscription",
     )
 
 
@@ -89,7 +89,7 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
         yield "lost -: not counted by DDS, which shows a bridge no numbers of messages"
     if idle:
         yield ""
-        yield f"and {len(idle)} route{'s' if len(idle) > 1 else ''} that nobody wants (-v shows them)"
+        yield f"and {len(idle)} route{'s' if len(idle) > 1 else ''} without a subscription (-v shows them)"
 
 
 def _is_idle(route: RouteState) -> bool:
@@ -112,7 +112,7 @@ def _rows(routes: list[RouteState]) -> Iterator[str]:
     if dropped:
         yield "     dropped: " + ", ".join(f"{reason}: {count}" for reason, count in sorted(dropped.items()))
     if any(one.is_stuck for one in routes):
-        yield "     stuck: messages wait, somebody wants them, and none has gone for seconds"
+        yield "     stuck: messages wait for a subscription, and none was sent for seconds"
 
 
 def _row(way: object, *cells: object) -> str:

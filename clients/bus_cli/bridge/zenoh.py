@@ -26,7 +26,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--connect",
         action="append",
         metavar="ADDRESS",
-        help="go to another bridge, and try again while it is not there; may be given several times",
+        help="connect to another bridge, and retry while it is not there; can be repeated",
     )
     group.add_argument(
         "--router",
@@ -34,14 +34,16 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="ADDRESS",
         help="go by a router of zenoh (zenohd), instead of --listen and --connect; of several one is used",
     )
-    group.add_argument("--ca", metavar="FILE", help="who has signed the certificates of both sides (PEM)")
+    group.add_argument(
+        "--ca", metavar="FILE", help="CA certificate (PEM) that has signed the certificates of both sides"
+    )
     group.add_argument("--certificate", metavar="FILE", help="this side's certificate (PEM)")
     group.add_argument("--key", metavar="FILE", help="the private key of --certificate (PEM)")
     group.add_argument(
         "--insecure",
         action="store_true",
         default=None,
-        help="without certificates too: all who reach the address may hear and say everything",
+        help="allow addresses without certificates: any program that reaches them can read and publish",
     )
     add_bridge_arguments(parser, "zenoh")
 

@@ -22,14 +22,16 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def add_scope(parser: ArgumentParser) -> None:
-    parser.add_argument("--system", action="store_true", help="for the machine, and not for you alone")
+    parser.add_argument(
+        "--system", action="store_true", help="install for the machine instead of the current user"
+    )
     parser.add_argument(
         "--user",
         metavar="NAME",
-        help="with --system: whose daemon it is, and whose programs may do everything",
+        help="with --system: user that runs the daemon; this user's programs have full access",
     )
     parser.add_argument(
-        "--group", metavar="NAME", help="with --system: who may reach its socket (default: the user's own)"
+        "--group", metavar="NAME", help="with --system: group that can connect (default: the user's own)"
     )
 
 
@@ -43,7 +45,9 @@ def units_of(args: Namespace) -> Units:
             raise CommandError("--user and --group are for --system")
         return Units(domain=domain)
     if not args.user:
-        raise CommandError("--system needs --user: whose daemon is it to be? Not root's, it needs no rights")
+        raise CommandError(
+            "--system needs --user, the user that runs the daemon (not root: it needs no rights)"
+        )
     try:
         user = pwd.getpwnam(args.user)
     except KeyError:

@@ -27,7 +27,7 @@ def main(args: Namespace) -> int:
     with Query(socket_path(args.socket, args.domain), may_start=False) as query:
         charges = query.charges()
     if charges is None:
-        raise CommandError("this busd does not tell what it holds: it is of an older release")
+        raise CommandError("this busd is too old to report the resources of each process")
     records: Sequence[Any] = charges.users
     if not args.users:  # without this process, which is there for the question only
         records = [peer for peer in charges.peers if peer.pid != os.getpid()]

@@ -9,7 +9,7 @@ from bus_cli.query import NotRunning, Query
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.epilog = "The same as SIGHUP. Where the file is wrong, the daemon goes on with what it has."
+    parser.epilog = "The same as SIGHUP. If the file is wrong, the daemon keeps its configuration."
 
 
 def main(args: Namespace) -> int:

@@ -16,7 +16,7 @@ _RESTART_S = 30.0
 def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = (
         "The new daemon has the options of the old one, and its process id. Nodes reconnect by themselves; "
-        "messages by shared memory go on meanwhile. Where the new one could not start, the old one stays."
+        "messages by shared memory go on meanwhile. If the new busd can't start, the old one stays."
     )
 
 

@@ -72,7 +72,7 @@ def others(path: Path) -> Iterator[Finding]:
     served = {pid: paths for pid, paths in found.items() if paths and str(path) not in paths}
     lost = {pid: paths for pid, paths in served.items() if not any(map(os.path.lexists, paths))}
     for pid, paths in sorted(lost.items()):
-        text = f"busd (pid {pid}) listens on {paths[0]}, which is gone: nobody can find it"
+        text = f"busd (pid {pid}) listens on {paths[0]}, which is gone, so no program can find it"
         yield warn("other daemons", text, f"kill {pid}")
     if more := [f"pid {pid} on {paths[0]}" for pid, paths in sorted(served.items()) if pid not in lost]:
         shown = ", ".join(more[:5]) + (f" and {len(more) - 5} more" if len(more) > 5 else "")
@@ -142,7 +142,7 @@ def _open_files(pid: int) -> Iterator[Finding]:
         return
     used, most = found
     if used > FULL * most:
-        advice = "raise LimitNOFILE in its unit, or `ulimit -Hn` where it is started"
+        advice = "raise LimitNOFILE in its unit, or `ulimit -Hn` in the shell that starts it"
         yield warn("daemon's open files", f"{used} of {most} in use", advice)
 
 

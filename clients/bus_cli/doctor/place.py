@@ -52,7 +52,7 @@ def folder(folder: Path, *, is_default: bool, is_served: bool) -> Finding:
     if is_default and mode & (0o022 if is_served else 0o077):  # [socket] may let others in
         return fail("folder", f"{facts}: others may enter it", f"chmod 700 {folder}")
     if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-        return fail("folder", f"{facts}: anybody can replace files in it", f"chmod o-w {folder}")
+        return fail("folder", f"{facts}: every user can replace files in it", f"chmod o-w {folder}")
     return ok("folder", facts)
 
 

@@ -39,7 +39,7 @@ def _still(seen: Seen) -> Iterator[Finding]:
         match procfs.state(pid):
             case "T" | "t":
                 text = f"{who}{has} is stopped (SIGSTOP, Ctrl-Z or a debugger): it takes no messages"
-                yield warn("processes", text, f"kill -CONT {pid}, or fg where it was started")
+                yield warn("processes", text, f"kill -CONT {pid}, or fg in its terminal")
             case "Z":
                 text = f"{who}{has} has ended, but something still holds its connection"
                 yield warn("processes", text, "end the processes that it has started")

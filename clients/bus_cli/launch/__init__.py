@@ -40,10 +40,10 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="print what all processes write, whatever their output says",
     )
     parser.add_argument(
-        "--launch-prefix", metavar="COMMAND", help="what goes before each program, as one word: 'gdb --args'"
+        "--launch-prefix", metavar="COMMAND", help="command before each program, as one word: 'gdb --args'"
     )
     parser.add_argument(
-        "--launch-prefix-filter", metavar="REGEX", help="only before programs whose name this matches"
+        "--launch-prefix-filter", metavar="REGEX", help="only for programs with a matching name"
     )
     completed_by(
         parser.add_argument("package_or_file", metavar="FILE | PKG FILE", help="a path, or a package"),

@@ -52,7 +52,7 @@ def find_node(args: Namespace) -> str:
     if name in lifecycle_nodes(graph, are_hidden_too=True):
         raise CommandError("Node not found; --include-hidden-nodes finds hidden ones, too")
     if any(node.full_name == name for node in graph.nodes):
-        raise CommandError(f"Node not found: '{name}' is there, but is no lifecycle node")
+        raise CommandError(f"Node not found: '{name}' exists, but is not a lifecycle node")
     from bus.base.suggest import did_you_mean
 
     raise CommandError(f"Node not found{did_you_mean(name, seen)}")

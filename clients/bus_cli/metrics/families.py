@@ -91,7 +91,7 @@ class BusCollector(Collector):
             yield from self._about_bridges(seen.bridges)
             yield _gauge(
                 "busd_rows_left_out",
-                f"Rows of a metric beyond the first {self._most}, where there are any (--max-rows).",
+                f"Rows of a metric above the first {self._most}, where there are any (--max-rows).",
                 ("metric",),
                 self._left_out,
             )
@@ -157,10 +157,10 @@ class BusCollector(Collector):
         absent = seen.charges.absent
         text = "Messages that waited for subscriptions that were lost and did not come back."
         yield CounterMetricFamily("busd_unclaimed_messages_total", text, absent.unclaimed)
-        text = "Subscriptions that were lost, and for whose accounts there was no room."
+        text = "Lost subscriptions whose counters had no room."
         yield CounterMetricFamily("busd_absent_given_up_total", text, absent.given_up)
         limits: Numbers = {(name,): float(value) for name, value in seen.charges.limits.items()}
-        yield self._gauge("busd_limit", "What stands under [limits] in busd.toml.", ("limit",), limits)
+        yield self._gauge("busd_limit", "Limits in busd.toml.", ("limit",), limits)
         us, users = os.getpid(), seen.charges.users
         peers = [peer for peer in seen.charges.peers if peer.pid != us]
         for name, text in _OF_PEERS.items():
@@ -243,8 +243,8 @@ def _about_routing(routing: RoutingRecord) -> Iterator[Metric]:
         buckets.append((bound, sums))
     yield HistogramMetricFamily(
         "busd_routing_seconds",
-        "How long busd had messages in its hands: from a read off a publisher's socket until all that it "
-        "brought was handed on. Counts reads.",
+        "Time that messages spend in busd: from a read of a publisher's socket until all messages of that "
+        "read were handed on. Counts reads.",
         buckets,
         routing.total_us / 1e6,
     )

@@ -53,7 +53,7 @@ async def _call(args: Namespace, service: str, name: str, values: Any) -> int:
             if not args.json:
                 say("waiting for service to become available...")
             if near := near_service(service, graph):
-                complain(f"nobody serves '{service}'{near}")
+                complain(f"no server for '{service}'{near}")
         await client.wait_for_service()
         loop = asyncio.get_running_loop()
         due_s = loop.time()

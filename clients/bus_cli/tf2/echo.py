@@ -8,9 +8,7 @@ from bus_cli.tf2.heard import complete_frames
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    completed_by(
-        parser.add_argument("source_frame", help="the frame whose coordinates are printed"), complete_frames
-    )
+    completed_by(parser.add_argument("source_frame", help="the frame to print"), complete_frames)
     completed_by(
         parser.add_argument("target_frame", help="the frame that is looked for in it"), complete_frames
     )

@@ -9,7 +9,9 @@ from bus_cli.tf2.heard import complete_frames
 
 def add_arguments(parser: ArgumentParser) -> None:
     completed_by(
-        parser.add_argument("frames", nargs="*", metavar="FRAME", help="two frames: what is between them"),
+        parser.add_argument(
+            "frames", nargs="*", metavar="FRAME", help="show the transform between these two frames"
+        ),
         complete_frames,
     )
 

@@ -70,7 +70,7 @@ def _delay(text: str) -> float:
     """For argparse."""
     seconds = positive(text)
     if not 0.1 <= seconds <= 3600:
-        raise ArgumentTypeError(f"a look every {text} s is too often or too seldom: 0.1 to 3600")
+        raise ArgumentTypeError(f"the period must be from 0.1 to 3600 s, not {text}")
     return seconds
 
 

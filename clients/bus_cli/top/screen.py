@@ -48,7 +48,7 @@ Tab        scroll the lower half
 space      stand still
 q, Ctrl-C  quit
 
-A row is red while messages are lost, and yellow where some were lost before.
+A row is red while messages are lost, and yellow if some were lost before.
 WHY says the reason, and which endpoints do not match stands below.
 docs/look.md has what the columns mean. Any key closes this."""
 _KEYS = "s sort  r reverse  / filter  h hidden  n nodes  Enter values  space pause  ? help  q quit"
@@ -296,7 +296,7 @@ class Top(App[None]):
             self._values = Values(self._node, self._model.graph, name_of(chosen))
             self._start(self._values.open())
         else:
-            self.notify("values are those of topics: n shows these")
+            self.notify("only topics have values: n shows topics")
 
     def _end_values(self) -> None:
         if self._values is not None:

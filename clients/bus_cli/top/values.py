@@ -46,7 +46,7 @@ class Values:
             self._say(str(error))
             return
         if self._class is None:
-            self._say("nobody publishes or subscribes to it any more")
+            self._say("it has no publisher and no subscription any more")
             return
         offers = [one.qos for one in self._graph.publishers_of(self._topic)]
         qos = replace(serving_all(PRESETS["sensor_data"], offers), depth=5)

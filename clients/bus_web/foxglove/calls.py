@@ -58,7 +58,7 @@ class Calls:
         try:
             frame = await self._ask(said)
         except TimeoutError:
-            frame = protocol.call_failure(said, "nobody serves it now")
+            frame = protocol.call_failure(said, "no server exists now")
         except BusError as error:
             frame = protocol.call_failure(said, str(error))
         too_slow = "there is an answer, but this client reads too slowly"

@@ -296,7 +296,7 @@ class Session(Watcher):
 
     def _call(self, said: protocol.Call) -> None:
         if self._calls is None:
-            text = "nobody may call services here: bus web was started without --allow-call"
+            text = "no permission to call services: start bus web with --allow-call"
             self._client.notify(protocol.call_failure(said, text))
             self._client.say(Level.ERROR, text)
         elif not self._begin(self._calls.call(said), size=len(said.data)):
@@ -310,7 +310,7 @@ class Session(Watcher):
         return has_begun
 
     def _refuse(self, what: str, option: str) -> None:
-        self._client.say(Level.ERROR, f"nobody may {what} here: bus web was started without {option}")
+        self._client.say(Level.ERROR, f"no permission to {what}: start bus web with {option}")
 
     def _subscribe(self, said: protocol.Subscribe) -> None:
         faults: list[str] = []

@@ -85,7 +85,7 @@ def test_not_a_number() -> None:
 NO_VALUES = {
     "": "there is no value",
     "~": "there is no value",
-    "{a: 1}": "a mapping is no value of a parameter",
+    "{a: 1}": "a parameter's value can't be a mapping",
     "[[1]]": "a list must hold plain values, no lists and no mappings",
     "[1, a]": "a list must hold values of one type, not int and str",
     "[true, 1]": "a list must hold values of one type, not bool and int",

@@ -23,7 +23,7 @@ def test_what_was_asked_for() -> None:
             QuotaExceeded,
             "^nodes of a process: 3 of 3 in use",
         ),
-        (m.Pong(number=1), RemoteProtocolError, "^busd answered with Pong, which is no Done$"),
+        (m.Pong(number=1), RemoteProtocolError, "^busd sent Pong instead of Done$"),
     ],
 )
 def test_anything_else_is_an_error(answer: m.Message, error: type[BusError], text: str) -> None:

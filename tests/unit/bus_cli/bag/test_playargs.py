@@ -23,5 +23,5 @@ def test_seconds() -> None:
     ],
 )
 def test_what_is_no_such_number(parse: Callable[[str], object], text: str) -> None:
-    with pytest.raises(ArgumentTypeError, match=r" is no number of seconds"):
+    with pytest.raises(ArgumentTypeError, match=r" is not a number of seconds"):
         parse(text)

@@ -51,7 +51,7 @@ out        1000         990        0        10         0  /camera/image_raw
      dropped: rate: 2, replaced: 8
 in           12          12        0         0         3  /cmd_vel
 
-and 1 route that nobody wants (-v shows them)"""
+and 1 route without a subscription (-v shows them)"""
 
 
 def text(status: Answer, *, is_verbose: bool = False) -> str:

@@ -156,7 +156,7 @@ def test_other_daemons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert lost == Finding(
         "warn",
         "other daemons",
-        f"busd (pid 3) listens on {gone}, which is gone: nobody can find it",
+        f"busd (pid 3) listens on {gone}, which is gone, so no program can find it",
         "kill 3",
     )
     assert other.text == f"pid 2 on {there}; their nodes and ours don't see each other"

@@ -55,7 +55,7 @@ def test_a_busd_that_does_not_tell(states: dict[int, str]) -> None:
 def test_a_stopped_one(states: dict[int, str], state: str) -> None:
     states[1001] = state
     text = "cam.py (pid 1001) (/n1) is stopped (SIGSTOP, Ctrl-Z or a debugger): it takes no messages"
-    advice = "kill -CONT 1001, or fg where it was started"
+    advice = "kill -CONT 1001, or fg in its terminal"
     assert look(peer()) == [Finding("warn", "processes", text, advice)]
 
 

@@ -85,7 +85,7 @@ async def test_calls() -> None:
         (Call(1, 1, "json", request(1, 2)), "requests are in cdr, not in 'json'"),
         (Call(1, 1, "cdr", request(-1, 2)), "no negative numbers"),
         (Call(1, 1, "cdr", memoryview(b"\0\1\0\0\1")), ""),
-        (Call(2, 1, "cdr", request(1, 2)), "nobody serves it now"),
+        (Call(2, 1, "cdr", request(1, 2)), "no server exists now"),
     ],
 )
 async def test_why_there_is_no_answer(call: Call, why: str, monkeypatch: pytest.MonkeyPatch) -> None:

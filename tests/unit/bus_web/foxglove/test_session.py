@@ -109,13 +109,13 @@ async def test_what_is_not_allowed_names_the_option() -> None:
     async with session(world):
         await world.hear("serverInfo")
         world.say("advertise", channels=[])
-        assert "without --allow-publish" in (await world.hear("status"))["message"]
+        assert "start bus web with --allow-publish" in (await world.hear("status"))["message"]
         world.say("setParameters", parameters=[{"name": "/a.b", "value": 1}], id="q")
-        assert "without --allow-set" in (await world.hear("status"))["message"]
+        assert "start bus web with --allow-set" in (await world.hear("status"))["message"]
         assert (await world.hear("parameterValues"))["id"] == "q", "they are as they were"
         world.socket.said.put_nowait(b"\2" + struct.pack("<III", 1, 5, 3) + b"cdr")
         assert (await world.hear("serviceCallFailure"))["callId"] == 5
-        assert "without --allow-call" in (await world.hear("status"))["message"]
+        assert "start bus web with --allow-call" in (await world.hear("status"))["message"]
         world.say("fetchAsset", uri="package://x", requestId=3)
         (missing,) = await world.messages(1)
         assert missing.endswith(b"files are not served here")

@@ -372,7 +372,7 @@ def test_a_named_folder_may_be_shared(tmp_path: Path, path: Path, allowed: int) 
 def test_a_named_folder_that_is_missing_or_open_to_all(tmp_path: Path, path: Path) -> None:
     assert "none': No such file" in refusal(tmp_path / "none" / "0.sock")
     tmp_path.chmod(0o777)
-    assert "mode 0777): anybody can replace files in it" in refusal(path)
+    assert "mode 0777): every user can replace files in it" in refusal(path)
     assert not list(tmp_path.iterdir())
 
 
