@@ -83,7 +83,7 @@ async def test_feedback_of_a_goal_of_another_client_is_not_taken() -> None:
 async def test_nobody_serves() -> None:
     world = ActionWorld()
     async with world.client(Walk) as client:
-        with pytest.raises(ActionUnavailable, match="nobody serves it now"):
+        with pytest.raises(ActionUnavailable, match="no server exists now"):
             await send(client)
         assert client.statistics().sent == 0
     with pytest.raises(ConnectionClosed, match="is not open"):
