@@ -90,7 +90,9 @@ class TestFaults:
     async def test_nobody_serves(self, node: bus.Node) -> None:
         client = await node.create_client(AddTwoInts, "add")
         assert not client.service_is_ready()
-        with pytest.raises(bus.ServiceUnavailable, match="service '/add' is not available: no server exists now"):
+        with pytest.raises(
+            bus.ServiceUnavailable, match="service '/add' is not available: no server exists now"
+        ):
             await client.call(asked(1))
         assert client.statistics().requests == 0
 
