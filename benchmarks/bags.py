@@ -160,12 +160,12 @@ def measure_robot(robot: Robot) -> Figures:
         group.start_busd()
         taker = _start(group, "robots_taker", robot)
         publisher = _start(group, "robot", robot)
-        taker.tell("look")
+        taker.send("look")
         group.expect(taker, "warm", within_s=START_S)
         before_ns = taker.cpu_ns()
-        publisher.tell("go")
+        publisher.send("go")
         group.expect(publisher, "sent", within_s=_LIMIT_S)
-        taker.tell("report")
+        taker.send("report")
         received = group.expect(taker, "received", within_s=START_S)
         cpu_s = (taker.cpu_ns() - before_ns) / 1e9
     return {
@@ -187,7 +187,7 @@ def measure_publisher(work: Work, way: str) -> Figures:
         group.expect(beside, "ready", within_s=START_S)
         publisher = _start(group, "publisher", work)
         before_ns = beside.cpu_ns()
-        publisher.tell("go")
+        publisher.send("go")
         sent = group.expect(publisher, "sent", within_s=_LIMIT_S)
         cpu_s = (beside.cpu_ns() - before_ns) / 1e9
     found, cpu = (percentiles(sent[key], scale=1e-3) for key in ("took_ns", "cpu_ns"))
@@ -232,7 +232,7 @@ def measure_timer(instants: Instants) -> Figures:
     """How late timers are that do nothing."""
     with Group() as group:
         child = _start(group, "timer", instants)
-        child.tell("go")
+        child.send("go")
         late = group.expect(child, "late", within_s=_LIMIT_S)["late_ns"]
     found = percentiles(late, scale=1e-3)
     return {"late_p50": found["p50"], "late_p99": found["p99"]}
@@ -246,7 +246,7 @@ def measure_topics(topics: Topics) -> Figures:
         publisher = _start(group, "topics", topics)
         taker = _start(group, "topics_taker", topics)
         before_ns, begin_ns = taker.cpu_ns(), monotonic_ns()
-        taker.tell("go")
+        taker.send("go")
         matched = group.expect(publisher, "matched", within_s=_LIMIT_S)
         cpu_s = (taker.cpu_ns() - before_ns) / 1e9
     return {"s": (matched["at_ns"] - begin_ns) / 1e9, "cpu_s": cpu_s}

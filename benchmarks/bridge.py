@@ -156,7 +156,7 @@ def measure_crowd(crowd: Crowd, watch_s: float) -> Figures:
         child = start_worker(group, "crowd", crowd)
         far = group.folder / f"{FAR}.sock"
         wait_for_mirrors(far, crowd.prefix, 0)
-        child.tell("go")
+        child.send("go")
         began = monotonic()
         wait_for_mirrors(far, crowd.prefix, crowd.endpoints)
         there_s = monotonic() - began
@@ -171,7 +171,7 @@ def measure_hang(torrent: Torrent, hangs_s: float) -> Figures:
         *_, far_bridge, near_bridge = serve_two(group, "")
         sink = start_worker(group, "sink", torrent, bus=FAR)
         child = start_worker(group, "torrent", torrent)
-        child.tell("go")
+        child.send("go")
         group.expect(sink, "flows", within_s=START_S)
         before = paced.memory_mib(near_bridge)
         os.kill(far_bridge.pid, signal.SIGSTOP)

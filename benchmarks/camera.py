@@ -95,11 +95,11 @@ def measure(system: System, work: Work) -> Figures:
         publisher, readers = system.start_fan(group, work, work.subscribers)
         children = (publisher, *readers, *servers)
         before_ns = [child.cpu_ns() for child in children]
-        publisher.tell("go")
+        publisher.send("go")
         _wait_for_all(group, readers, monotonic() + work.total / work.rate + _LATE_S)
         after_ns = [child.cpu_ns() for child in children]
         for child in readers:
-            child.tell("report")
+            child.send("report")
         received = [group.expect(child, "received", within_s=START_S) for child in readers]
     ages = [age for one in received for age in one["age_ns"]]
     late = [late for one in received for late in one["late_ns"]]

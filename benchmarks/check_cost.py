@@ -38,7 +38,7 @@ def run(plan: Plan) -> Section:
             group.expect(program, "ready", within_s=START_S)
             for number in range(plan.repetitions):
                 plan.tell(f"check_cost {number + 1} of {plan.repetitions}")
-                program.tell("round")
+                program.send("round")
                 event = group.expect(program, "measured", within_s=_LIMIT_S)
                 for name, figures in msgspec.convert(event["figures"], dict[str, Figures]).items():
                     outcomes[name].repetitions.append(figures)

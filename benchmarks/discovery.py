@@ -85,7 +85,7 @@ def measure(
         before_ns = [child.cpu_ns() for child in everybody]
         begin_ns = monotonic_ns()
         for child in children:
-            child.tell("go")
+            child.send("go")
         found = [group.expect(child, "matched", within_s=_LIMIT_S) for child in children]
         cpu_s = [(child.cpu_ns() - before) / 1e9 for child, before in zip(everybody, before_ns, strict=True)]
         listed = _list(group, listings)

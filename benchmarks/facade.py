@@ -210,7 +210,7 @@ def measure_round_trips(is_action: bool, count: int, cpus: list[int]) -> Figures
             child = group.start(role, *command, role, str(count), stop_signal=signal.SIGTERM)
             group.expect(child, "ready", within_s=START_S)
             paced.put_on(child, cpu)
-        child.tell("go")
+        child.send("go")
         taken = group.expect(child, "taken", within_s=_LIMIT_S)
     return percentiles(taken["ns"], scale=1e-3)
 
@@ -220,7 +220,7 @@ def measure_lossy(system: System, work: Work) -> Figures:
     with Group() as group:
         system.start_servers(group)
         publisher, subscriber = system.start_pair(group, work)
-        publisher.tell("go")
+        publisher.send("go")
         sent = group.expect(publisher, "sent", within_s=_LIMIT_S)
         received = group.expect(subscriber, "received", within_s=START_S)
     if received["count"] > work.count:

@@ -142,12 +142,12 @@ def measure_flood(system: System, work: Work) -> Figures:
     with Group() as group:
         servers = system.start_servers(group)
         publisher, subscribers = system.start_fan(group, work, work.subscribers)
-        publisher.tell("warm_up")
+        publisher.send("warm_up")
         for child in () if system.may_lose else subscribers:
             group.expect(child, "warm", within_s=_LIMIT_S)
         children = (publisher, *subscribers, *servers)
         before_ns = sum(child.cpu_ns() for child in children)
-        publisher.tell("go")
+        publisher.send("go")
         begin_ns = int(group.expect(publisher, "sent", within_s=_LIMIT_S)["begin_ns"])
         received = (_look if system.may_lose else _expect)(group, subscribers)
         after_ns = sum(child.cpu_ns() for child in children)
@@ -172,11 +172,11 @@ def measure_last(system: System, work: Work) -> Figures:
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, work, work.subscribers)
-        publisher.tell("go")
+        publisher.send("go")
         for child in subscribers:
             group.expect(child, "complete", within_s=2 * work.total / work.rate + START_S)
         for child in subscribers:
-            child.tell("report")
+            child.send("report")
         ages = [group.expect(child, "received", within_s=START_S)["age_ns"] for child in subscribers]
     return percentiles(map(max, zip(*ages, strict=True)), prefix="last_", scale=1e-3)
 
@@ -186,7 +186,7 @@ def measure_lossy(system: System, fan: Fan) -> Figures:
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, fan, fan.subscribers)
-        publisher.tell("go")
+        publisher.send("go")
         sent = group.expect(publisher, "sent", within_s=_LIMIT_S)
         received = _expect(group, subscribers)
     published = fan.count + 1
@@ -256,7 +256,7 @@ def _look(group: Group, subscribers: list[Child]) -> list[Event]:
     before: list[Event] = []
     while True:
         for child in subscribers:
-            child.tell("look")
+            child.send("look")
         seen = [group.expect(child, "seen", within_s=_LIMIT_S) for child in subscribers]
         if seen == before:
             return [Event(one, dropped={}) for one in seen]

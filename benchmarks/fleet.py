@@ -96,7 +96,7 @@ def measure(shape: Shape, buses: int, topics: int) -> Found:
         before_ns = [bridge.cpu_ns() for bridge in fleet.bridges]
         began = monotonic()
         for crowd in crowds:
-            crowd.tell("go")
+            crowd.send("go")
         fleet.wait_until_all_have(topics)
         there_s = monotonic() - began
         used = [bridge.cpu_ns() - before for bridge, before in zip(fleet.bridges, before_ns, strict=True)]

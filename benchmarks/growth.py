@@ -110,18 +110,18 @@ def measure(system: System, load: Load) -> Figures:
         publisher = system.start_role(group, "publisher", load)
         for child in subscribers:
             group.expect(child, "ready", within_s=START_S)
-        publisher.tell("warm_up")
+        publisher.send("warm_up")
         for child in subscribers:
             group.expect(child, "warm", within_s=START_S)
         children = (publisher, *servers, *subscribers)
         before_ns = [child.cpu_ns() for child in children]
-        publisher.tell("go")
+        publisher.send("go")
         for child in subscribers:
             group.expect(child, "complete", within_s=2 * load.seconds + START_S)
         cpu_us = [(child.cpu_ns() - before) / 1e3 for child, before in zip(children, before_ns, strict=True)]
         ages_ns: list[int] = []
         for child in subscribers:
-            child.tell("report")
+            child.send("report")
             ages_ns += group.expect(child, "received", within_s=START_S)["age_ns"]
     of_servers, of_subscribers = sum(cpu_us[1 : 1 + len(servers)]), sum(cpu_us[1 + len(servers) :])
     return percentiles(ages_ns, scale=1e-3) | {
@@ -139,7 +139,7 @@ def measure_endpoints(system: System, load: Load) -> Figures:
         servers = system.start_servers(group)
         children = (*servers, system.start_role(group, "declarer", load))
         before_ns = [child.cpu_ns() for child in children]
-        children[-1].tell("go")
+        children[-1].send("go")
         took_ns = group.expect(children[-1], "declared", within_s=START_S)["took_ns"]
         cpu_ns = sum(child.cpu_ns() - before for child, before in zip(children, before_ns, strict=True))
     return {

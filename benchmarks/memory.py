@@ -69,7 +69,7 @@ def measure(system: System) -> Figures:
 
 
 def _make(group: Group, child: Child, word: str) -> None:
-    child.tell(word)
+    child.send(word)
     group.expect(child, "made", within_s=START_S)
 
 

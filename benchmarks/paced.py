@@ -71,13 +71,13 @@ def measure(
                 put_on(child, place)
         before_ns = [child.cpu_ns() for child in children]
         before_switches = [switches(child) for child in children[:2]]
-        publisher.tell("go")
+        publisher.send("go")
         limit_s = 2 * work.total / work.rate + START_S
         group.expect(subscriber, "complete", within_s=limit_s)
         after_ns = [child.cpu_ns() for child in children]
         after_switches = [switches(child) for child in children[:2]]
         mib = [memory_mib(child) for child in children]
-        subscriber.tell("report")
+        subscriber.send("report")
         event = group.expect(subscriber, "received", within_s=START_S)
     cpu = [
         per_100k((after - before) / 1e9, work.total)

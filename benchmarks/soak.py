@@ -106,7 +106,7 @@ class Soak:
         self._start()
         begin_s = monotonic()
         for name in (*TALKERS, *LISTENERS, *VISITORS):
-            self._children[name].tell("go")
+            self._children[name].send("go")
         next_query_s, next_word_s = begin_s, begin_s + _TELL_S
         count = max(1, round(self._seconds / self._every_s))
         for number in range(1, count + 1):
@@ -164,7 +164,7 @@ class Soak:
 
     def _ask(self, name: str) -> Event:
         child = self._children[name]
-        child.tell("report")
+        child.send("report")
         return self._group.expect(child, "interval", within_s=START_S)
 
     def _note_listener(self, name: str, ages: dict[str, list[Histogram]]) -> None:
@@ -218,7 +218,7 @@ class Soak:
 
     def _stop(self, name: str) -> Event:
         child = self._children[name]
-        child.tell("stop")
+        child.send("stop")
         return self._group.expect(child, "stopped", within_s=START_S)
 
 

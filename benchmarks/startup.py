@@ -206,7 +206,7 @@ def measure_first_message(system: System, talker: str = "") -> Figures:
         else:
             system.launch(group, "publisher", work)
         group.expect(listener, "complete", within_s=_LIMIT_S)
-        listener.tell("report")
+        listener.send("report")
         at_ns = int(group.expect(listener, "received", within_s=_LIMIT_S)["at_ns"])
     return {"ms": (at_ns - begin_ns) / 1e6}
 

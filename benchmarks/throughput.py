@@ -242,13 +242,13 @@ def measure(system: System, work: Work) -> Figures:
         servers = system.start_servers(group)
         children = (*system.start_pair(group, work), *servers)
         publisher, subscriber, *_ = children
-        publisher.tell("warm_up")
+        publisher.send("warm_up")
         if system.may_lose:
             early = _settle(group, subscriber, work.warm_up)["count"]
         else:
             group.expect(subscriber, "warm", within_s=_LIMIT_S)
         before_ns = [child.cpu_ns() for child in children]
-        publisher.tell("go")
+        publisher.send("go")
         begin_ns = int(group.expect(publisher, "sent", within_s=_LIMIT_S)["begin_ns"])
         if system.may_lose:
             received = _settle(group, subscriber, work.total)
@@ -283,7 +283,7 @@ def _settle(group: Group, subscriber: Child, total: int) -> dict[str, Any]:
     """What the subscriber has when it has `total`, or some and for a while no more of them came."""
     last = -1
     for _ in range(int(_LIMIT_S / _QUIET_S)):
-        subscriber.tell("look")
+        subscriber.send("look")
         seen = group.expect(subscriber, "seen", within_s=START_S)
         if seen["count"] >= total or 0 < seen["count"] == last:
             return seen

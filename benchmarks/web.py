@@ -130,7 +130,7 @@ def measure_first(*, is_crowd: bool) -> Figures:
             start_robot(group)
         group.expect(browser, "ready", within_s=_LIMIT_S)
         sleep(_SETTLE_S)
-        browser.tell(start_web(group).page)
+        browser.send(start_web(group).page)
         return {"ms": group.expect(browser, "drawn", within_s=_LIMIT_S)["ms"]}
 
 

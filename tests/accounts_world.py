@@ -259,7 +259,7 @@ class World:
         for number in self.subscriptions:
             self.compare(number)
         for process in self.processes.values():
-            process.link._reports._tell(list(process.link._declarations))
+            process.link._reports._send_totals(list(process.link._declarations))
         await self.settle()
         graph = whole_graph(self.broker.graph, statistics=True)
         records = {one.gid: one.statistics for one in graph.endpoints}

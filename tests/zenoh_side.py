@@ -103,25 +103,25 @@ class Reading:
         self.count = self.first = self.last = self.missing = self.repeated = 0
         self.arrived_at = self.longest_gap_s = 0.0
 
-    def bus_came(self, bus: FarBus) -> None:
+    def bus_added(self, bus: FarBus) -> None:
         self.buses.append(bus.id)
 
-    def bus_went(self, bus_id: str, reason: str) -> None:
+    def bus_removed(self, bus_id: str, reason: str) -> None:
         self.buses.remove(bus_id)
         for reader in self.readers.values():
             reader.close()
         self.readers.clear()
 
-    def node_came(self, node: FarNode) -> None: ...
-    def node_went(self, key: str) -> None: ...
+    def node_added(self, node: FarNode) -> None: ...
+    def node_removed(self, key: str) -> None: ...
 
-    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+    def endpoint_added(self, endpoint: FarEndpoint) -> None:
         if self.engine is not None:
             self.readers[endpoint.gid] = self.engine.read(
                 endpoint, SCHEMA, lambda samples: self.take(endpoint.gid, samples)
             )
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
         if gid in self.readers:
             self.readers.pop(gid).close()
 

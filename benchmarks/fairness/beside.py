@@ -60,7 +60,7 @@ def measure(neighbour: Neighbour, seconds: float, program: str = "") -> Figures:
         watched = (busd, *attackers)
         begin_s, before_ns = monotonic(), [child.cpu_ns() for child in watched]
         for publisher, subscriber, _, work in found:
-            publisher.tell("go")
+            publisher.send("go")
             group.expect(subscriber, "complete", within_s=2 * work.total / work.rate + 2 * START_S)
         elapsed_s = monotonic() - begin_s
         used_ns = [child.cpu_ns() - before for child, before in zip(watched, before_ns, strict=True)]
@@ -71,7 +71,7 @@ def measure(neighbour: Neighbour, seconds: float, program: str = "") -> Figures:
             figures["asked_per_s"] = sum(asked for asked, _ in done) / elapsed_s
             figures["refused_per_s"] = sum(refused for _, refused in done) / elapsed_s
         for _, subscriber, system, _ in found:
-            subscriber.tell("report")
+            subscriber.send("report")
             event = group.expect(subscriber, "received", within_s=START_S)
             ages_ns = msgspec.convert(event, Arrivals).age_ns
             figures |= percentiles(ages_ns, prefix=_PREFIXES[system.name], scale=1e-6)
@@ -108,12 +108,12 @@ def _start_pair(group: Group, system: System, work: Work) -> tuple[Child, Child]
 
 def _report(group: Group, child: Child) -> tuple[int, int]:
     """What it did since the last time."""
-    child.tell("report")
+    child.send("report")
     event = group.expect(child, "flooded", within_s=2 * START_S)
     return event["asked"], event["refused"]
 
 
 def _longest_ms(group: Group, pinger: Child) -> float:
     """The longest silence of busd since the last time."""
-    pinger.tell("report")
+    pinger.send("report")
     return float(group.expect(pinger, "pinged", within_s=2 * START_S)["longest_ms"])

@@ -48,7 +48,7 @@ def arrive(programs: Programs, attack: Attack | None, said: set[str], program: s
         group.expect(child, "ready", within_s=START_S)
         if attack is not None:
             group.expect(start_attack(group, 0, attack), "ready", within_s=START_S)
-        child.tell("go")
+        child.send("go")
         events = [group.expect(child, "arrived", within_s=_LIMIT_S) for _ in range(programs.number)]
     said |= {str(one["error"]).replace(str(group.folder), "<folder>") for one in events if one["error"]}
     took_s = [float(one["took_s"]) for one in events if not one["error"]]

@@ -244,7 +244,7 @@ class Absentees:
         for key in [key for kept in self._kept.values() for key in kept]:
             self._give_up(key)
         self._logged_ns = None
-        self._tell_log(now_ns)
+        self._log_absent(now_ns)
 
     # --- inside
 
@@ -257,8 +257,8 @@ class Absentees:
         while (is_full := self._held.get(uid, 0) > MOST_PER_USER) or self._total > MOST:
             loser = uid if is_full else max(self._held, key=self._held.__getitem__)
             self._give_up(next(iter(self._kept[loser])), has_room=False)
-        self._tell_log(now_ns)
-        self._look_at(now_ns + KEEP_NS)
+        self._log_absent(now_ns)
+        self._check_at(now_ns + KEEP_NS)
 
     def _take(self, key: Key) -> _Absentee | None:
         kept = self._kept.get(key[0], {})
@@ -324,12 +324,12 @@ class Absentees:
             else:
                 self._timers.add(now_ns, lambda now: self._go_on_settling(now, subscription, steps))
 
-    def _look_at(self, due_ns: int) -> None:
+    def _check_at(self, due_ns: int) -> None:
         if not self._is_looking:
             self._is_looking = True
-            self._timers.add(due_ns, self._look)
+            self._timers.add(due_ns, self._check)
 
-    def _look(self, now_ns: int) -> None:
+    def _check(self, now_ns: int) -> None:
         """Give up those that are absent for too long, some at a time."""
         self._is_looking = False
         late_ns = now_ns - KEEP_NS
@@ -342,14 +342,14 @@ class Absentees:
         for key in late[:_SOME]:
             self._give_up(key)
         self._meter.left -= _SOME
-        self._tell_log(now_ns)
+        self._log_absent(now_ns)
         if self._kept:
             oldest_ns = min(next(iter(kept.values())).lost_ns for kept in self._kept.values())
-            self._look_at(max(oldest_ns + KEEP_NS, now_ns + _PAUSE_NS))
+            self._check_at(max(oldest_ns + KEEP_NS, now_ns + _PAUSE_NS))
         elif self._lost or self._given_up:
-            self._look_at(now_ns + LOG_AGAIN_NS)
+            self._check_at(now_ns + LOG_AGAIN_NS)
 
-    def _tell_log(self, now_ns: int) -> None:
+    def _log_absent(self, now_ns: int) -> None:
         """One line of all since the last one, and not too often."""
         is_soon = self._logged_ns is not None and now_ns - self._logged_ns < LOG_AGAIN_NS
         if is_soon or not (self._lost or self._given_up):

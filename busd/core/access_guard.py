@@ -55,7 +55,7 @@ class AccessGuard:
                     if len(reported) == _MOST_REPORTED
                     else ""
                 )
-                self._tell(node, action, topic, text, more, out)
+                self._report(node, action, topic, text, more, out)
             raise AccessDenied(text)
 
     def gid(self, peer: Peer, gid: bytes) -> bytes:
@@ -89,7 +89,9 @@ class AccessGuard:
             yield TELL + self.price(looks)
         return ""
 
-    def _tell(self, node: Node, action: Action, topic: str, text: str, more: str, out: list[Effect]) -> None:
+    def _report(
+        self, node: Node, action: Action, topic: str, text: str, more: str, out: list[Effect]
+    ) -> None:
         out.append(Note(logging.WARNING, f"{node.full_name} of {node.peer.describe()}: {text}{more}"))
         present = self._graph.topics.get(topic)
         if present is None:

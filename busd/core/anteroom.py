@@ -68,7 +68,7 @@ class Anteroom(Generic[K]):
         self._silent[key] = now_ns
         self._owners[key] = process, owner
 
-    def hear(self, now_ns: int, key: K) -> None:
+    def on_hello(self, now_ns: int, key: K) -> None:
         """The Hello of a connection was heard; from now on it waits for its user's turn."""
         process, _ = self._owners[key]
         del process.silent[key], self._silent[key]

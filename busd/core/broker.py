@@ -184,7 +184,7 @@ class Broker:
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
-        self._leases.hear_peer(now_ns, peer)
+        self._leases.note_alive(now_ns, peer)
         self.meter.left -= FRAME
         try:
             self._quotas.spend(now_ns, peer, message, self.graph, self._out)
@@ -199,7 +199,7 @@ class Broker:
         """Go on with what was begun for a peer, present or gone."""
         if (task := self.unfinished.pop(peer_id, None)) is not None:
             if peer_id in self._peers:
-                self._leases.hear_peer(now_ns, task.peer)  # it is we who are late, not the peer
+                self._leases.note_alive(now_ns, task.peer)  # it is we who are late, not the peer
             try:
                 self._tasks.do(now_ns, task)
             except BusError as error:
@@ -215,7 +215,7 @@ class Broker:
         if peer is None:
             return []
         if peer.is_silent or peer.lapsed:
-            self._leases.hear_peer(now_ns, peer)
+            self._leases.note_alive(now_ns, peer)
         peer.last_heard_ns = now_ns
         out: list[Effect] = []
         publisher = peer.endpoints.get(EndpointId(run.endpoint))
@@ -271,10 +271,10 @@ class Broker:
                 meter.left -= price
         return self._take_effects()
 
-    def hear(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
+    def note_alive(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """The peer lives: it takes what it is sent, although the shell does not read it now."""
         if peer := self._peers.get(peer_id):
-            self._leases.hear_peer(now_ns, peer)
+            self._leases.note_alive(now_ns, peer)
         return self._take_effects()
 
     def farewell(self, now_ns: int) -> list[Effect]:
@@ -305,7 +305,7 @@ class Broker:
     def _take_effects(self) -> list[Effect]:
         change = self.graph.changes.take()
         if change is not None:
-            self.meter.left -= self._queries.tell(change, self._out)
+            self.meter.left -= self._queries.notify(change, self._out)
         if self._withheld:
             self._tasks.withhold()
         out = self._out.copy()  # work that is not finished goes on with the list

@@ -59,9 +59,9 @@ class Entrance:
         """One more process of a user, which said Hello then; 0: it may come in, else how long it waits."""
         return self._quotas.arrive(now_ns, uid, said_ns)
 
-    def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
+    def count_failed_connection(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
         """A connection of a user ended before it was let in; see `busd.core.quotas`."""
-        return self._quotas.come_to_nothing(now_ns, uid, for_want_of_room=for_want_of_room)
+        return self._quotas.count_failed_connection(now_ns, uid, for_want_of_room=for_want_of_room)
 
     def attach(
         self,

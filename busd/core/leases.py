@@ -44,14 +44,14 @@ class Leases:
         self._silences = silences
         self._returning: set[Peer] = set()
         # of publishers whose lease ended or that are back, through their subscriptions
-        self._rounds = Rounds(timers, meter, self._tell_one, few=_FEW, price=TELL)
+        self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=TELL)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """Watch the lease of `publisher`, where it has one."""
         if publisher.lease_ns:
-            self._look_at(now_ns, now_ns + publisher.lease_ns, publisher)
+            self._check_at(now_ns, now_ns + publisher.lease_ns, publisher)
 
-    def hear_peer(self, now_ns: int, peer: Peer) -> None:
+    def note_alive(self, now_ns: int, peer: Peer) -> None:
         """Anything came from `peer`: its automatic publishers are alive."""
         if peer.is_silent:
             self._silences.end(now_ns, peer)
@@ -65,7 +65,7 @@ class Leases:
         if not publisher.is_alive:
             self._revive(now_ns, publisher)
 
-    def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
+    def _check_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
         # A timer keeps its publisher in memory: a long lease must not keep one that has gone.
         due_ns = min(due_ns, now_ns + self.lease_ns)
         self._timers.add(due_ns, lambda now: self._check_publisher(now, publisher))
@@ -76,7 +76,7 @@ class Leases:
             return
         sign_ns = publisher.last_sign_ns if publisher.is_manual else peer.last_heard_ns
         if now_ns - sign_ns < publisher.lease_ns:
-            self._look_at(now_ns, sign_ns + publisher.lease_ns, publisher)
+            self._check_at(now_ns, sign_ns + publisher.lease_ns, publisher)
             return
         publisher.is_alive = False
         if not publisher.is_manual:
@@ -85,7 +85,7 @@ class Leases:
             Note(logging.INFO, f"{publisher.node.full_name} lost its liveliness on '{publisher.topic.name}'")
         )
         self._emit(Send(peer.id, LivelinessLost(publisher=publisher.id)))
-        self._tell(now_ns, publisher)
+        self._report(now_ns, publisher)
 
     def _revive_some(self, now_ns: int, peer: Peer) -> None:
         for publisher in tuple(islice(peer.lapsed, _FEWER)):
@@ -100,13 +100,13 @@ class Leases:
         publisher.is_alive = True
         publisher.node.peer.lapsed.discard(publisher)
         self.watch_publisher(now_ns, publisher)
-        self._tell(now_ns, publisher)
+        self._report(now_ns, publisher)
 
-    def _tell(self, now_ns: int, publisher: Publisher) -> None:
+    def _report(self, now_ns: int, publisher: Publisher) -> None:
         matches = iter(tuple(publisher.matches.values()))
         self._rounds.begin(now_ns, (publisher, publisher.is_alive), matches)
 
-    def _tell_one(self, now_ns: int, news: tuple[Publisher, bool], match: Match) -> None:
+    def _report_one(self, now_ns: int, news: tuple[Publisher, bool], match: Match) -> None:
         if not match.has_ended:
             subscription, (publisher, is_alive) = match.subscription, news
             message = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=is_alive)

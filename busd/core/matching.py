@@ -92,7 +92,7 @@ def make_match(
         out.append(Send(mine.node.peer.id, message, brings))
     if subscription.node.peer.is_silent and match.is_lossless:
         silent_ns = now_ns - subscription.node.peer.last_heard_ns
-        tell_of_silence(match, silent_ns, out.append)
+        report_silence(match, silent_ns, out.append)
     if not publisher.is_alive:
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
@@ -199,7 +199,7 @@ def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
         emit(Send(publisher.node.peer.id, Credit(publisher=publisher.id, seq=seq)))
 
 
-def tell_of_silence(match: Match, silent_ns: int, emit: Callable[[Effect], None]) -> None:
+def report_silence(match: Match, silent_ns: int, emit: Callable[[Effect], None]) -> None:
     """Tell a lossless publisher whether to wait for a lossless subscription."""
     peer, waiting = match.subscription.node.peer, match.publisher.node.peer
     if waiting.hears_of_silence:

@@ -74,7 +74,7 @@ class Overload:
             self._drops.shed(now_ns, one, DropReason.MEMORY_LIMIT, too_much)
             self._forget_rest(peer, queue)
 
-        self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)
+        self._quotas.report_bytes(now_ns, peer, "bytes queued for", account, self._emit)
         longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
         spared = latest if latest.queue.runs or not longest_first else longest_first[0]
         _drop_longest(account, longest_first, spared, drop)
@@ -84,7 +84,7 @@ class Overload:
             one.drop_over_quota(spare=spare, account=account, slack=slack, most=_MOST_DROPPED)
             self._forget_rest(peer, one)
 
-        self._quotas.tell_bytes(now_ns, peer, "bytes of history of", account, self._emit)
+        self._quotas.report_bytes(now_ns, peer, "bytes of history of", account, self._emit)
         histories = [one.history for one in peer.publishers() if one.history is not None]
         histories.sort(key=lambda one: one.held_bytes, reverse=True)
         _drop_longest(account, histories, latest.history, drop)

@@ -78,7 +78,7 @@ class Places:
         lost = self._lost.get(peer.id)
         if lost is None:
             lost = self._lost[peer.id] = _Lost(peer.id, peer.pid, now_ns + peer.lease_ns)
-            self._look_in(now_ns, _LOOK_NS, lost)
+            self._check_in(now_ns, _LOOK_NS, lost)
         lost.places.append((publisher, match.subscription.id))
         self._count += 1
         if self._count > MOST:
@@ -110,11 +110,11 @@ class Places:
             subscription.remember(publisher, last_seq)
             self._drops.drop(now_ns, subscription, DropReason.DISCONNECTED, count)
 
-    def _look_in(self, now_ns: int, wait_ns: int, lost: _Lost) -> None:
+    def _check_in(self, now_ns: int, wait_ns: int, lost: _Lost) -> None:
         due_ns = min(now_ns + wait_ns, lost.until_ns)
-        self._timers.add(due_ns, lambda now: self._look(now, wait_ns, lost))
+        self._timers.add(due_ns, lambda now: self._check(now, wait_ns, lost))
 
-    def _look(self, now_ns: int, wait_ns: int, lost: _Lost) -> None:
+    def _check(self, now_ns: int, wait_ns: int, lost: _Lost) -> None:
         if self._lost.get(lost.id) is not lost:
             return
         if now_ns >= lost.until_ns:  # publishers have the same time, and go on by themselves
@@ -122,7 +122,7 @@ class Places:
         elif not self._lives(lost.pid):
             self._end(now_ns, lost)
         else:
-            self._look_in(now_ns, 2 * wait_ns, lost)
+            self._check_in(now_ns, 2 * wait_ns, lost)
 
     def _end(self, now_ns: int, lost: _Lost) -> None:
         self._forget(lost)

@@ -123,7 +123,7 @@ class Queries:
         self._observers.pop(peer.id, None)
         self._filling.pop(peer.id, None)
 
-    def tell(self, change: m.GraphChanged, out: list[Effect]) -> int:
+    def notify(self, change: m.GraphChanged, out: list[Effect]) -> int:
         """Send each observer what it sees of the change; returns the work that this was."""
         for partial_view in self._filling.values():
             partial_view.changed(change)
@@ -146,7 +146,7 @@ class Queries:
                     return
                 price = 0
                 if (pending := graph.changes.take()) is not None:
-                    price = self.tell(pending, out)  # else it would tell of the same matches
+                    price = self.notify(pending, out)  # else it would tell of the same matches
                 looks, few = guard.access.looks, [one for one in some if one.id in table]
                 if (change := view.ask_again(few, graph.changes.revision + 1)) is not None:
                     graph.changes.skip_revision()

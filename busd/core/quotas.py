@@ -132,7 +132,7 @@ class Quotas:
         arrivals.take(now_ns, 1)
         return 0
 
-    def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
+    def count_failed_connection(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
         """A connection of a user has ended before it was let in: it brought garbage, or lost its place.
 
         Returns whether to log it, because there were not many lately, and how many before it were not logged.
@@ -258,18 +258,20 @@ class Quotas:
         for holder in (peer, peer.user):
             holder.refused += 1
         if _is_news(now_ns, peer, error.resource):
-            self._tell(peer, error.resource, error.used, error.limit, out.append)
+            self._report(peer, error.resource, error.used, error.limit, out.append)
 
-    def tell_bytes(
+    def report_bytes(
         self, now_ns: int, peer: Peer, what: str, account: Account, emit: Callable[[Effect], None]
     ) -> None:
         """`account`, the process's own or its user's, is over its limit, so `peer` loses some of `what`."""
         is_own = account.parent is not None
         if _is_news(now_ns, peer, what if is_own else what + " all"):  # a full one is so with each run
             whose = _name(peer if is_own else peer.user)
-            self._tell(peer, f"{what} {whose}", account.used, account.limit, emit)
+            self._report(peer, f"{what} {whose}", account.used, account.limit, emit)
 
-    def _tell(self, peer: Peer, resource: str, used: int, limit: int, emit: Callable[[Effect], None]) -> None:
+    def _report(
+        self, peer: Peer, resource: str, used: int, limit: int, emit: Callable[[Effect], None]
+    ) -> None:
         what = f"limit reached by {peer.describe()} of user {peer.uid}: {resource}: {used} of {limit}"
         emit(Note(logging.WARNING, what))
 

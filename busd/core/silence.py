@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from bus.base.ids import PeerId
 from busd.core.effects import Effect, Note
 from busd.core.entities import Match, Peer
-from busd.core.matching import give_credit, tell_of_silence
+from busd.core.matching import give_credit, report_silence
 from busd.core.timers import NEVER_NS, Timers
 from busd.core.work import LOOKS_PER_UNIT, TELL, Meter, Rounds
 
@@ -41,11 +41,11 @@ class Silences:
         self._evict = evict
         self._looks: list[int] = []  # when the silent are looked for, the next time at the end
         # of processes that fell silent or are heard again, through the matches whose publishers wait for them
-        self._rounds = Rounds(timers, meter, self._tell_one, few=_FEW, price=2 * TELL)
+        self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=2 * TELL)
 
     def watch(self, now_ns: int, peer: Peer) -> None:
         """Notice when nothing has come from `peer` for its lease."""
-        self._look_at(now_ns + peer.lease_ns)
+        self._check_at(now_ns + peer.lease_ns)
 
     def end(self, now_ns: int, peer: Peer) -> None:
         """It is heard again; what it said before that was at its `last_heard_ns`."""
@@ -57,13 +57,13 @@ class Silences:
         self._emit(Note(logging.INFO, text))
         self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))
 
-    def _look_at(self, due_ns: int) -> None:
+    def _check_at(self, due_ns: int) -> None:
         # One timer for all: one each would keep a peer that has gone in memory to the end of its lease.
         if not self._looks or due_ns < self._looks[-1]:
             self._looks.append(due_ns)
-            self._timers.add(due_ns, self._look)
+            self._timers.add(due_ns, self._check)
 
-    def _look(self, now_ns: int) -> None:
+    def _check(self, now_ns: int) -> None:
         while self._looks and self._looks[-1] <= now_ns:
             self._looks.pop()
         next_ns = NEVER_NS
@@ -78,7 +78,7 @@ class Silences:
                 self._begin(now_ns, peer, silent_ns)
             next_ns = min(next_ns, now_ns + left_ns)
         if next_ns < NEVER_NS:
-            self._look_at(next_ns)
+            self._check_at(next_ns)
 
     def _begin(self, now_ns: int, peer: Peer, silent_ns: int) -> None:
         peer.is_silent = True
@@ -89,7 +89,7 @@ class Silences:
         self._emit(Note(logging.WARNING, text))
         self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))
 
-    def _tell_one(self, now_ns: int, news: tuple[Peer, int], match: Match) -> None:
+    def _report_one(self, now_ns: int, news: tuple[Peer, int], match: Match) -> None:
         """By what is true now, however often it is told."""
         (peer, silent_ns), waiting = news, match.publisher.node.peer
         if match.has_ended or not match.is_lossless or peer.id not in self._peers:
@@ -104,7 +104,7 @@ class Silences:
             self._meter.left -= len(match.publisher.awaited) // LOOKS_PER_UNIT
             give_credit(match.publisher, self._emit)
         if waiting is not peer:
-            tell_of_silence(match, silent_ns, self._emit)
+            report_silence(match, silent_ns, self._emit)
 
 
 def _matches(peer: Peer) -> Iterator[Match]:

@@ -90,13 +90,13 @@ class _Lines(logging.Handler):
                 if self._left_out == 1:
                     self._changed.notify_all()  # from now on the time runs after which the log says so
                 return
-            self._tell()
+            self._write_left_out()
             self._put(record, 1)
 
     def flush(self) -> None:
         """Wait until all is written, but not for long: perhaps it never is."""
         with self._changed:
-            self._tell()
+            self._write_left_out()
             self._changed.wait_for(lambda: not self._waiting and not self._is_writing, _FLUSH_S)
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class _Lines(logging.Handler):
         self._lines += 1
         return self._lines <= _MOST_LINES
 
-    def _tell(self) -> None:
+    def _write_left_out(self) -> None:
         """Write a line that says how many were left out."""
         if self._left_out:
             text = f"({counted(self._left_out, 'line', 'was', 'were')} left out)"
@@ -158,7 +158,7 @@ class _Lines(logging.Handler):
                 # Where nothing can be written now, the next line is soon enough: each try costs something.
                 has_to_report = self._left_out and not self._is_failing
                 if not self._changed.wait(_TELL_S if has_to_report else None):
-                    self._tell()
+                    self._write_left_out()
             self._is_writing = True
             return self._waiting.popleft()
 

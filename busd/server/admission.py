@@ -61,7 +61,7 @@ class AdmissionHost(Protocol):
     def why_no_room(self, who: Credentials) -> tuple[str, bool]:
         """Why there is no room for another peer ("": there is), and whether the log has said so."""
 
-    def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
+    def count_failed_connection(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
         """Whether to log it, and how many before it were not logged."""
 
     def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
@@ -137,7 +137,7 @@ class Admission:
             except OSError as error:
                 self._fail_to_accept(error)
                 return count
-            self._meet(sock)
+            self._add_newcomer(sock)
         return most
 
     def close(self) -> None:
@@ -163,7 +163,7 @@ class Admission:
     def _resume(self) -> None:
         self._rest = None
         self._loop.add_reader(self._listening.fileno(), self._come)
-        self._loop.add_reader(self._epoll.fileno(), self._hear)
+        self._loop.add_reader(self._epoll.fileno(), self._on_readable)
 
     def _stop_listening(self) -> None:
         self._loop.remove_reader(self._listening.fileno())
@@ -179,9 +179,9 @@ class Admission:
         self.accept_some(_AT_ONCE)
         self._charge(began_ns)
 
-    def _hear(self) -> None:
+    def _on_readable(self) -> None:
         began_ns = thread_time_ns()
-        self._look()
+        self._poll()
         self._charge(began_ns)
 
     def _charge(self, began_ns: int) -> None:
@@ -204,7 +204,7 @@ class Admission:
 
     # --- newcomers
 
-    def _meet(self, sock: socket.socket) -> None:
+    def _add_newcomer(self, sock: socket.socket) -> None:
         newcomer = _Newcomer(sock, peer_credentials(sock))
         who = newcomer.who
         if reason := self._host.why_turned_away(who):
@@ -236,7 +236,7 @@ class Admission:
             self._take_out(newcomer)
             self._let_in(newcomer)
         elif newcomer.number >= 0 or self._give_place(newcomer, now_ns):
-            self._anteroom.hear(now_ns, newcomer)
+            self._anteroom.on_hello(now_ns, newcomer)
             self._epoll.modify(newcomer.number, _HELD)
 
     def _give_place(self, newcomer: _Newcomer, now_ns: int) -> bool:
@@ -277,7 +277,7 @@ class Admission:
             newcomer.sock.setblocking(False)
             self._host.let_in(newcomer.sock, newcomer.who, newcomer.hello)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """Read the connections that the kernel reports."""
         for number, _ in self._epoll.poll(0, _AT_ONCE):
             newcomer = self._by_number.get(number)
@@ -303,7 +303,7 @@ class Admission:
         """It has sent something else than a Hello, or none in time, or there is no place for it."""
         self._take_out(newcomer)
         who = newcomer.who
-        is_news, unlogged = self._host.come_to_nothing(who, for_want_of_room=for_want_of_room)
+        is_news, unlogged = self._host.count_failed_connection(who, for_want_of_room=for_want_of_room)
         more = f" ({unlogged} more of user {who.uid} were not told of)" if unlogged else ""
         self._refuse(newcomer, reason, is_news=is_news, again=for_want_of_room, more=more)
 
@@ -337,7 +337,7 @@ class Admission:
         """Turn away what has been silent for too long, and let in those whose turn it is."""
         began_ns = thread_time_ns()
         self._timer = None
-        self._look()  # one that has closed is not let in, and one that has said Hello by now is not too late
+        self._poll()  # one that has closed is not let in, and one that has said Hello by now is not too late
         now_ns = monotonic_ns()
         while (first := self._anteroom.silent()) is not None:
             newcomer, since_ns = first

@@ -86,7 +86,7 @@ class PeerHost(Protocol):
     @property
     def serving(self) -> Scheduler: ...
 
-    def hear(self, connection: "PeerConnection") -> None: ...
+    def note_alive(self, connection: "PeerConnection") -> None: ...
 
     def lose(self, connection: "PeerConnection", reason: str, *, is_cut: bool) -> None: ...
 
@@ -175,7 +175,7 @@ class PeerConnection:
             self.is_choked = True
             self.stream.hold()
             self._choked_bytes, self._choked_looks = self.stream.sent_bytes, 0
-            self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
+            self._choke = self._loop.call_later(_LOOK_S, self._check_choke)
 
     def accept(self, carried: Carried) -> tuple[Descriptor, ...]:
         """The descriptors that came with a message; none where busd has too many.
@@ -253,7 +253,7 @@ class PeerConnection:
             self.put(encode_frame(Leaving(text=text)))
             self.stream.flush()
         else:
-            self.stream.hear_out()
+            self.stream.drain_input()
 
     def close(self) -> None:
         """Send what can be sent at once, and close."""
@@ -266,16 +266,16 @@ class PeerConnection:
             if timer is not None:
                 timer.cancel()
 
-    def _look_at_choke(self) -> None:
+    def _check_choke(self) -> None:
         sent_bytes = self.stream.sent_bytes
         self._choked_looks += 1
         if sent_bytes != self._choked_bytes:
             self._choked_bytes, self._choked_looks = sent_bytes, 0
-            self._host.hear(self)
+            self._host.note_alive(self)
         elif self.account.is_over or self._choked_looks * _LOOK_S >= self._host.limits.lease_s * _STALL_PART:
             self.relieve()
             return
-        self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
+        self._choke = self._loop.call_later(_LOOK_S, self._check_choke)
 
     def _lost(self, error: Exception | None) -> None:
         self._let_go()

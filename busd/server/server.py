@@ -163,9 +163,9 @@ class Server:
 
     # --- connections that are there (PeerHost, EffectHost)
 
-    def hear(self, connection: PeerConnection) -> None:
+    def note_alive(self, connection: PeerConnection) -> None:
         """A peer that is not read now takes what is sent to it: that is a sign of life."""
-        self._effects.carry_out(self._broker.hear(monotonic_ns(), connection.id))
+        self._effects.carry_out(self._broker.note_alive(monotonic_ns(), connection.id))
         self._effects.flush()
 
     def serve_later(self, peer: PeerId) -> None:
@@ -211,8 +211,8 @@ class Server:
             monotonic_ns(), who.uid, connections=len(self._connections) + 1, of_user=of_user + 1
         )
 
-    def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
-        return self._broker.entrance.come_to_nothing(
+    def count_failed_connection(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
+        return self._broker.entrance.count_failed_connection(
             monotonic_ns(), who.uid, for_want_of_room=for_want_of_room
         )
 

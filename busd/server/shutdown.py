@@ -51,27 +51,27 @@ class Drain:
         self._looked_s = monotonic()
         for connection in tuple(connections):
             connection.leave(text)
-        self._look()
+        self._poll()
 
     def end(self) -> None:
         """Wait no longer."""
         self._passed_s = self._longest_s
         if self._timer is not None:
             self._timer.cancel()
-        self._look()
+        self._poll()
 
-    def _look_again(self) -> None:
+    def _poll_again(self) -> None:
         self._on_poll()
-        self._look()
+        self._poll()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         now_s = monotonic()
         self._passed_s += min(now_s - self._looked_s, _STEP_S)
         self._looked_s = now_s
         speakers = [one for one in self._open if one.stream.reading is not ReadState.ENDED]
         if self._passed_s >= self._longest_s / 2:
             for connection in speakers:
-                connection.stream.hear_out()
+                connection.stream.drain_input()
         is_over = self._passed_s >= self._longest_s
         if is_over or not speakers:
             self._on_heard()
@@ -79,7 +79,7 @@ class Drain:
                 if is_over or connection.stream.is_drained:
                     _close(connection)
         if self._open:
-            self._timer = self._loop.call_later(_LOOK_S, self._look_again)
+            self._timer = self._loop.call_later(_LOOK_S, self._poll_again)
         else:
             self._on_end()
 

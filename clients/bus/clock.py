@@ -22,7 +22,7 @@ _MOST_HZ = 1e9
 class TimerOfClock(Protocol):
     """What a clock knows of a timer."""
 
-    def _look_at_clock(self) -> None: ...
+    def _check_clock(self) -> None: ...
 
 
 class Clock:
@@ -65,7 +65,7 @@ class Clock:
         for waiting, due_ns in self._waiting.items():
             if due_ns <= now_ns:
                 _wake(waiting)
-        self._tell_timers()
+        self._notify_timers()
 
     def call_at(self, due_ns: int, callback: Callable[[], object]) -> "Alarm":
         """Call `callback()` on the running event loop once the monotonic clock shows `due_ns`.
@@ -113,11 +113,11 @@ class Clock:
     def _jump(self) -> None:
         self.epoch += 1
         self._wake_all()
-        self._tell_timers()
+        self._notify_timers()
 
-    def _tell_timers(self) -> None:
+    def _notify_timers(self) -> None:
         for timer in tuple(self.timers):
-            timer._look_at_clock()
+            timer._check_clock()
 
     def _wake_all(self) -> None:
         for waiting in self._waiting:

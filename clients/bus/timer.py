@@ -113,7 +113,7 @@ class Timer:
         if self._task is not None:
             self._task.cancel()
 
-    def _look_at_clock(self) -> None:
+    def _check_clock(self) -> None:
         """For the clock: it has jumped, or shows another simulated time."""
         if self.is_canceled:
             return

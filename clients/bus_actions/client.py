@@ -144,7 +144,7 @@ class ClientGoal:
         if is_full:
             self._feedback.popleft()
         self._feedback.append(feedback)
-        self._tell()
+        self._notify()
         return is_full
 
     def _end(self, outcome: Any) -> None:
@@ -152,9 +152,9 @@ class ClientGoal:
             self._outcome = outcome
             if not isinstance(outcome, BusError):
                 self.status = GoalStatus(outcome.status)
-            self._tell()
+            self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         if self._changed is not None and not self._changed.done():
             self._changed.set_result(None)
         self._changed = None

@@ -30,7 +30,7 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
     recorder; `not_written`: the disk was full, or the recording was ended at once."""
 
     @property
-    def closes(self) -> bool:
+    def is_balanced(self) -> bool:
         return self.expected == self.written + self.waiting + sum(self.lost.values())
 
     def closed(self) -> "TopicLosses":

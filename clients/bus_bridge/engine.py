@@ -124,7 +124,7 @@ class FarNode(msgspec.Struct, frozen=True):
     namespace: str
     via: tuple[str, ...] = ()
     """Ids of the buses that it came through, its own first, where that is not `bus`: in transit only."""
-    teller: str = ""
+    announcer: str = ""
     """Who of its bus tells of it, where several do, each for itself; in words, shown to users. What is wrong
     is held against that one alone."""
 
@@ -149,13 +149,13 @@ class FarSide(Protocol):
     of a node all endpoints.
     """
 
-    def bus_came(self, bus: FarBus) -> None: ...
-    def bus_went(self, bus_id: str, reason: str) -> None: ...
-    def node_came(self, node: FarNode) -> None: ...
-    def node_went(self, key: str) -> None: ...
-    def endpoint_came(self, endpoint: FarEndpoint) -> None: ...
+    def bus_added(self, bus: FarBus) -> None: ...
+    def bus_removed(self, bus_id: str, reason: str) -> None: ...
+    def node_added(self, node: FarNode) -> None: ...
+    def node_removed(self, key: str) -> None: ...
+    def endpoint_added(self, endpoint: FarEndpoint) -> None: ...
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
         """`node` is the key of its node: with transit one gid may come by two ways."""
 
     def warn(self, text: str) -> None:
@@ -240,9 +240,11 @@ class Engine(Protocol):
         Raises BridgeError.
         """
 
-    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
-        """End with that bus, or with `teller` of it alone: it has lied, or asked for more than it may. It is
-        not heard again until it, or the bridge of that bus, comes back."""
+    def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
+        """End with that bus, or only with `announcer` of it, which has sent false data or exceeded a limit.
+
+        It is ignored until it, or the bridge of that bus, comes back.
+        """
 
     def links(self) -> Sequence[LinkStatus]: ...
 

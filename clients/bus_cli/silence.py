@@ -27,7 +27,7 @@ class Silence:
         self._shown = 0
         self._last_reason = ""
 
-    def hear(self) -> None:
+    def on_message(self) -> None:
         self._heard += 1
 
     def show(self) -> None:
@@ -35,16 +35,16 @@ class Silence:
 
     async def watch(self, subscription: Subscription[Any]) -> None:
         """Until it is cancelled, say each reason once."""
-        await self._look(subscription, patient=True)
+        await self._check(subscription, patient=True)
         while True:
             shown = self._shown
             await asyncio.sleep(_PATIENCE_S)
             if self._shown > shown:
                 self._last_reason = ""
             else:
-                await self._look(subscription, patient=False)
+                await self._check(subscription, patient=False)
 
-    async def _look(self, subscription: Subscription[Any], *, patient: bool) -> None:
+    async def _check(self, subscription: Subscription[Any], *, patient: bool) -> None:
         reason = await self._nobody_publishes()
         if reason is None and not patient:
             reason = self._nothing_shown(subscription)

@@ -69,7 +69,7 @@ async def _serve(args: Namespace) -> int:
     options = Options(listen=args.listen, origins=args.allow_origin, may=may)
 
     def ready(addresses: "Addresses") -> None:
-        _tell(addresses, as_json=args.json)
+        _print_addresses(addresses, as_json=args.json)
         if args.open:
             open_browser(addresses.once, complain)
 
@@ -78,7 +78,7 @@ async def _serve(args: Namespace) -> int:
     return 0
 
 
-def _tell(addresses: "Addresses", *, as_json: bool) -> None:
+def _print_addresses(addresses: "Addresses", *, as_json: bool) -> None:
     page, foxglove, forwarding = addresses.page, addresses.websocket, addresses.forwarding
     if as_json:
         print_json({"page": page, "foxglove": foxglove, "forwarding": forwarding})

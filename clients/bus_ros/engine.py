@@ -54,7 +54,7 @@ class Engine:
         self._main_thread = threading.main_thread().ident
         self._main_waiter: Waiter | None = None
         self._hears_signals = False
-        self.loop.on_signal = self._let_main_look
+        self.loop.on_signal = self._wake_main
         self._runner: Waiter | Engine | None = None  # runs the loop; the engine stands for the keeper
         self._blocked: deque[Waiter] = deque()  # these wait while another thread runs it
         self._turns = 0
@@ -108,7 +108,7 @@ class Engine:
             self.settle()
         return result
 
-    def tell(self, function: Callable[..., object], *arguments: Any) -> None:
+    def post(self, function: Callable[..., object], *arguments: Any) -> None:
         """As `call`, for what leaves the loop nothing to do."""
         if self.loop.is_mine():
             function(*arguments)
@@ -135,7 +135,7 @@ class Engine:
             self.loop.interrupt()
             waiter.release()
 
-    def _let_main_look(self) -> None:
+    def _wake_main(self) -> None:
         """Wake the main thread, for Python to run the handler: a signal may come just before its wait."""
         if self._main_waiter is not None:
             self._main_waiter.release()
@@ -184,7 +184,7 @@ class Engine:
             self._main_waiter = waiter
             if not self._hears_signals:
                 self._hears_signals = True
-                loop.hear_signals()
+                loop.wake_on_signals()
         try:
             while not waiter.is_set:
                 if is_main and loop.is_interrupted:
@@ -270,7 +270,7 @@ class Engine:
         if self._runner is None and self._blocked:
             self._blocked.popleft().release()
 
-    def _tell(self, waiter: "Waiter") -> None:
+    def _notify(self, waiter: "Waiter") -> None:
         """It is set: have its thread look."""
         if self._runner is waiter:
             self.loop.wake()
@@ -333,7 +333,7 @@ class Waiter:
             self.is_set = True
             engine = self._engine
             if engine._runner is not self or engine.loop.is_waiting:  # else it looks after this turn
-                engine._tell(self)
+                engine._notify(self)
 
     def wake_up(self) -> None:
         self.set()

@@ -90,12 +90,12 @@ class DrawSquare(Node):
         self._square = Square()
         self._pose: Any = None
         self._commands = self.create_publisher(Twist, "turtle1/cmd_vel", 1)
-        self.create_subscription(Pose, "turtle1/pose", self._hear, 1)
+        self.create_subscription(Pose, "turtle1/pose", self._on_pose, 1)
         self._reset = self.create_client(Empty, "reset")
         self._is_reset = False
         self.create_timer(_PERIOD_S, self._step)
 
-    def _hear(self, pose: Any) -> None:
+    def _on_pose(self, pose: Any) -> None:
         self._pose = pose
 
     def _step(self) -> None:

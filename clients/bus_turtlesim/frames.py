@@ -64,7 +64,7 @@ class Pictures:
         self._numbers: dict[str, int] = {}
         self._count = 0
 
-    def look(self, turtles: Iterable[tuple[str, Turtle]]) -> tuple[Seen, ...]:
+    def update(self, turtles: Iterable[tuple[str, Turtle]]) -> tuple[Seen, ...]:
         """The turtles as they are now."""
         before, self._numbers = self._numbers, {}
         found = []

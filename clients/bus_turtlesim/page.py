@@ -63,7 +63,7 @@ class Page:
         squares, canvas.news = canvas.news or [], []
         is_cleared, self._clearings = canvas.clearings != self._clearings, canvas.clearings
         if self._viewers:
-            seen = self._pictures.look(world.turtles.items())
+            seen = self._pictures.update(world.turtles.items())
             self._loop.call_soon_threadsafe(self._take, seen, background, squares, is_cleared)
 
     def close(self) -> None:

@@ -104,13 +104,13 @@ def _ended() -> Iterator[int]:
     """A descriptor that can be read from once rclpy has ended: SIGTERM interrupts no `select`."""
     end, begin = os.pipe()
     try:
-        rclpy.get_default_context().on_shutdown(lambda: _tell(begin))
+        rclpy.get_default_context().on_shutdown(lambda: _notify(begin))
         yield end
     finally:
         os.close(end)  # `begin` stays open: who writes to it does so at the very end
 
 
-def _tell(pipe: int) -> None:
+def _notify(pipe: int) -> None:
     with suppress(OSError):
         os.write(pipe, b"\0")
 

@@ -61,7 +61,7 @@ class Hub:
         if len(self._watchers) == 1:
             self._changed.set()
             loop = asyncio.get_running_loop()
-            self._tasks = [loop.create_task(self._look()), loop.create_task(self._watch())]
+            self._tasks = [loop.create_task(self._poll_graph()), loop.create_task(self._watch())]
         try:
             yield
         finally:
@@ -85,7 +85,7 @@ class Hub:
                 async for _ in graphs:
                     self._changed.set()
 
-    async def _look(self) -> None:
+    async def _poll_graph(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             self._changed.clear()

@@ -41,7 +41,7 @@ class PageLog:
             self._timer.cancel()
             self._timer = None
 
-    def hear(self, topic: str, heard: Heard) -> None:
+    def on_message(self, topic: str, heard: Heard) -> None:
         try:
             line = heard.message
             at_s = line.stamp.sec + line.stamp.nanosec / 1e9
@@ -52,17 +52,17 @@ class PageLog:
             self._left_out += 1
         self._lines.append(text)
         if self._timer is None:
-            self._tell_later()
+            self._send_later()
 
-    def hear_fault(self, topic: str, text: str) -> None:
+    def on_fault(self, topic: str, text: str) -> None:
         """The log stays empty."""
 
-    def _tell_later(self) -> None:
-        self._timer = asyncio.get_running_loop().call_later(_PERIOD_S, self._tell)
+    def _send_later(self) -> None:
+        self._timer = asyncio.get_running_loop().call_later(_PERIOD_S, self._send)
 
-    def _tell(self) -> None:
+    def _send(self) -> None:
         if self._sender.notices:  # it does not read
-            self._tell_later()
+            self._send_later()
             return
         self._timer = None
         self._sender.notify(protocol.message("log", lines=[*self._lines], left_out=self._left_out))

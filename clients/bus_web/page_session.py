@@ -58,10 +58,10 @@ class PageSession(Watcher):
                 elif self._hub.has_looked:
                     self.looked(is_new=True)
                 while True:
-                    self._hear_page(await self._socket.recv())
+                    self._on_frame(await self._socket.recv())
         finally:
             sending.cancel()
-            self._look_at({})
+            self._watch({})
             self._log.show(on=False)
             self._sender.close()
             await asyncio.gather(sending, return_exceptions=True)
@@ -81,7 +81,7 @@ class PageSession(Watcher):
                 self._sender.notify(protocol.history(model.topics(hidden=True)))
         self._sender.notify(self._sent.rates(model))
         if self._looks:
-            self._tell_details()
+            self._send_details()
         if dropped := self._sender.take_dropped():
             self._notify("status", dropped=dropped)
 
@@ -91,7 +91,7 @@ class PageSession(Watcher):
 
     # --- of the subscriptions
 
-    def hear(self, topic: str, heard: Heard) -> None:
+    def on_message(self, topic: str, heard: Heard) -> None:
         if (look := self._looks.get(topic)) is not None:
             self._await_turn(topic, look, heard)
 
@@ -104,20 +104,20 @@ class PageSession(Watcher):
             else:
                 look.timer = self._loop.call_later(wait_s, self._show, topic, look)
 
-    def hear_fault(self, topic: str, text: str) -> None:
+    def on_fault(self, topic: str, text: str) -> None:
         if topic in self._looks:
             self._sender.put(topic, protocol.message("fault", topic=topic, text=text))
 
     # --- of the page
 
-    def _hear_page(self, frame: str | bytes) -> None:
+    def _on_frame(self, frame: str | bytes) -> None:
         said = protocol.read(frame)
         if isinstance(said, protocol.Look):
-            self._look_at(said.topics)
+            self._watch(said.topics)
         else:
             self._log.show(on=said.on)
 
-    def _look_at(self, topics: dict[str, list[str]]) -> None:
+    def _watch(self, topics: dict[str, list[str]]) -> None:
         for topic in [*self._looks]:
             if topic not in topics:
                 look = self._looks.pop(topic)
@@ -136,7 +136,7 @@ class PageSession(Watcher):
                 if known.shown is not None and known.waiting is None:
                     self._await_turn(topic, known, known.shown)
         if topics and self._hub.has_looked and not self._sender.notices:
-            self._tell_details()
+            self._send_details()
 
     def _show(self, topic: str, look: _Look) -> None:
         look.timer = None
@@ -150,7 +150,7 @@ class PageSession(Watcher):
             try:
                 tree = tree_of(heard.message, look.opened)
             except Exception as error:  # of bytes that a stranger has sent
-                self.hear_fault(topic, f"a message does not decode: {error}")
+                self.on_fault(topic, f"a message does not decode: {error}")
                 return
             info = heard.info
             if len(heard.frames) >= _MOST_FRAMES:
@@ -169,7 +169,7 @@ class PageSession(Watcher):
 
     # --- to the page
 
-    def _tell_details(self) -> None:
+    def _send_details(self) -> None:
         model = self._hub.model
         self._sender.notify(protocol.detail([one for topic in self._looks for one in model.endpoints(topic)]))
 

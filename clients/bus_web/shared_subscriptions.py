@@ -64,10 +64,10 @@ class Heard:
 class Listener(Protocol):
     """Hears what comes on a topic."""
 
-    def hear(self, topic: str, heard: Heard) -> None:
+    def on_message(self, topic: str, heard: Heard) -> None:
         """A message has come. Must not raise."""
 
-    def hear_fault(self, topic: str, text: str) -> None:
+    def on_fault(self, topic: str, text: str) -> None:
         """Why nothing can come."""
 
 
@@ -133,7 +133,7 @@ class _Shared:
                         continue
                     except BusError as error:
                         for listener in [*self.listeners]:
-                            listener.hear_fault(self._topic, str(error))
+                            listener.on_fault(self._topic, str(error))
                 await self._is_other_type.wait()
         finally:
             if subscription is not None:
@@ -147,14 +147,14 @@ class _Shared:
         def make(one: One) -> Heard:
             return Heard(schema, decode, one.payload, one.info, one.number)
 
-        def hear(payload: bytes, info: MessageInfo) -> None:
+        def on_message(payload: bytes, info: MessageInfo) -> None:
             self._count += 1
             one = One(payload, info, self._count)
             heard = self._last = make(one)
             if depth := self._depths.get(info.publisher_gid):
                 self._kept.put(self._topic, info.publisher_gid, one, depth)
             for listener in [*self.listeners]:
-                listener.hear(self._topic, heard)
+                listener.on_message(self._topic, heard)
 
         self._make = make
         at_once = sum(self._depths.values())  # of all at the beginning
@@ -163,7 +163,7 @@ class _Shared:
             reliability=Reliability.BEST_EFFORT,
             durability=Durability.BEST_AVAILABLE,
         )
-        return await self._node.create_subscription(schema, self._topic, profile, hear, raw=True)
+        return await self._node.create_subscription(schema, self._topic, profile, on_message, raw=True)
 
 
 class SharedSubscriptions:
@@ -204,7 +204,7 @@ class SharedSubscriptions:
         shared = self._shared[topic]
         shared.listeners[listener] = None
         for heard in shared.recent(is_last_wanted=is_last_wanted):
-            listener.hear(topic, heard)
+            listener.on_message(topic, heard)
 
     def remove(self, topic: str, listener: Listener) -> None:
         """It hears no more; where it was the last, the subscription ends."""

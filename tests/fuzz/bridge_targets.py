@@ -88,27 +88,27 @@ class _Far:
         self.nodes: dict[str, set[str]] = {}
         self.interests: list[bytes] = []
 
-    def bus_came(self, bus: FarBus) -> None:
+    def bus_added(self, bus: FarBus) -> None:
         assert bus.id not in self.nodes
         self.nodes[bus.id] = set()
 
-    def bus_went(self, bus_id: str, reason: str) -> None:
+    def bus_removed(self, bus_id: str, reason: str) -> None:
         assert reason.isprintable()
         del self.nodes[bus_id]
 
-    def node_came(self, node: FarNode) -> None:
+    def node_added(self, node: FarNode) -> None:
         assert node.key not in self.nodes[node.bus]
         self.nodes[node.bus].add(node.key)
 
-    def node_went(self, key: str) -> None:
+    def node_removed(self, key: str) -> None:
         assert any(key in nodes for nodes in self.nodes.values())
         for nodes in self.nodes.values():
             nodes.discard(key)
 
-    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+    def endpoint_added(self, endpoint: FarEndpoint) -> None:
         assert any(endpoint.node in nodes for nodes in self.nodes.values())
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
         assert any(node in nodes for nodes in self.nodes.values())
 
     def warn(self, text: str) -> None:
@@ -129,7 +129,7 @@ def tokens(data: bytes) -> None:
                     known.went(there.pop(script.byte() % len(there)))
                 case 1:
                     linked = {f"z{number}": ("", "host")[number % 2] for number in range(script.byte() % 4)}
-                    known.look(linked if script.byte() % 2 else None)
+                    known.poll(linked if script.byte() % 2 else None)
                 case 2:
                     known.refuse(_bus(script), "no", script.choose(("", "1", "2")))
                 case _:

@@ -45,24 +45,24 @@ class Far:
         self.endpoints: dict[bytes, FarEndpoint] = {}
         self.warnings: list[str] = []
 
-    def bus_came(self, bus: FarBus) -> None:
+    def bus_added(self, bus: FarBus) -> None:
         self.buses[bus.id] = bus
 
-    def bus_went(self, bus_id: str, reason: str) -> None:
+    def bus_removed(self, bus_id: str, reason: str) -> None:
         del self.buses[bus_id]
 
-    def node_came(self, node: FarNode) -> None:
+    def node_added(self, node: FarNode) -> None:
         assert node.key not in self.nodes and node.bus in self.buses
         self.nodes[node.key] = node
 
-    def node_went(self, key: str) -> None:
+    def node_removed(self, key: str) -> None:
         del self.nodes[key]
 
-    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+    def endpoint_added(self, endpoint: FarEndpoint) -> None:
         assert endpoint.gid not in self.endpoints and endpoint.node in self.nodes
         self.endpoints[endpoint.gid] = endpoint
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
         assert self.endpoints.pop(gid).node == node
 
     def warn(self, text: str) -> None:

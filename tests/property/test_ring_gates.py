@@ -52,7 +52,7 @@ class World:
             is_quiet=lambda: True,
         )
         support = type_support(Int32)
-        owner: Any = SimpleNamespace(qos=qos, _support=support, topic_name="/t", _id=0)
+        owner: Any = SimpleNamespace(qos=qos, support=support, topic_name="/t", id=0)
         self.route = ShmSender(port, self.shm_context, owner)
 
     def close(self) -> None:

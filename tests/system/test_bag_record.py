@@ -46,7 +46,7 @@ def test_what_is_said_is_recorded(bag: Bag, number: int) -> None:
     assert bag.texts() == [str(number) for number in range(50)]
     losses = bag.losses()
     assert losses["/topic"] == TopicLosses(50, 50)
-    assert all(one.closes and not one.lost and not one.waiting for one in losses.values())
+    assert all(one.is_balanced and not one.lost and not one.waiting for one in losses.values())
     assert bag.metadata.custom_data == {"site": "hall"}
     assert bag.metadata.relative_file_paths == ("walk_0.mcap",)
     (topic,) = [one.topic_metadata for one in bag.metadata.topics if one.topic_metadata.name == "/topic"]
@@ -132,7 +132,7 @@ class TestFaults:
         assert re.search(r"walk_0\.mcap can't grow beyond [\d,]+ bytes: File too large; the bag has", text)
         assert bag.files[0].stat().st_size <= 30_000
         losses = bag.losses()["/topic"]
-        assert losses.closes
+        assert losses.is_balanced
         assert losses.written == len(bag.texts()) == bag.metadata.message_count
         assert losses.lost["not_written"] > 0
 
@@ -184,7 +184,7 @@ class TestFaults:
                 result = end(recorder)
         assert result.code == 0
         losses = bag.losses()["/topic"]
-        assert losses.closes
+        assert losses.is_balanced
         assert losses.expected == 110
         assert "unexplained" not in losses.lost
         numbers = [int(text) for text in bag.texts()]
@@ -201,7 +201,7 @@ class TestFaults:
                 result = end(recorder)
         assert result.code == 0
         losses = bag.losses()["/topic"]
-        assert losses.closes
+        assert losses.is_balanced
         assert losses.written == len(bag.texts())
 
     def test_a_type_that_ros_2_can_not_describe(self, bag: Bag) -> None:

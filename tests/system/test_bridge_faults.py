@@ -84,7 +84,7 @@ async def test_what_is_latched_comes_once_though_nodes_go_before_their_bus(world
         talk.publisher.publish(Int32(data=7))
         assert await received(talk.subscription, 1) == [7]
         for node in tuple(talk.other.bridge._far.nodes):
-            talk.other.bridge.node_went(node)
+            talk.other.bridge.node_removed(node)
         await asyncio.sleep(0.05)
         talk.link.down()
         await until(lambda: talk.publisher.get_subscription_count() == 0)
@@ -390,8 +390,8 @@ async def lie(world: Made, tell: Callable[[Any], None], reason: str, **bounds: A
     async with world() as made:
         left = made.site("left")
         one = await made.bridge(left, bounds=Bounds(**bounds))
-        one.bridge.bus_came(FarBus("liar"))
-        one.bridge.node_came(FarNode("liar/1", "liar", "node", "/"))
+        one.bridge.bus_added(FarBus("liar"))
+        one.bridge.node_added(FarNode("liar/1", "liar", "node", "/"))
         tell(one.bridge)
         await until(lambda: bool(one.engine.refused))
         assert one.engine.refused[0][0] == "liar"
@@ -420,7 +420,7 @@ async def lie(world: Made, tell: Callable[[Any], None], reason: str, **bounds: A
 async def test_lies_end_the_link(world: Made, told: Any, reason: str) -> None:
     await lie(
         world,
-        lambda far: far.node_came(told) if isinstance(told, FarNode) else far.endpoint_came(told),
+        lambda far: far.node_added(told) if isinstance(told, FarNode) else far.endpoint_added(told),
         reason,
     )
 
@@ -428,7 +428,7 @@ async def test_lies_end_the_link(world: Made, told: Any, reason: str) -> None:
 async def test_more_than_its_share_ends_the_link(world: Made) -> None:
     def tell(far: Any) -> None:
         for number in range(12):
-            far.endpoint_came(endpoint(gid=number.to_bytes(16, "big")))
+            far.endpoint_added(endpoint(gid=number.to_bytes(16, "big")))
 
     await lie(world, tell, "more than 10 endpoints", endpoints=10)
 
@@ -436,8 +436,8 @@ async def test_more_than_its_share_ends_the_link(world: Made) -> None:
 async def test_too_many_changes_end_the_link(world: Made) -> None:
     def tell(far: Any) -> None:
         for _ in range(200):
-            far.endpoint_came(endpoint())
-            far.endpoint_went(GID, "liar/1")
+            far.endpoint_added(endpoint())
+            far.endpoint_removed(GID, "liar/1")
 
     await lie(world, tell, "come and go more than 10 times", endpoints=20, nodes=20, news_per_s=10)
 
@@ -460,9 +460,9 @@ async def test_a_broken_description_ends_the_link(world: Made, encoded: bytes, r
             return bus.MessageSchema("odd/msg/Odd", HASH, encoded)
 
         one.engine.find_schema = find_schema
-        one.bridge.bus_came(FarBus("liar"))
-        one.bridge.node_came(FarNode("liar/1", "liar", "node", "/"))
-        one.bridge.endpoint_came(endpoint(type_name="odd/msg/Odd"))
+        one.bridge.bus_added(FarBus("liar"))
+        one.bridge.node_added(FarNode("liar/1", "liar", "node", "/"))
+        one.bridge.endpoint_added(endpoint(type_name="odd/msg/Odd"))
         await until(lambda: bool(one.engine.refused))
         assert reason in one.engine.refused[0][1]
 

@@ -57,34 +57,34 @@ class Far:
         self.warnings: list[str] = []
         self.news = asyncio.Event()
 
-    def bus_came(self, bus: FarBus) -> None:
+    def bus_added(self, bus: FarBus) -> None:
         self.buses[bus.id] = bus
         self.news.set()
 
-    def bus_went(self, bus_id: str, reason: str) -> None:
+    def bus_removed(self, bus_id: str, reason: str) -> None:
         del self.buses[bus_id]
         for key in [key for key, node in self.nodes.items() if node.bus == bus_id]:
-            self.node_went(key)
+            self.node_removed(key)
         self.reasons.append(reason)
         self.news.set()
 
-    def node_came(self, node: FarNode) -> None:
+    def node_added(self, node: FarNode) -> None:
         assert node.bus in self.buses
         self.nodes[node.key] = node
         self.news.set()
 
-    def node_went(self, key: str) -> None:
+    def node_removed(self, key: str) -> None:
         del self.nodes[key]
         for one in [one for one in self.endpoints if one[1] == key]:
             del self.endpoints[one]
         self.news.set()
 
-    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+    def endpoint_added(self, endpoint: FarEndpoint) -> None:
         assert endpoint.node in self.nodes
         self.endpoints[endpoint.gid, endpoint.node] = endpoint
         self.news.set()
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
         del self.endpoints[gid, node]
         self.news.set()
 
@@ -447,7 +447,7 @@ async def test_a_bridge_that_has_become_deaf_hears_again_once_a_link_has_ended(
             await third.far.until(lambda: "laptop" in third.far.buses)
             looks = asyncio.Semaphore(0)
             assert other.engine._presence is not None
-            monkeypatch.setattr(other.engine._presence, "look", lambda linked: looks.release())
+            monkeypatch.setattr(other.engine._presence, "poll", lambda linked: looks.release())
             for _ in range(4):  # fleets come one by one: nothing is asked anew for that
                 await looks.acquire()
             assert not other.far.nodes

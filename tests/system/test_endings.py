@@ -180,7 +180,7 @@ def test_one_ctrl_c_ends_a_loop_of_the_shell(tmp_path: Path, kind: str, way: Seq
 def test_one_ctrl_c_ends_a_loop_of_bus(tmp_path: Path) -> None:
     # Not earlier: before Python has begun, nothing of bus can catch it.
     command = f"{sys.executable} -m bus_cli topic echo /nothing std_msgs/msg/String"
-    status, text = after_ctrl_c(command, b"nobody publishes")
+    status, text = after_ctrl_c(command, b"no node publishes")
     assert status == -signal.SIGINT, text
     assert "Traceback" not in text and "went on" not in text
 

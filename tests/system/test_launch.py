@@ -69,7 +69,7 @@ def generate_launch_description():
         DeclareLaunchArgument("text", default_value="hi there"),
         Node(
             executable=os.path.join(HERE, "talker"),
-            name="teller",
+            name="announcer",
             namespace="robot",
             parameters=[{"text": LaunchConfiguration("text")}],
             remappings=[("chatter", "/talk")],

@@ -153,7 +153,7 @@ def test_an_interrupt_keeps_what_was_handed_over(
 
     monkeypatch.setattr(type(subscription), "_hand", _hand)
     subscription.leave()
-    subscription._look()
+    subscription._on_message()
 
     def publish() -> None:
         publish_singly(publisher, range(1, COUNT), heard, executor)

@@ -111,7 +111,7 @@ async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> No
 
 
 @natively
-@pytest.mark.parametrize(("route", "most"), [("shm", 135), ("socket", 108)], indirect=["route"])
+@pytest.mark.parametrize(("route", "most"), [("shm", 136), ("socket", 110)], indirect=["route"])
 async def test_calls_of_a_publisher_that_is_made(route: str, most: int) -> None:
     async with bus.Node("maker", rosout=False, arguments=[]) as node:
         for number in range(3):

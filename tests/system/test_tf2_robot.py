@@ -81,9 +81,9 @@ def test_no_oftener_than_asked_for(world: World) -> None:
     sent: list[Any] = []
     other.create_subscription(message_type("tf2_msgs/msg/TFMessage"), "/tf", sent.append, 10)
     for position in (0.1, 0.2, 0.3):
-        node._hear(state(other, slide=position))
+        node._on_joint_states(state(other, slide=position))
     node.set_parameters([Parameter("ignore_timestamp", value=True)])
-    node._hear(state(other, slide=0.4))
+    node._on_joint_states(state(other, slide=0.4))
     world.spin_until(lambda: len(sent) > 1)
     assert [round(one.transforms[1].transform.translation.x, 3) for one in sent] == [0.1, 0.4]
 
@@ -91,7 +91,7 @@ def test_no_oftener_than_asked_for(world: World) -> None:
 def test_states_that_are_none(world: World, capfd: pytest.CaptureFixture[str]) -> None:
     node = publisher(world)
     for names, positions in ((["slide"], []), (["slide"], [1.0, 2.0]), ([], [])):
-        node._hear(JointState(name=names, position=positions))
+        node._on_joint_states(JointState(name=names, position=positions))
     said = capfd.readouterr().err
     assert 'a JointState message about joint(s) "slide"(,...) whose position member was empty.' in said
     assert said.count("Robot state publisher ignored") == 2

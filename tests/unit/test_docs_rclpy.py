@@ -47,7 +47,7 @@ INSIDE = {
 INSIDE_OF_CLASSES = {
     "rclpy.callback_groups.CallbackGroup": {"is_exclusive", "is_shared"},
     "rclpy.client.Client": {"events", "forget_events", "native", "on_response"},
-    "rclpy.clock.ClockEvent": {"look_again"},
+    "rclpy.clock.ClockEvent": {"recheck"},
     "rclpy.clock.Clock": {"destroy", "is_destroyed"},
     "rclpy.clock.ROSClock": {"destroy", "is_destroyed"},
     "rclpy.clock.JumpHandle": {"post_callback", "pre_callback", "threshold"},
@@ -65,7 +65,7 @@ INSIDE_OF_CLASSES = {
             "lone",
             "handed",
             "is_looking",
-            "look_at_timers",
+            "on_timers_changed",
             "ready",
             "waiter",
             "wake_up",

@@ -45,7 +45,8 @@ class ListService:
         self.answers: list[tuple[RequestId, Any]] = []
         self.is_closed = False
         self._requests = self
-        self._on_end: Callable[[BusError], object] | None = None
+        self._core = self
+        self.on_end: Callable[[BusError], object] | None = None
         self._world = world
 
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
@@ -76,7 +77,7 @@ class ListServiceClient:
 
     def _check_served(self) -> None:
         if not self.service_is_ready():
-            raise ServiceUnavailable(self.service_name, "nobody serves it")
+            raise ServiceUnavailable(self.service_name, "no server exists")
 
     def send_request(self, request: Any) -> int:
         self._number += 1
@@ -101,6 +102,7 @@ class ListServiceClient:
 class ListPublisher:
     def __init__(self, world: "ActionWorld", message_type: Any, topic: str) -> None:
         self.topic = topic
+        self._core = self
         self.published: list[Any] = []
         self._world = world
         self._support = type_support(message_type)
@@ -113,7 +115,7 @@ class ListPublisher:
         self.published.append(message)
         self._world.send(self._world.deliver, self.topic, message)
 
-    def _hand_over(self) -> None:
+    def hand_over(self) -> None:
         pass
 
     async def close(self) -> None:

@@ -134,7 +134,7 @@ class SharedMemory:
     def give_back(self, slot: int) -> None:
         self._free.append(slot)
 
-    def look_soon(self) -> None:
+    def poll_soon(self) -> None:
         self._is_look_due = True
 
     def poll(self, owner: object, time_ns: int) -> None:

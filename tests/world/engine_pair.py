@@ -44,14 +44,14 @@ class Switch:
         if not self.is_up:
             self.is_up = True
             for one, other in (self.ends, self.ends[::-1]):
-                one.link_came(other)
+                one.link_added(other)
 
     def down(self) -> None:
         if self.is_up:
             self.is_up = False
             self._held.clear()
             for one, other in (self.ends, self.ends[::-1]):
-                one.link_went(other)
+                one.link_removed(other)
 
     def hang(self) -> None:
         self.hangs = True
@@ -212,12 +212,12 @@ class PairEngine:
     def announce_node(self, node: LocalNode) -> None:
         assert node.id not in self.nodes
         self.nodes[node.id] = node
-        self._tell(lambda far: far.node_came(self._far_node(node)))
+        self._tell(lambda far: far.node_added(self._far_node(node)))
 
     def withdraw_node(self, node: LocalNode) -> None:
         del self.nodes[node.id]
         assert all(one.node.id != node.id for one, _ in self.endpoints.values())
-        self._tell(lambda far: far.node_went(self._key(node)))
+        self._tell(lambda far: far.node_removed(self._key(node)))
 
     def announce_publisher(
         self, endpoint: LocalEndpoint, schema: MessageSchema, rule: RouteRule, on_change: Callable[[], None]
@@ -242,11 +242,11 @@ class PairEngine:
         assert endpoint.node.id in self.nodes
         self.endpoints[endpoint.gid] = endpoint, schema
         self.announced.append(endpoint)
-        self._tell(lambda far: far.endpoint_came(self._far_endpoint(endpoint)))
+        self._tell(lambda far: far.endpoint_added(self._far_endpoint(endpoint)))
 
     def _withdraw(self, endpoint: LocalEndpoint) -> None:
         self.endpoints.pop(endpoint.gid, None)
-        self._tell(lambda far: far.endpoint_went(endpoint.gid, self._key(endpoint.node)))
+        self._tell(lambda far: far.endpoint_removed(endpoint.gid, self._key(endpoint.node)))
 
     # --- what others have
 
@@ -270,7 +270,7 @@ class PairEngine:
                 return reader
         raise BridgeError(f"nobody has '{endpoint.topic}'")
 
-    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
+    def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
         self.refused.append((bus_id, reason))
         for other, link in self.links_to.items():
             if other.bus == bus_id:
@@ -284,22 +284,22 @@ class PairEngine:
 
     # --- links
 
-    def link_came(self, other: "PairEngine") -> None:
+    def link_added(self, other: "PairEngine") -> None:
         """Tell the other end all there is here."""
         assert other.far is not None
-        other.far.bus_came(FarBus(self.bus))
+        other.far.bus_added(FarBus(self.bus))
         for node in self.nodes.values():
-            other.far.node_came(self._far_node(node))
+            other.far.node_added(self._far_node(node))
         for endpoint, _ in self.endpoints.values():
-            other.far.endpoint_came(self._far_endpoint(endpoint))
+            other.far.endpoint_added(self._far_endpoint(endpoint))
 
-    def link_went(self, other: "PairEngine") -> None:
+    def link_removed(self, other: "PairEngine") -> None:
         for writer in self.writers.values():
             for reader in tuple(writer.readers):
                 if self.links_to[other] is reader._link:
                     reader.leave()
         if other.far is not None:
-            other.far.bus_went(self.bus, "the link has ended")
+            other.far.bus_removed(self.bus, "the link has ended")
 
     def _tell(self, act: Callable[[Any], None]) -> None:
         for other, link in self.links_to.items():

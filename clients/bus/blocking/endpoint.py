@@ -144,7 +144,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         """It was not closed."""
         return self._core.refusal is None
 
-    def _warn_if_unheard(self) -> None:
+    def _warn_if_unreceived(self) -> None:
         """A script that ends before anybody listens must not look as if it had been heard."""
         core = self._core
         if core.matches.total or core.qos.durability is not Durability.VOLATILE or core.refusal is not None:
@@ -159,7 +159,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
     def close(self) -> None:
         """Hand over what was published, leave the graph. Closing twice is allowed."""
         if self._core.refusal is None:
-            self._warn_if_unheard()
+            self._warn_if_unreceived()
             self._foreground.run(self._native.close)
 
     # --- inside

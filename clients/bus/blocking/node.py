@@ -236,7 +236,7 @@ class BlockingNode:
         try:
             if self._foreground.failure is None:  # else the parent of this fork leaves
                 for publisher in self._made:
-                    publisher._warn_if_unheard()
+                    publisher._warn_if_unreceived()
                 self._foreground.run(self._node.close)
         finally:
             self._foreground.release()

@@ -58,7 +58,7 @@ class DropCounters:
         self._reported_by_it: dict[str, int] = {}  # in earlier connections
         self._received_before = 0
 
-    def tell(self, dropped: Dropped) -> None:
+    def on_dropped(self, dropped: Dropped) -> None:
         """The present broker reports what it has dropped, and after a lost connection what was missed."""
         self._reported = dropped.dropped
         tracker = self._receiver.tracker

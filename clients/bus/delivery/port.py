@@ -88,7 +88,7 @@ class ShmPort(Protocol):
 
     def give_back(self, slot: int, /) -> None: ...
 
-    def look_soon(self) -> None:
+    def poll_soon(self) -> None:
         """Look into the rings once, rung or not."""
 
     def poll(self, owner: object, time_ns: int, /) -> None:

@@ -188,7 +188,7 @@ class Receiver(Generic[M]):
         if proxy is not None:
             run.lifespan_ns = proxy.lifespan_ns
             is_next = run.first_seq == proxy.last_seq + 1 and not proxy.is_new
-            if not is_next and not self.tracker.look_at(proxy, run):
+            if not is_next and not self.tracker.check_run(proxy, run):
                 return False
             proxy.last_seq = max(proxy.last_seq, run.first_seq + run.count - 1)
         self.tracker.received += run.count
@@ -305,7 +305,7 @@ class Receiver(Generic[M]):
         size = found[1] - RECORD_HEAD_BYTES
         self._bytes += size
         if samples >= self._age_due:
-            self._look_at_age(_unpack_record(run.body)[1], proxy)
+            self._check_age(_unpack_record(run.body)[1], proxy)
         if self.is_lossless:
             run.origin = proxy
             self._note_taken(run, run.first_seq, size)
@@ -368,7 +368,7 @@ class Receiver(Generic[M]):
             run, number, run.first_seq + skipped + number - 1, offset - begin - number * RECORD_HEAD_BYTES
         )
         if not begin and self._samples >= self._age_due:
-            self._look_at_age(_unpack_record(run.body)[1], run.origin)
+            self._check_age(_unpack_record(run.body)[1], run.origin)
         return messages
 
     def _is_head(self, run: Run, skipped: int) -> bool:
@@ -396,7 +396,7 @@ class Receiver(Generic[M]):
         self._samples += 1
         self._bytes += size
         if self._samples >= self._age_due:
-            self._look_at_age(published_ns, run.origin)
+            self._check_age(published_ns, run.origin)
         return message, stamp_ns, run.first_seq, run.origin, run.received_ns
 
     def _decode_ahead(self, run: Run, limit: int) -> None:
@@ -423,7 +423,7 @@ class Receiver(Generic[M]):
                     size = offset - begin - number * RECORD_HEAD_BYTES
                     self._count(run, number, first_seq + number - 1, size)
                     if not begin and self._samples >= self._age_due:
-                        self._look_at_age(_unpack_record(run.body)[1], run.origin)
+                        self._check_age(_unpack_record(run.body)[1], run.origin)
                 return
         length = len(run.body)
         # Slicing bytes copies and is faster for short payloads; a view is for long ones.
@@ -450,7 +450,7 @@ class Receiver(Generic[M]):
             size = offset - begin - number * RECORD_HEAD_BYTES
             self._count(run, len(ahead), seq, size, rejected)
             if not begin and self._samples >= self._age_due:
-                self._look_at_age(_unpack_record(body)[1], run.origin)
+                self._check_age(_unpack_record(body)[1], run.origin)
             self._reject(rejected)
             return
         # The run is shorter than it claims: what it still claims is gone with it.
@@ -472,7 +472,7 @@ class Receiver(Generic[M]):
         if self.is_lossless:
             self._note_taken(run, seq, size)
 
-    def _look_at_age(self, published_ns: int, origin: object) -> None:
+    def _check_age(self, published_ns: int, origin: object) -> None:
         """The first sample of a run was taken, perhaps with others."""
         clock_ns = origin.clock_ns if isinstance(origin, PublisherProxy) else 0
         self._age_due = self._samples + self._ages.add(monotonic_ns() + clock_ns - published_ns)

@@ -260,7 +260,7 @@ class Sender:
             await self._port.turn()
             return
         while not await self._room.waiters.wait(None if ring is None else _LOOK_S):
-            if ring is not None and ring.let_the_dead_go():
+            if ring is not None and ring.drop_dead_readers():
                 return
 
     def release_waiters(self) -> None:

@@ -124,7 +124,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         if len(self._gone) > _MOST_GONE and (oldest := self.pop(self._gone.popleft(), None)) is not None:
             self._remember([oldest])
 
-    def meet(
+    def match(
         self, matched: Matched, received_seq: int | None, qos: QoSProfile, *, is_new_broker: bool
     ) -> PublisherProxy:
         """A publisher is matched with a subscription of `qos`, which had its samples up to `received_seq`."""
@@ -235,7 +235,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self._on_lost(DropReason.DISCONNECTED, left)
         return lost
 
-    def hear(self, gid: bytes, received_seq: int | None) -> None:
+    def note_received(self, gid: bytes, received_seq: int | None) -> None:
         """The last number received of a publisher that is not matched, as a ring tells."""
         if received_seq is not None:
             self.last_seqs[gid] = max(self.last_seqs.get(gid, 0), received_seq)
@@ -279,7 +279,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self._unexplained -= known
             self._reasons[reason] = max(0, count - known)
 
-    def look_at(self, proxy: PublisherProxy, run: Run) -> bool:
+    def check_run(self, proxy: PublisherProxy, run: Run) -> bool:
         """A run that is not simply the next one: cut off what came before, count what is missing.
 
         Returns whether anything is left.

@@ -118,7 +118,7 @@ class ShmReceiver:
             feed.on(FeedEvent.FINISH)
             self.reader.finish(feed.proxy)
             self.sweep()
-            self._shm_context.look_soon()  # a last time: perhaps the publisher has not rung for what is there
+            self._shm_context.poll_soon()  # a last time: perhaps the publisher has not rung for what is there
 
     def conclude(self, gid: bytes, last_seq: int) -> int | None:
         """The publisher has gone while the broker was lost, with this number.
@@ -256,7 +256,7 @@ class ShmReceiver:
         feed = self._feeds[matched.gid] = Feed(self._owner, matched, proxy, slot)
         feed.identity, feed.doorbell = segments.identity(descriptor), keep
         feed.on(FeedEvent.ATTACH)
-        self._shm_context.look_soon()
+        self._shm_context.poll_soon()
         return slot
 
     def _remember(self, gid: bytes, next_seq: int) -> None:
@@ -271,7 +271,7 @@ class ShmReceiver:
             _make_ready_for(memory.size)
             self.reader.extend(feed.proxy, memory)
             feed.identity = segments.identity(descriptor)
-            self._shm_context.look_soon()
+            self._shm_context.poll_soon()
 
     def _refuse(self, proxy: PublisherProxy, text: str) -> None:
         refusal = m.RefuseRoute(endpoint=self._owner.id, other=proxy.number, text=text[:1000])

@@ -208,12 +208,12 @@ class ShmSender:
             self._shm_context.wake_waiting(self)  # others that wait are not rung for any more
             return False
 
-        def look() -> None:
+        def on_wake() -> None:
             self._shm_context.stop_waiting(self)
             self.writer.woken()
             on_room()
 
-        self._shm_context.wait_for_room(self, look)
+        self._shm_context.wait_for_room(self, on_wake)
         return True
 
     # --- readers
@@ -345,7 +345,7 @@ class ShmSender:
         if self._gates:
             self._return = self._port.later(RETURN_S, self._drop_stale)
 
-    def let_the_dead_go(self) -> bool:
+    def drop_dead_readers(self) -> bool:
         """Stop waiting for processes that have ended and no broker reports; returns whether there were
         any."""
         gone = [

@@ -30,13 +30,13 @@ def warn(logger: Logger, text: str) -> None:
 
     To be called on the event loop.
     """
-    if _is_within_bounds(_lines, _tell_left_out):
+    if _is_within_bounds(_lines, _warn_left_out):
         logger.warning(printable(text, keep=""))
 
 
 def inform(logger: Logger, text: str) -> None:
     """As `warn`, for what is no fault."""
-    if _is_within_bounds(_notes, lambda number: _tell_notes_left_out(logger, number)):
+    if _is_within_bounds(_notes, lambda number: _log_notes_left_out(logger, number)):
         logger.info(printable(text, keep=""))
 
 
@@ -61,11 +61,11 @@ def _ignore(number: int) -> None:
     """Questions that were left out are not reported."""
 
 
-def _tell_notes_left_out(logger: Logger, number: int) -> None:
+def _log_notes_left_out(logger: Logger, number: int) -> None:
     if number > _MOST:
         logger.info(f"{number - _MOST} more lines like these were left out")
 
 
-def _tell_left_out(number: int) -> None:
+def _warn_left_out(number: int) -> None:
     if number > _MOST:
         get_logger("bus").warning(f"{number - _MOST} more warnings about other nodes were left out")

@@ -268,7 +268,7 @@ class SubscriptionCore(EndpointCore[M]):
                 if proxy is None:
                     left = self._left_brokers.pop(message.gid, self._left_broker)
                     is_new_broker = self.link.broker != left
-                    proxy = tracker.meet(message, received_seq, self.qos, is_new_broker=is_new_broker)
+                    proxy = tracker.match(message, received_seq, self.qos, is_new_broker=is_new_broker)
                 tracker[other] = proxy
                 super().handle(message)
                 if rings is not None and message.route == Route.SHM:
@@ -297,8 +297,8 @@ class SubscriptionCore(EndpointCore[M]):
             case m.Dropped(missed=missed):
                 if rings is not None:
                     for gid, (_, last_seq) in missed.items():
-                        tracker.hear(gid, rings.conclude(gid, last_seq) if last_seq else None)
-                self.counters.tell(message)
+                        tracker.note_received(gid, rings.conclude(gid, last_seq) if last_seq else None)
+                self.counters.on_dropped(message)
                 if missed:
                     self.link.report(self)
                 self._report_lost()

@@ -43,7 +43,7 @@ class Reports:
     def send_last(self, endpoint: Counted) -> None:
         """The endpoint goes: report now what is not reported yet."""
         if endpoint in self._due or endpoint in self._going:
-            self._tell([endpoint])
+            self._send_totals([endpoint])
             self._due.discard(endpoint)
             self._going.discard(endpoint)
 
@@ -55,7 +55,7 @@ class Reports:
             due = [*(self._due | self._going)]
             self._due.clear()
             self._going.clear()
-            self._tell(due)
+            self._send_totals(due)
             if self._due:
                 self._arm()
 
@@ -64,7 +64,7 @@ class Reports:
         self._has_ended = True
         if self._timer is not None:
             self._timer.cancel()
-            self._tell([*(self._due | self._going)])
+            self._send_totals([*(self._due | self._going)])
         self._due.clear()
         self._going.clear()
 
@@ -79,7 +79,7 @@ class Reports:
     def _go_on(self) -> None:
         some = [self._going.pop() for _ in range(min(_SOME, len(self._going)))]
         try:
-            self._tell(some)
+            self._send_totals(some)
         except BaseException:
             self._due.update(some)  # those reported already are reported once more, the same
             raise
@@ -90,7 +90,7 @@ class Reports:
             elif self._due:
                 self._arm()
 
-    def _tell(self, endpoints: list[Counted]) -> None:
+    def _send_totals(self, endpoints: list[Counted]) -> None:
         if not endpoints:
             return
         told = [(endpoint, endpoint.totals()) for endpoint in endpoints]

@@ -74,12 +74,12 @@ class ShmContext:
         self._poll_ns = 0
         self._poll_until_ns = 0
         self._is_polling = False
-        self._is_look_due = False
+        self._is_poll_due = False
         self._is_closed = False
         # On a loop that threads share, the thread that waits for the news goes on before the rest is done.
         self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
-        self._look_at_all = self._rung if self._deferred is None else self._rung_among_threads
-        self._loop.add_reader(self.doorbell.number, self._look_at_all)
+        self._poll_all = self._rung if self._deferred is None else self._rung_among_threads
+        self._loop.add_reader(self.doorbell.number, self._poll_all)
         self.readers.sleep()
 
     @classmethod
@@ -159,11 +159,11 @@ class ShmContext:
         self._waiting.pop(writer, None)
         self.readers.has_writers = bool(self._waiting)
 
-    def look_soon(self) -> None:
+    def poll_soon(self) -> None:
         """Look once for all new rings: samples written before we attached sent no notification."""
-        if not self._is_look_due:
-            self._is_look_due = True
-            self._loop.call_soon(self._look_at_added)
+        if not self._is_poll_due:
+            self._is_poll_due = True
+            self._loop.call_soon(self._poll_added)
 
     def poll(self, owner: object, time_ns: int) -> None:
         """For `owner`, look without sleeping for up to `time_ns` after each message; 0: not any more."""
@@ -172,11 +172,11 @@ class ShmContext:
             del self._polls[owner]
         self._poll_ns = max(self._polls.values(), default=0)
         if self._poll_ns:
-            self._look_on()
+            self._keep_polling()
 
-    def _look_at_added(self) -> None:
-        self._is_look_due = False
-        self._look_at_all()
+    def _poll_added(self) -> None:
+        self._is_poll_due = False
+        self._poll_all()
 
     def _rung(self) -> None:
         # Few steps from here to the callback: right after a sleep each one is slow.
@@ -205,7 +205,7 @@ class ShmContext:
                     message = "looking for room"
                     self._loop.call_exception_handler({"message": message, "exception": error})
         if self._poll_ns and has_news:
-            self._look_on()
+            self._keep_polling()
         elif not self._is_closed and (owners := self.readers.sleep(spin_ns)):
             # More has come meanwhile. Others have their turn first. As long as more comes, a short look in
             # place of a sleep saves the writers most of their system calls.
@@ -216,14 +216,14 @@ class ShmContext:
             self._on_news(owners)
             self._turn(True, _SPIN_NS)
 
-    def _look_on(self) -> None:
+    def _keep_polling(self) -> None:
         """Busy polling, from this message on."""
         self._poll_until_ns = monotonic_ns() + self._poll_ns
         if not self._is_polling:
             self._is_polling = True
-            self._loop.call_soon(self._look)
+            self._loop.call_soon(self._poll_briefly)
 
-    def _look(self) -> None:
+    def _poll_briefly(self) -> None:
         """A short look at a time, so that the event loop has its turns."""
         self._is_polling = False
         if self._is_closed:
@@ -235,7 +235,7 @@ class ShmContext:
             self._turn(owners is not None, 0)
         else:
             self._is_polling = True
-            self._loop.call_soon(self._look)
+            self._loop.call_soon(self._poll_briefly)
 
 
 def say_why_slow() -> None:

@@ -68,9 +68,8 @@ class Node(ParameterHost, GraphHost):
 
     An exception in a callback or timer cancels the body of the `async with`, which then raises it.
 
-    Raises ConfigurationError for a name that breaks the rules, CommandLineError for `arguments` that can't be
-    used, StartError for BUSD_DOMAIN and the like; on entering, BrokerUnavailable. A program
-    that does not catch one of the last three ends with one line.
+    Raises ConfigurationError for a wrong name, CommandLineError for wrong `arguments`, StartError for
+    BUSD_DOMAIN and the like; on entering, BrokerUnavailable. The last three end a program with one line.
 
     `origin` is for bridges: the node stands for one of another bus.
 
@@ -106,9 +105,8 @@ class Node(ParameterHost, GraphHost):
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
         with shown_in_one_line:
-            self._served = ServedParameters(
-                self, self._arguments.parameters if self._takes_parameters else ()
-            )
+            given = self._arguments.parameters if self._takes_parameters else ()
+            self._served = ServedParameters(self, given)
         self._context: NodeContext  # since it was opened
         self._endpoints = NodeEndpoints(self._declared)
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
@@ -161,7 +159,7 @@ class Node(ParameterHost, GraphHost):
         except BaseException:
             await self.close()
             raise
-        unclosed.tell_namesake(self._declared, self._link)
+        unclosed.warn_of_namesake(self._declared, self._link)
 
     @done_anyway
     async def close(self) -> None:
@@ -526,9 +524,8 @@ class Node(ParameterHost, GraphHost):
 
     def _opened(self) -> NodeContext:
         if self._link is None:
-            raise ConnectionClosed(
-                f"node {self.full_name} is not open; use: async with bus.Node(...) as node"
-            )
+            text = f"node {self.full_name} is not open; use: async with bus.Node(...) as node"
+            raise ConnectionClosed(text)
         if self._link.failure is not None:
             raise self._link.failure
         if self._link.guarded_loop is None and self._link.loop is not asyncio._get_running_loop():
@@ -581,15 +578,13 @@ class Node(ParameterHost, GraphHost):
             self._error = error
             self._body.cancel()
         else:
-            asyncio.get_running_loop().call_exception_handler(
-                {"message": f"exception in a callback of {self.full_name}", "exception": error}
-            )
+            context = {"message": f"exception in a callback of {self.full_name}", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
 
     async def _open_rosout(self) -> None:
         from bus.msg.rcl_interfaces import Log
 
-        # Every node has one, most log little, and busd keeps the history anyway: a ring is not worth its
-        # memory.
+        # Most nodes log little, and busd keeps the history anyway: a ring is not worth its memory.
         publisher = self._make_publisher(self._context, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher, self._logger)
         await self._rosout.open(self._endpoints.declare)

@@ -13,7 +13,7 @@ from bus.link.declarations import LinkNode
 from bus.link.link import Link
 from bus.logger import get_logger
 
-__all__ = ["CloseReminder", "call_site", "tell_namesake"]
+__all__ = ["CloseReminder", "call_site", "warn_of_namesake"]
 
 _log = get_logger("bus")
 
@@ -74,7 +74,7 @@ class CloseReminder:
             self.when_dropped()
 
 
-def tell_namesake(node: LinkNode, link: Link) -> None:
+def warn_of_namesake(node: LinkNode, link: Link) -> None:
     """Log, once for each name, that this process has a node of this name open by another link.
 
     busd reports all other nodes of the same name.

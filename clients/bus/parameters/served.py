@@ -61,7 +61,7 @@ class ServedParameters:
             from bus.parameters.parameter_set import ParameterSet
 
             self._parameters = ParameterSet(
-                self._node.full_name, self._overrides, {_USE_SIM_TIME: False}, self._tell
+                self._node.full_name, self._overrides, {_USE_SIM_TIME: False}, self._notify
             )
         return self._parameters
 
@@ -138,9 +138,9 @@ class ServedParameters:
         await server.open()
         self._server = server
 
-    def _tell(self, change: "Change[Any]") -> None:
+    def _notify(self, change: "Change[Any]") -> None:
         if self._server is not None:
-            self._server.tell(change)
+            self._server.publish_event(change)
         for one in (*change.new, *change.changed):
             if one.name == _USE_SIM_TIME:
                 self._follow_time(one.value)

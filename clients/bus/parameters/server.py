@@ -67,7 +67,7 @@ class ParameterServer:
         except AccessDenied as denied:
             self._node.get_logger().warning(f"nobody else can read or set this node's parameters: {denied}")
 
-    def tell(self, change: Change[Parameter]) -> None:
+    def publish_event(self, change: Change[Parameter]) -> None:
         """Publish a ParameterEvent."""
         if self._events is None:
             return

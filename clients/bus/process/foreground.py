@@ -94,7 +94,7 @@ class Foreground:
                 break
         else:
             one = cls()
-            one._hear_signals()
+            one._handle_signals()
             cls._all.append(one)
         one._users += 1
         return one
@@ -207,13 +207,13 @@ class Foreground:
 
     # --- inside
 
-    def _hear_signals(self) -> None:
+    def _handle_signals(self) -> None:
         """In the main thread, where the program has no handlers of its own: Ctrl-C and SIGTERM end waits, and
         come at the end of what is being done.
         """
         if threading.current_thread() is not threading.main_thread():
             return
-        self.loop.hear_signals()
+        self.loop.wake_on_signals()
         for number, default in _SIGNALS.items():
             if signal.getsignal(number) == default:
                 self._heard[number] = signal.signal(number, self._on_signal)

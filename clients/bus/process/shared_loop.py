@@ -132,20 +132,20 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self._stopping = True
         self.wake()
 
-    def hear_signals(self) -> None:
+    def wake_on_signals(self) -> None:
         """In the main thread: let signals end the wait for events, and tell `on_signal`.
 
         Without this, Python handles a signal that comes just before the wait only when the wait is over. Does
         nothing where other code has done the same. `close` undoes it.
         """
         self._signals = self._csock.fileno()
-        _hear(self._signals, instead_of=_NOBODY)
+        _replace_wakeup_fd(self._signals, instead_of=_NOBODY)
 
     def forget_signals(self) -> None:
         """Undo `hear_signals`, in the main thread."""
         if self._signals != _NOBODY:
             with suppress(ValueError):  # another thread, in which a process ends that is not Python's own
-                _hear(_NOBODY, instead_of=self._signals)
+                _replace_wakeup_fd(_NOBODY, instead_of=self._signals)
             self._signals = _NOBODY
 
     @property
@@ -335,7 +335,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         return epoll.poll(ceil(timeout_s * 1e3) * 1e-3)
 
 
-def _hear(descriptor: int, *, instead_of: int) -> None:
+def _replace_wakeup_fd(descriptor: int, *, instead_of: int) -> None:
     before = signal.set_wakeup_fd(descriptor, warn_on_full_buffer=False)
     if before != instead_of:
         signal.set_wakeup_fd(before)

@@ -286,9 +286,9 @@ class ServiceClient(ServiceBase):
         if not self._requests_core.id:
             self._back_ns = 0
         if self._doubts is None and self._calls:
-            self._doubts = self._loop.call_later(_LOOK_S, self._look)
+            self._doubts = self._loop.call_later(_LOOK_S, self._check_doubts)
 
-    def _look(self) -> None:
+    def _check_doubts(self) -> None:
         self._doubts = None
         if self._requests_core.id:
             now_ns = monotonic_ns()
@@ -297,7 +297,7 @@ class ServiceClient(ServiceBase):
                 self._give_up_absent()
             self._ask()
         if any(call.is_doubtful for call in tuple(self._calls.values())):
-            self._doubts = self._loop.call_later(_LOOK_S, self._look)
+            self._doubts = self._loop.call_later(_LOOK_S, self._check_doubts)
 
     def _ask(self) -> None:
         """Ask the server, which is back, what has become of calls in doubt.

@@ -261,7 +261,7 @@ class Stream:
         """From now on the other side may stop sending: that is no loss, it may still read what waits."""
         self._change_reading(ReadEvent.LINGER)
 
-    def hear_out(self) -> None:
+    def drain_input(self) -> None:
         """Read only what has come by now: from here on the other side can't send, which is no loss."""
         with suppress(OSError):
             self._sock.shutdown(socket.SHUT_RD)

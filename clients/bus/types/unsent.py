@@ -76,11 +76,11 @@ class Unsent:
         if weight * length <= room:
             return weight * length
         try:
-            return self._look_into(node, data, room)
+            return self._inspect(node, data, room)
         except (msgspec.DecodeError, UnicodeDecodeError):
             return 0
 
-    def _look_into(self, node: Node, data: Any, room: int) -> int:
+    def _inspect(self, node: Node, data: Any, room: int) -> int:
         match node:
             case str():
                 parts = self._shadow(node).decode(data)

@@ -61,7 +61,7 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
     logger = node.get_logger()
     logger.info(f"Set rate to {options.rate:g}")
     told = set[Problem]()
-    _tell_problems(reader, logger, told)
+    _report_problems(reader, logger, told)
     topics = Topics(reader, options, logger)
     publishers = await topics.publish_on(node)
     clock = await _clock(node, options)
@@ -76,15 +76,15 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
                     await playing
                 finally:
                     playing.cancel()
-            _tell_problems(reader, logger, told)
-            topics.tell_undecodable()
+            _report_problems(reader, logger, told)
+            topics.report_undecodable()
             if options.acknowledged_within is not None:
                 await _wait_for_all(publishers, options.acknowledged_within, logger)
             if options.is_verbose:
                 logger.info(f"Lateness: {player.lateness} ({counted(player.lateness.count, 'message')})")
 
 
-def _tell_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:
+def _report_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:
     """What could not be read until now, each once."""
     for problem in reader.problems:
         if problem not in told:

@@ -173,24 +173,24 @@ class ReadAheadQueue:
                 if self._has(run, self._size, _MOST_BYTES):
                     self._wait_for_room(run)
                 elif 0 < run.wanted <= len(run.entries):
-                    self._tell(run)
+                    self._notify(run)
                 if run.is_given_up:
                     return
         except Exception as error:
             run.error = error
         run.has_ended = True
-        self._tell(run)
+        self._notify(run)
 
     def _wait_for_room(self, run: _Run) -> None:
         run.room.clear()
         run.is_full = True
-        self._tell(run)
+        self._notify(run)
         # What the loop has taken before it saw `is_full` rings for nothing.
         if self._has(run, self._low, _MOST_BYTES * _LOW) and not run.is_given_up:
             run.room.wait()
         run.is_full = False
 
-    def _tell(self, run: _Run) -> None:
+    def _notify(self, run: _Run) -> None:
         if run.wanted:
             try:
                 self._loop.call_soon_threadsafe(self._news.set)

@@ -47,7 +47,7 @@ class Topics:
         """Create a publisher for each that can be played, and say why others can't."""
         publishers: dict[str, Publisher[Any]] = {}
         best_effort = []
-        self._tell_unknown()
+        self._report_unknown()
         for name, topic in self._reader.topics.items():
             if not self._options.selection.has(name) or (name == _CLOCK and self._options.has_clock):
                 continue
@@ -82,12 +82,12 @@ class Topics:
             self._reasons.setdefault(message.topic, str(error))
             return None
 
-    def tell_undecodable(self) -> None:
+    def report_undecodable(self) -> None:
         """Say how many messages were left out."""
         for topic, count in self._undecodable.items():
             self._logger.warning(f"{counted(count, 'message')} of '{topic}' left out: {self._reasons[topic]}")
 
-    def _tell_unknown(self) -> None:
+    def _report_unknown(self) -> None:
         for name in self._options.selection.topics:
             if name not in self._reader.topics:
                 self._logger.warning(

@@ -143,7 +143,7 @@ class Discovery:
         if topic.subscription is None:
             return
         matches = topic.subscription.matches
-        is_new = topic.meet(match.qos for match in matches)
+        is_new = topic.update_offers(match.qos for match in matches)
         depths = {
             match.gid: match.qos.depth if match.qos.history is History.KEEP_LAST else 0
             for match in matches

@@ -76,7 +76,7 @@ async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
                 line.close()
                 if keyboard is not None:
                     keyboard.close()
-        _tell(node, losses)
+        _log_losses(node, losses)
     if recorder.failure is not None:
         raise BagError(f"{recorder.failure}; the bag has what came before")
     return 0
@@ -124,7 +124,7 @@ async def _show(recorder: Recorder, line: StatusLine, hz: float) -> None:
         await asyncio.sleep(1 / hz)
 
 
-def _tell(node: Node, losses: dict[str, TopicLosses]) -> None:
+def _log_losses(node: Node, losses: dict[str, TopicLosses]) -> None:
     log = node.get_logger()
     if lost := "".join(f"\n\t{one}" for one in lines(losses)):
         total = sum(sum(one.lost.values()) for one in losses.values())

@@ -64,7 +64,7 @@ class RecordedTopic:
         self.subscription = subscription
         self.is_lossless = subscription.qos.is_lossless
 
-    def meet(self, offers: Iterable[QoSProfile]) -> bool:
+    def update_offers(self, offers: Iterable[QoSProfile]) -> bool:
         """Publishers with these profiles are there; returns whether there are more than ever before.
 
         A profile counts as often as there were publishers with it at one time: a player keeps for late

@@ -71,7 +71,7 @@ class Announcing:
                     return
                 self._has_news.clear()
                 if self._newest is not None:
-                    await self._look(self._newest)
+                    await self._update(self._newest)
         finally:
             watching.cancel()
 
@@ -81,14 +81,14 @@ class Announcing:
                 self._newest = graph
                 self._has_news.set()
 
-    async def _look(self, graph: Graph) -> None:
+    async def _update(self, graph: Graph) -> None:
         now_s = self._loop.time()
         if self._local.is_other_busd(graph):
             self._grace_end_s = now_s + _GRACE_S
         keeps = now_s < self._grace_end_s
         if not keeps:
             self._grace_end_s = 0.0
-        changes = self._local.look(graph, keeps=keeps)
+        changes = self._local.update(graph, keeps=keeps)
         for text in changes.warnings:
             self._warn(text)
         for shown in changes.gone:
@@ -158,7 +158,7 @@ class Announcing:
 
     def _show_short(self, route: TopicExports, match: Match) -> None:
         """A publisher has said something, and was there too shortly to be seen in a graph."""
-        changes = self._local.look_at_short(match, route.topic)
+        changes = self._local.add_short(match, route.topic)
         for shown in changes.publishers:
             node = shown.local.node
             self._nodes.add(node.id)

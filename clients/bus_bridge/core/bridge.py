@@ -120,7 +120,7 @@ class Bridge:
             self._exports.sweep()
             if self._loop.time() >= report_s:
                 report_s = self._loop.time() + _PERIOD_S
-                self._reporting.look(self._loop.time())
+                self._reporting.report(self._loop.time())
 
     def _make_node(self, name: str, namespace: str, origin: Origin) -> Node:
         return Node(
@@ -145,30 +145,30 @@ class Bridge:
 
     # --- what the engine tells
 
-    def bus_came(self, bus: FarBus) -> None:
-        if wrong := self._far.bus_came(bus, self._loop.time()):
+    def bus_added(self, bus: FarBus) -> None:
+        if wrong := self._far.bus_added(bus, self._loop.time()):
             self._refuse(wrong)
             return
-        self._mirrors.bus_came(bus.id)
-        self._mirrors.look()
+        self._mirrors.bus_added(bus.id)
+        self._mirrors.notify()
         inform(self._log, f"bus '{bus.id}' is there")
 
-    def bus_went(self, bus_id: str, reason: str) -> None:
+    def bus_removed(self, bus_id: str, reason: str) -> None:
         if bus_id not in self._far.buses:
             return
         inform(self._log, f"bus '{bus_id}' has gone: {reason}")
-        self._mirrors.bus_went(bus_id)
-        self._far.bus_went(bus_id)
-        self._mirrors.look()
+        self._mirrors.bus_removed(bus_id)
+        self._far.bus_removed(bus_id)
+        self._mirrors.notify()
 
-    def node_came(self, node: FarNode) -> None:
-        self._judge(self._far.node_came(node, self._loop.time()))
+    def node_added(self, node: FarNode) -> None:
+        self._judge(self._far.node_added(node, self._loop.time()))
 
-    def node_went(self, key: str) -> None:
-        self._judge(self._far.node_went(key, self._loop.time()))
+    def node_removed(self, key: str) -> None:
+        self._judge(self._far.node_removed(key, self._loop.time()))
 
-    def endpoint_came(self, endpoint: FarEndpoint) -> None:
-        self._judge(self._far.endpoint_came(endpoint, self._loop.time()))
+    def endpoint_added(self, endpoint: FarEndpoint) -> None:
+        self._judge(self._far.endpoint_added(endpoint, self._loop.time()))
         ways = self._far.ways(endpoint.gid)
         if len(ways) > 1:
             self.warn(
@@ -176,8 +176,8 @@ class Bridge:
                 f"{', '.join(map(repr, ways))}; the first is used"
             )
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
-        self._judge(self._far.endpoint_went(gid, node, self._loop.time()))
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
+        self._judge(self._far.endpoint_removed(gid, node, self._loop.time()))
 
     def warn(self, text: str) -> None:
         if text in self._said:
@@ -193,15 +193,15 @@ class Bridge:
     def _judge(self, wrong: Wrong | None) -> None:
         if wrong:
             self._refuse(wrong)
-        self._mirrors.look()
+        self._mirrors.notify()
 
     def _blame(self, endpoint: FarEndpoint, reason: str) -> None:
         if wrong := self._far.wrong(endpoint.node, reason):
             self._refuse(wrong)
 
     def _refuse(self, wrong: Wrong) -> None:
-        who = f"{wrong.teller} of bus '{wrong.bus}'" if wrong.teller else f"bus '{wrong.bus}'"
+        who = f"{wrong.announcer} of bus '{wrong.bus}'" if wrong.announcer else f"bus '{wrong.bus}'"
         self.warn(f"{who} is refused: {wrong.reason}")
         self._far.forget(wrong)
-        self._mirrors.look()
-        self._engine.refuse(wrong.bus, wrong.reason, wrong.teller)
+        self._mirrors.notify()
+        self._engine.refuse(wrong.bus, wrong.reason, wrong.announcer)

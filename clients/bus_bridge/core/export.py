@@ -139,7 +139,7 @@ class Export:
         if was_full and not self.is_full:
             self._on_free(self.gid)
 
-    def has_waited_in_vain(self, now_s: float) -> bool:
+    def has_timed_out(self, now_s: float) -> bool:
         """To be asked from time to time: whether its publisher is held up for a far side that does not read
         it, and was so all the time for half a minute. Then what waits is given up, and what follows too until
         somebody reads it."""

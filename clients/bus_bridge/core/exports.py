@@ -99,7 +99,7 @@ class TopicExports:
             return True
         return bool(self.mirrors) and gid not in self._present
 
-    def meet(self, tap: Subscription[Any] | None) -> None:
+    def on_matched(self, tap: Subscription[Any] | None) -> None:
         """Publishers of this bus may have come or gone."""
         self._matched = None
         for match in () if tap is None or not self.is_local else tap.matches:
@@ -251,12 +251,12 @@ class Exports:
 
         sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
 
-        def look() -> None:
+        def check() -> None:
             nonlocal sent, end_s
             if export.account.sent != sent:  # it goes on, however slowly
                 sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
             if (export.waiting or route.taps.has_news) and self._loop.time() < end_s:
-                self._leaving[export] = self._loop.call_later(_LOOK_S, look), on_closed
+                self._leaving[export] = self._loop.call_later(_LOOK_S, check), on_closed
                 return
             if export.waiting:
                 self._on_trouble(
@@ -267,7 +267,7 @@ class Exports:
             self._end(route, export)
             on_closed()
 
-        look()
+        check()
 
     # --- far subscriptions, as they are shown here
 
@@ -324,12 +324,12 @@ class Exports:
             route.schema,
             route.topic.name,
             profile,
-            events=SubscriptionEvents(matched=lambda change: route.meet(tap)),
+            events=SubscriptionEvents(matched=lambda change: route.on_matched(tap)),
             raw=True,
             local_only=route.is_local,
             role="tap",
         )
-        route.meet(tap)
+        route.on_matched(tap)
         return tap
 
     # --- from time to time
@@ -346,7 +346,7 @@ class Exports:
                 elif now_s - since_s > _SHORT_S and (match := route.met.pop(gid, None)) is not None:
                     self.on_short(route, match)
             for export in tuple(route.exports.values()):
-                if export.has_waited_in_vain(now_s):
+                if export.has_timed_out(now_s):
                     self._on_trouble(
                         f"'{route.topic.name}': a lossless publisher waited {PATIENCE_S:g} s for a "
                         "subscription on the other side that is matched with it, and nobody reads it there: "

@@ -45,22 +45,22 @@ class Mirrored(msgspec.Struct, frozen=True):
 
 
 class Wrong(NamedTuple):
-    """What is wrong with what was told, and who is to be refused for it: `teller`, or without one the bus."""
+    """A fault in an announcement, and the one to refuse for it: `announcer`, or without one the bus."""
 
     bus: str
-    teller: str
+    announcer: str
     reason: str
 
 
 class _Bus:
     def __init__(self, bus_id: str) -> None:
         self.id = bus_id
-        self.tellers: dict[str, _Teller] = {}
+        self.announcers: dict[str, _Announcer] = {}
         self.nodes = 0
         self.endpoints = 0
 
 
-class _Teller:
+class _Announcer:
     """Who tells of nodes: a bus as a whole, or one of those in it that do so each for itself."""
 
     def __init__(self, bus: _Bus, name: str, news: News) -> None:
@@ -79,7 +79,7 @@ class FarGraph:
     """`own_bus` is the id of this bus.
 
     Methods that take news return what is wrong with them. Who is to be refused for it is to be taken out by
-    `forget`. Where a bus shows more than it may, that is the one of its tellers that shows most.
+    `forget`. Where a bus shows more than it may, that is the one of its announcers that shows most.
     """
 
     def __init__(self, own_bus: str, bounds: Bounds, rules: Rules, naming: Naming) -> None:
@@ -89,9 +89,9 @@ class FarGraph:
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
         self._news: dict[tuple[str, str], News] = {}
-        """By bus and teller, of those that have gone, too: who comes and goes all the time has the rate of
+        """By bus and announcer, of those that have gone, too: who comes and goes all the time has the rate of
         one that stays."""
-        self._nodes: dict[str, _Teller] = {}
+        self._nodes: dict[str, _Announcer] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
         self._known_nodes: dict[str, MirroredNode] = {}  # that may be mirrored
@@ -117,7 +117,7 @@ class FarGraph:
         known = self._nodes.get(key)
         return None if known is None else known.wrong(reason)
 
-    def bus_came(self, bus: FarBus, now_s: float) -> Wrong | None:
+    def bus_added(self, bus: FarBus, now_s: float) -> Wrong | None:
         wrong = wrong_bus(bus)
         if bus.id == self._own_bus:
             wrong = (
@@ -131,47 +131,47 @@ class FarGraph:
         if bus.id in self._buses:
             return None
         made = self._buses[bus.id] = _Bus(bus.id)
-        whole = made.tellers[""] = _Teller(made, "", self._news_of(bus.id, "", now_s))
+        whole = made.announcers[""] = _Announcer(made, "", self._news_of(bus.id, "", now_s))
         if whole.news.is_too_much(now_s):
             del self._buses[bus.id]
             return self._too_much(whole)
         return None
 
-    def bus_went(self, bus_id: str) -> None:
+    def bus_removed(self, bus_id: str) -> None:
         gone = self._buses.pop(bus_id, None)
         if gone is not None:
-            for teller in tuple(gone.tellers.values()):
-                self._forget_teller(teller)
+            for announcer in tuple(gone.announcers.values()):
+                self._forget_announcer(announcer)
 
     def forget(self, wrong: Wrong) -> None:
         """Take out who is refused."""
-        if not wrong.teller:
-            self.bus_went(wrong.bus)
-        elif (bus := self._buses.get(wrong.bus)) is not None and wrong.teller in bus.tellers:
-            self._forget_teller(bus.tellers[wrong.teller])
+        if not wrong.announcer:
+            self.bus_removed(wrong.bus)
+        elif (bus := self._buses.get(wrong.bus)) is not None and wrong.announcer in bus.announcers:
+            self._forget_announcer(bus.announcers[wrong.announcer])
 
-    def node_came(self, node: FarNode, now_s: float) -> Wrong | None:
+    def node_added(self, node: FarNode, now_s: float) -> Wrong | None:
         bus = self._buses.get(node.bus)
         if bus is None:
             return None
-        teller = bus.tellers.get(node.teller)
-        if teller is None:
-            teller = _Teller(bus, node.teller, self._news_of(node.bus, node.teller, now_s))
-            bus.tellers[node.teller] = teller
-        if teller.news.is_too_much(now_s):
-            return self._too_much(teller)
+        announcer = bus.announcers.get(node.announcer)
+        if announcer is None:
+            announcer = _Announcer(bus, node.announcer, self._news_of(node.bus, node.announcer, now_s))
+            bus.announcers[node.announcer] = announcer
+        if announcer.news.is_too_much(now_s):
+            return self._too_much(announcer)
         if wrong := wrong_node(node):
-            return teller.wrong(wrong)
+            return announcer.wrong(wrong)
         known = self._nodes.get(node.key)
-        if known is not None and known is not teller:
-            return teller.wrong(f"it names a node of '{known.name or known.bus.id}' as its own")
-        if teller.nodes.get(node.key) == node:
+        if known is not None and known is not announcer:
+            return announcer.wrong(f"it names a node of '{known.name or known.bus.id}' as its own")
+        if announcer.nodes.get(node.key) == node:
             return None
         if known is not None:
-            self._forget_node(teller, node.key)
+            self._forget_node(announcer, node.key)
         bus.nodes += 1
-        teller.nodes[node.key] = node
-        self._nodes[node.key] = teller
+        announcer.nodes[node.key] = node
+        self._nodes[node.key] = announcer
         if self._own_bus not in (node.bus, *node.via):
             namespace = self._naming.namespace_from_wire(node.namespace)
             mirrored = MirroredNode(node.key, node.name, namespace or node.namespace, node.bus, node.via)
@@ -181,77 +181,77 @@ class FarGraph:
             else:
                 self._outside[node.key] = 0
         if bus.nodes > self._bounds.nodes:
-            most = max(bus.tellers.values(), key=lambda one: len(one.nodes))
+            most = max(bus.announcers.values(), key=lambda one: len(one.nodes))
             return most.wrong(_more_than(self._bounds.nodes, "nodes", len(most.nodes)))
         return None
 
-    def node_went(self, key: str, now_s: float) -> Wrong | None:
-        teller = self._nodes.get(key)
-        if teller is None:
+    def node_removed(self, key: str, now_s: float) -> Wrong | None:
+        announcer = self._nodes.get(key)
+        if announcer is None:
             return None
-        self._forget_node(teller, key)
-        wrong = self._too_much(teller) if teller.news.is_too_much(now_s) else None
-        if teller.name and not teller.nodes and wrong is None:
-            self._forget_teller(teller)
+        self._forget_node(announcer, key)
+        wrong = self._too_much(announcer) if announcer.news.is_too_much(now_s) else None
+        if announcer.name and not announcer.nodes and wrong is None:
+            self._forget_announcer(announcer)
         return wrong
 
-    def endpoint_came(self, endpoint: FarEndpoint, now_s: float) -> Wrong | None:
-        teller = self._nodes.get(endpoint.node)
-        if teller is None:
+    def endpoint_added(self, endpoint: FarEndpoint, now_s: float) -> Wrong | None:
+        announcer = self._nodes.get(endpoint.node)
+        if announcer is None:
             return None
-        if teller.news.is_too_much(now_s):
-            return self._too_much(teller)
+        if announcer.news.is_too_much(now_s):
+            return self._too_much(announcer)
         if wrong := wrong_endpoint(endpoint):
-            return teller.wrong(wrong)
+            return announcer.wrong(wrong)
         known = self._endpoints.get(endpoint.gid, {}).get(endpoint.node)
         if known == endpoint:
             return None
-        teller.types.add((endpoint.type_name, endpoint.type_hash))
-        if len(teller.types) > self._bounds.types:
-            return teller.wrong(f"it has named more than {self._bounds.types} types")
+        announcer.types.add((endpoint.type_name, endpoint.type_hash))
+        if len(announcer.types) > self._bounds.types:
+            return announcer.wrong(f"it has named more than {self._bounds.types} types")
         if known is None:
-            teller.endpoints += 1
-            teller.bus.endpoints += 1
+            announcer.endpoints += 1
+            announcer.bus.endpoints += 1
         self._endpoints.setdefault(endpoint.gid, {})[endpoint.node] = endpoint
         self._by_node.setdefault(endpoint.node, {})[endpoint.gid] = None
         self._choose(endpoint.gid)
-        if teller.bus.endpoints > self._bounds.endpoints:
-            most = max(teller.bus.tellers.values(), key=lambda one: one.endpoints)
+        if announcer.bus.endpoints > self._bounds.endpoints:
+            most = max(announcer.bus.announcers.values(), key=lambda one: one.endpoints)
             return most.wrong(_more_than(self._bounds.endpoints, "endpoints", most.endpoints))
         return None
 
-    def endpoint_went(self, gid: bytes, node: str, now_s: float) -> Wrong | None:
-        teller = self._nodes.get(node)
-        if teller is None or node not in self._endpoints.get(gid, ()):
+    def endpoint_removed(self, gid: bytes, node: str, now_s: float) -> Wrong | None:
+        announcer = self._nodes.get(node)
+        if announcer is None or node not in self._endpoints.get(gid, ()):
             return None
-        self._forget_endpoint(teller, gid, node)
-        return self._too_much(teller) if teller.news.is_too_much(now_s) else None
+        self._forget_endpoint(announcer, gid, node)
+        return self._too_much(announcer) if announcer.news.is_too_much(now_s) else None
 
-    def _news_of(self, bus: str, teller: str, now_s: float) -> News:
+    def _news_of(self, bus: str, announcer: str, now_s: float) -> News:
         known = self._news
-        found = known.pop((bus, teller), None) or News(self._bounds, now_s)
-        known[bus, teller] = found
+        found = known.pop((bus, announcer), None) or News(self._bounds, now_s)
+        known[bus, announcer] = found
         if len(known) > 2 * (self._bounds.buses + self._bounds.nodes):
-            here = {(one.id, name) for one in self._buses.values() for name in one.tellers}
-            del known[next(one for one in known if one not in here and one != (bus, teller))]
+            here = {(one.id, name) for one in self._buses.values() for name in one.announcers}
+            del known[next(one for one in known if one not in here and one != (bus, announcer))]
         return found
 
-    def _forget_teller(self, teller: _Teller) -> None:
-        for key in tuple(teller.nodes):
-            self._forget_node(teller, key)
-        teller.bus.tellers.pop(teller.name, None)
+    def _forget_announcer(self, announcer: _Announcer) -> None:
+        for key in tuple(announcer.nodes):
+            self._forget_node(announcer, key)
+        announcer.bus.announcers.pop(announcer.name, None)
 
-    def _forget_node(self, teller: _Teller, key: str) -> None:
+    def _forget_node(self, announcer: _Announcer, key: str) -> None:
         for gid in tuple(self._by_node.get(key, ())):
-            self._forget_endpoint(teller, gid, key)
-        if teller.nodes.pop(key, None) is not None:
-            teller.bus.nodes -= 1
+            self._forget_endpoint(announcer, gid, key)
+        if announcer.nodes.pop(key, None) is not None:
+            announcer.bus.nodes -= 1
         self._nodes.pop(key, None)
         self.nodes.pop(key, None)
         self._known_nodes.pop(key, None)
         self._outside.pop(key, None)
 
-    def _forget_endpoint(self, teller: _Teller, gid: bytes, node: str) -> None:
+    def _forget_endpoint(self, announcer: _Announcer, gid: bytes, node: str) -> None:
         ways = self._endpoints[gid]
         del ways[node]
         if not ways:
@@ -260,8 +260,8 @@ class FarGraph:
         del gids[gid]
         if not gids:
             del self._by_node[node]
-        teller.endpoints -= 1
-        teller.bus.endpoints -= 1
+        announcer.endpoints -= 1
+        announcer.bus.endpoints -= 1
         self._choose(gid)
 
     def _choose(self, gid: bytes) -> None:
@@ -298,9 +298,9 @@ class FarGraph:
             return None
         return Mirrored(endpoint, node, topic, crossing.rule.max_rate_hz)
 
-    def _too_much(self, teller: _Teller) -> Wrong:
+    def _too_much(self, announcer: _Announcer) -> Wrong:
         rate = self._bounds.news_per_s
-        return teller.wrong(f"its nodes and endpoints come and go more than {rate} times in a second")
+        return announcer.wrong(f"its nodes and endpoints come and go more than {rate} times in a second")
 
 
 def _more_than(bound: int, what: str, count: int) -> str:

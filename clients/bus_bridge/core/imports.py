@@ -55,7 +55,7 @@ class Import:
         self._continuity = continuity = Continuity()
         self._listeners = Listeners()
         begin = partial(continuity.on, ContinuityEvent.INTERRUPT)
-        self._reading = FarReading(engine, endpoint, schema, self.receive, begin, self.look, on_trouble)
+        self._reading = FarReading(engine, endpoint, schema, self.receive, begin, self.on_matched, on_trouble)
         self._publishing = Publishing(
             publisher, Account(), self._reading.taken, on_trouble, is_lossless=self._is_lossless
         )
@@ -99,7 +99,7 @@ class Import:
         """All that did not go on, by reason."""
         return summed(self.account.losses, self._reading.lost)
 
-    def look(self) -> None:
+    def on_matched(self) -> None:
         """The mirror's matches have changed: read, or read no longer."""
         if self._reading.state is not ReadingState.CLOSED:
             self._note_listeners()
@@ -113,7 +113,7 @@ class Import:
         if numbering != self._numbering:
             self._numbering = numbering
             self._renumber()
-        self.look()
+        self.on_matched()
 
     def past(self) -> Past:
         """For the way that follows, should the publisher come back; to be asked before this one ends."""

@@ -84,7 +84,7 @@ class LocalGraph:
         """Those to be seen there now."""
         return [node for _, node in self._nodes.values() if node is not None]
 
-    def look(self, graph: Graph, *, keeps: bool = False) -> Changes:
+    def update(self, graph: Graph, *, keeps: bool = False) -> Changes:
         """Take over `graph`. With `keeps` nothing goes: what is not in it yet is waited for."""
         changes = Changes()
         looks_at_all = keeps or self.is_other_busd(graph)
@@ -96,7 +96,7 @@ class LocalGraph:
                     self._absent.setdefault(key, []).append(node)
             self._nodes.clear()
         self._seen_at = graph.broker_pid, graph.revision
-        self._look_at_nodes(graph, changes)
+        self._update_nodes(graph, changes)
         if not keeps:
             for gid in self._seen.keys() - present.keys():
                 del self._seen[gid]
@@ -108,10 +108,10 @@ class LocalGraph:
             seen = self._seen.get(gid)
             # One of another node may have taken its place between two looks: a mirror that comes another way.
             if looks_at_all or seen is None or seen.id != endpoint.id:
-                self._look_at(endpoint, changes)
+                self._update_endpoint(endpoint, changes)
         return changes
 
-    def look_at_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
+    def add_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
         """A publisher of this bus, with a node of its own, that has come and gone between two looks."""
         changes = Changes()
         topic, type_name, type_hash = kind
@@ -126,7 +126,7 @@ class LocalGraph:
             changes.publishers.append(Shown(local, topic, match.node, crossing.rule))
         return changes
 
-    def _look_at(self, endpoint: GraphEndpoint, changes: Changes) -> None:
+    def _update_endpoint(self, endpoint: GraphEndpoint, changes: Changes) -> None:
         gid = endpoint.gid
         self._seen[gid] = endpoint
         known, shown = self.endpoints.pop(gid, None), self._show(endpoint, changes)
@@ -140,7 +140,7 @@ class LocalGraph:
             is_publisher = shown.local.kind == "publisher"
             (changes.publishers if is_publisher else changes.subscriptions).append(shown)
 
-    def _look_at_nodes(self, graph: Graph, changes: Changes) -> None:
+    def _update_nodes(self, graph: Graph, changes: Changes) -> None:
         present = {one.id: one for one in graph.nodes}
         for number in self._nodes.keys() - present.keys():
             _, node = self._nodes.pop(number)

@@ -104,7 +104,7 @@ class Mirrors:
         self._stays = Stays()
         self._is_due = asyncio.Event()
         self._timer: asyncio.TimerHandle | None = None
-        schemas.on_found = self.look
+        schemas.on_found = self.notify
 
     def __iter__(self) -> Iterator[EndpointMirror]:
         return iter(self._endpoints.values())
@@ -116,17 +116,17 @@ class Mirrors:
         subscriptions = sum(one.subscription is not None for one in self._endpoints.values())
         return sum(one.node is not None for one in self._nodes.values()), publishers, subscriptions
 
-    def look(self) -> None:
+    def notify(self) -> None:
         """The far graph has changed, perhaps."""
         self._is_due.set()
 
-    def bus_came(self, bus: str) -> None:
+    def bus_added(self, bus: str) -> None:
         """It is there, perhaps again. To be followed by `look`."""
-        self._stays.bus_came(bus, self._loop.time())
+        self._stays.bus_added(bus, self._loop.time())
 
-    def bus_went(self, bus: str) -> None:
+    def bus_removed(self, bus: str) -> None:
         """The link to it has ended. To be called before `look`."""
-        self._stays.bus_went(bus, self._loop.time())
+        self._stays.bus_removed(bus, self._loop.time())
         self._lateness.pop(bus, None)
 
     async def run(self) -> None:
@@ -271,7 +271,7 @@ class Mirrors:
             self._timer.cancel()
             self._timer = None
         if due_s < NEVER_S:
-            self._timer = self._loop.call_later(due_s - now_s + 0.01, self.look)
+            self._timer = self._loop.call_later(due_s - now_s + 0.01, self.notify)
 
     # --- single steps
 
@@ -314,22 +314,22 @@ class Mirrors:
     async def _open_publisher(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
         far = mirror.far
 
-        def look(change: object) -> None:
+        def notify(change: object) -> None:
             if mirror.way is not None:
-                mirror.way.look()
+                mirror.way.on_matched()
 
         publisher = await node.create_publisher(
             schema,
             far.topic,
             self._offer(far),
-            events=PublisherEvents(matched=look),
+            events=PublisherEvents(matched=notify),
             gid=far.far.gid,
         )
 
-        def hear(text: str) -> None:
+        def on_fault(text: str) -> None:
             self._warn(f"messages on '{far.topic}' of '{far.node.bus}' don't come in: {text}")
             if mirror.way is not None and mirror.way.is_broken:
-                self.look()
+                self.notify()
 
         lateness = self._lateness.setdefault(mirror.node.far.bus, Lateness())
         past = self._pasts.take(far.far.gid, self._loop.time())
@@ -340,13 +340,13 @@ class Mirrors:
             schema,
             publisher,
             lateness,
-            hear,
+            on_fault,
             numbering=_numbering(far),
             max_rate_hz=far.max_rate_hz,
         )
         if past is not None:
             mirror.way.resume(past)
-        mirror.way.look()
+        mirror.way.on_matched()
 
     async def _open_subscription(self, mirror: EndpointMirror, schema: MessageSchema, node: Node) -> None:
         far = mirror.far
@@ -397,7 +397,7 @@ class Mirrors:
         finally:
             self._endpoints.pop(gid, None)
             self._leaving.pop(gid, None)
-            self.look()
+            self.notify()
 
     async def _within_bounds(self, closing: Awaitable[None]) -> None:
         """Nothing that is closed may hold up the rest for long, nor end it."""

@@ -22,7 +22,7 @@ class Reporting:
         """Of routes where messages wait: how many had gone, and since when none has."""
         self._now_s = 0.0
 
-    def look(self, now_s: float) -> None:
+    def report(self, now_s: float) -> None:
         """Tell the graph what has changed; to be called each second."""
         self._now_s = now_s
         self._reported = {mirror: self._report(mirror) for mirror in self._mirrors}

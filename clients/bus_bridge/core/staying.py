@@ -22,11 +22,11 @@ class Stays:
     def __init__(self) -> None:
         self._until_s: dict[str, float] = {}
 
-    def bus_went(self, bus: str, now_s: float) -> None:
+    def bus_removed(self, bus: str, now_s: float) -> None:
         """The link to it has ended."""
         self._until_s[bus] = now_s + _LINGER_S
 
-    def bus_came(self, bus: str, now_s: float) -> None:
+    def bus_added(self, bus: str, now_s: float) -> None:
         """The bus is there, perhaps again."""
         if bus in self._until_s:
             self._until_s[bus] = min(self._until_s[bus], now_s + _RETURN_S)

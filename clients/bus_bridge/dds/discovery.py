@@ -12,7 +12,16 @@ from bus.errors import ConfigurationError
 from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
 from bus.qos import Durability, Reliability
 from bus_bridge.dds import qos
-from bus_bridge.dds.graph import Came, DomainGraph, Found, News, NodeEntities, Went, participant_of, teller_of
+from bus_bridge.dds.graph import (
+    Added,
+    DomainGraph,
+    Found,
+    News,
+    NodeEntities,
+    Removed,
+    announcer_of,
+    participant_of,
+)
 from bus_bridge.dds.known_types import KnownTypes
 from bus_bridge.dds.names import (
     is_service_of_each_node,
@@ -97,23 +106,23 @@ class Discovery:
 
     def nodes_said(self, participant: bytes, nodes: list[NodeEntities]) -> None:
         """A participant's own word on its nodes."""
-        if teller_of(participant) in self.refused:
+        if announcer_of(participant) in self.refused:
             return
         right = [node for node in nodes if self._is_right(node)]
-        self._tell(self._graph.nodes_said(participant, right))
+        self._report(self._graph.nodes_said(participant, right))
 
-    def refuse(self, teller: str) -> None:
+    def refuse(self, announcer: str) -> None:
         """End with that participant. May be called while news of it are told."""
-        if teller not in self.refused:
-            self.refused[teller] = participant_of(teller)
-            self._loop.call_soon(self._ignore, self.refused[teller])
+        if announcer not in self.refused:
+            self.refused[announcer] = participant_of(announcer)
+            self._loop.call_soon(self._ignore, self.refused[announcer])
 
     def _ignore(self, participant: bytes) -> None:
         for gid in self._graph.endpoints_of(participant):
             if (handle := self.handles.get(gid)) is not None:
-                self._endpoint_went(gid, handle)
+                self._endpoint_removed(gid, handle)
                 self.marked.add(handle)
-        self._tell(self._graph.participant_went(participant))
+        self._report(self._graph.participant_removed(participant))
         self._on_change()
 
     def types_changed(self) -> None:
@@ -121,7 +130,7 @@ class Discovery:
         if self._unknown:
             unknown, self._unknown = self._unknown, {}
             for handle, participant, sample, kind in unknown.values():
-                self._endpoint_came(handle, participant, sample, kind)
+                self._endpoint_added(handle, participant, sample, kind)
 
     def _is_right(self, node: NodeEntities) -> bool:
         try:
@@ -156,24 +165,24 @@ class Discovery:
             if what == "DcpsParticipant":
                 if is_alive:
                     said = user_data_of(user_data_in(sample.qos))
-                    self._graph.participant_came(guid, speaks_ros=ENCLAVE in said)
+                    self._graph.participant_added(guid, speaks_ros=ENCLAVE in said)
                 else:
-                    self.refused.pop(teller_of(guid), None)
-                    self._tell(self._graph.participant_went(guid))
+                    self.refused.pop(announcer_of(guid), None)
+                    self._report(self._graph.participant_removed(guid))
             elif not is_alive:
-                self._endpoint_went(guid, sample.sample_info.instance_handle)
+                self._endpoint_removed(guid, sample.sample_info.instance_handle)
             elif sample.participant_key.bytes != self._participant.guid:
                 kind: EndpointKind = "publisher" if what == "DcpsPublication" else "subscription"
                 handle = sample.sample_info.instance_handle
-                self._endpoint_came(handle, sample.participant_key.bytes, sample, kind)
+                self._endpoint_added(handle, sample.participant_key.bytes, sample, kind)
         if len(samples) == _BATCH:
             self._schedule(what)
         if samples:
             self._on_change()
 
-    def _endpoint_came(self, handle: int, participant: bytes, sample: Any, kind: EndpointKind) -> None:
+    def _endpoint_added(self, handle: int, participant: bytes, sample: Any, kind: EndpointKind) -> None:
         said = user_data_of(user_data_in(sample.qos))
-        if MARK in said or teller_of(participant) in self.refused:
+        if MARK in said or announcer_of(participant) in self.refused:
             self.marked.add(handle)
             if self.node_info is not None and kind_of(sample.topic_name) == "graph":
                 self.node_info.ignore(handle)
@@ -182,7 +191,7 @@ class Discovery:
         self.gids[handle] = gid
         match kind_of(sample.topic_name):
             case "graph" if kind == "publisher" and self.node_info is not None:
-                self.node_info.writer_came(handle, participant, "typehash" not in said)
+                self.node_info.writer_added(handle, participant, "typehash" not in said)
             case "service":
                 service = service_from_dds(sample.topic_name)
                 is_server = kind == ("subscription" if sample.topic_name.startswith("rq") else "publisher")
@@ -199,7 +208,7 @@ class Discovery:
                             offered.reliability is Reliability.RELIABLE,
                         )
                         self._topics[gid] = topic
-                    self._tell(self._graph.endpoint_came(found, time.monotonic()))
+                    self._report(self._graph.endpoint_added(found, time.monotonic()))
 
     def _endpoint(
         self, handle: int, participant: bytes, sample: Any, kind: EndpointKind, type_hash: str
@@ -232,7 +241,7 @@ class Discovery:
             participant, FarEndpoint(kind, gid, "", topic, schema.type_name, schema.type_hash, profile)
         )
 
-    def _endpoint_went(self, gid: bytes, handle: int) -> None:
+    def _endpoint_removed(self, gid: bytes, handle: int) -> None:
         self.gids.pop(handle, None)
         self.handles.pop(gid, None)
         self._unknown.pop(gid, None)
@@ -242,25 +251,25 @@ class Discovery:
             if not self.publishers[topic]:
                 del self.publishers[topic]
         if self.node_info is not None:
-            self.node_info.writer_went(handle)
-        self._tell(self._graph.endpoint_went(gid))
+            self.node_info.writer_removed(handle)
+        self._report(self._graph.endpoint_removed(gid))
 
-    def _tell(self, news: News) -> None:
+    def _report(self, news: News) -> None:
         for piece in news:
             match piece:
-                case Came(FarNode() as node):
-                    if node.teller not in self.refused:
-                        self._far.node_came(node)
-                case Came(FarEndpoint() as endpoint):
-                    self._far.endpoint_came(endpoint)
-                case Went(node, gid) if gid:
-                    self._far.endpoint_went(gid, node)
-                case Went(node):
-                    self._far.node_went(node)
+                case Added(FarNode() as node):
+                    if node.announcer not in self.refused:
+                        self._far.node_added(node)
+                case Added(FarEndpoint() as endpoint):
+                    self._far.endpoint_added(endpoint)
+                case Removed(node, gid) if gid:
+                    self._far.endpoint_removed(gid, node)
+                case Removed(node):
+                    self._far.node_removed(node)
         end = self._graph.next_time
         if self._timer is None and end is not None and not self._is_closed:
             self._timer = self._loop.call_later(max(end - time.monotonic(), 0.01), self._pass_time)
 
     def _pass_time(self) -> None:
         self._timer = None
-        self._tell(self._graph.pass_time(time.monotonic()))
+        self._report(self._graph.pass_time(time.monotonic()))

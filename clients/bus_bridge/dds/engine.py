@@ -87,7 +87,7 @@ class DdsEngine:
             self._discovery.nodes_said,
             far.warn,
         )
-        far.bus_came(self._bus)
+        far.bus_added(self._bus)
         self._discovery.open(self._node_info)
         self._say_nodes()
 
@@ -164,14 +164,14 @@ class DdsEngine:
         self._ways.begin(way)
         return way
 
-    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
-        if teller:
-            self._discovery.refuse(teller)
+    def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
+        if announcer:
+            self._discovery.refuse(announcer)
         elif bus_id == self._bus.id and not self._refusal:
             self._refusal = reason
             if (participant := self._end()) is not None:
                 asyncio.get_running_loop().call_later(_LEAVE_S, participant.close)
-            self._far.bus_went(bus_id, reason)
+            self._far.bus_removed(bus_id, reason)
 
     def links(self) -> Sequence[LinkStatus]:
         address = self._address()
@@ -237,7 +237,7 @@ class DdsEngine:
 
     def _discovered(self) -> None:
         for writer in self._writers:
-            writer.look()
+            writer.update_matches()
         self._ways.keep_only(self._discovery.handles)
         for subscription in self._subscriptions:
             topic = subscription.endpoint.topic

@@ -17,15 +17,15 @@ from bus_bridge.engine import FarEndpoint, FarNode
 __all__ = [
     "GID_SIZE",
     "HUMBLE_GID_SIZE",
-    "Came",
+    "Added",
     "DomainGraph",
     "Found",
     "NodeEntities",
-    "Went",
+    "Removed",
+    "announcer_of",
     "decode",
     "encode",
     "participant_of",
-    "teller_of",
 ]
 
 GID_SIZE: Final = 16
@@ -106,14 +106,14 @@ class _Taker:
         return self.bytes(size).rstrip(b"\0").decode()
 
 
-def teller_of(participant: bytes) -> str:
+def announcer_of(participant: bytes) -> str:
     """What the bridge calls a participant, which speaks for its own nodes only."""
     return f"participant {participant.hex()}"
 
 
-def participant_of(teller: str) -> bytes:
+def participant_of(announcer: str) -> bytes:
     """The other way."""
-    return bytes.fromhex(teller.rpartition(" ")[2])
+    return bytes.fromhex(announcer.rpartition(" ")[2])
 
 
 class Found(NamedTuple):
@@ -123,18 +123,18 @@ class Found(NamedTuple):
     endpoint: FarEndpoint
 
 
-class Came(NamedTuple):
+class Added(NamedTuple):
     what: FarNode | FarEndpoint
 
 
-class Went(NamedTuple):
+class Removed(NamedTuple):
     node: str
     """The key of the node."""
     gid: bytes = b""
     """Of its endpoint, if it is that which has gone."""
 
 
-News: TypeAlias = Iterator[Came | Went]
+News: TypeAlias = Iterator[Added | Removed]
 
 
 class DomainGraph:
@@ -175,7 +175,7 @@ class DomainGraph:
         """The gids of its endpoints."""
         return [gid for gid, found in self._found.items() if found.participant == participant]
 
-    def participant_came(self, participant: bytes, *, speaks_ros: bool) -> None:
+    def participant_added(self, participant: bytes, *, speaks_ros: bool) -> None:
         """It is there. Of one that does not speak ROS 2 nobody waits for the names of nodes."""
         if speaks_ros:
             self._speak_dds_alone.discard(participant)
@@ -206,48 +206,50 @@ class DomainGraph:
                         yield from self._untell(gid)
         for key in before:
             if key not in now:
-                yield Went(key)
+                yield Removed(key)
         self._nodes[participant] = now
         if not now:
             del self._nodes[participant]
         for key, node in now.items():
             if key not in before:
-                yield Came(FarNode(key, self._bus, node.name, node.namespace, teller=teller_of(participant)))
+                yield Added(
+                    FarNode(key, self._bus, node.name, node.namespace, announcer=announcer_of(participant))
+                )
         self._owners.update(owners)
         for gid in owners:
             if gid in self._found:
-                yield from self._tell(gid)
+                yield from self._report(gid)
 
-    def endpoint_came(self, found: Found, now: float) -> News:
+    def endpoint_added(self, found: Found, now: float) -> News:
         """Discovery has found an endpoint, or what it says of itself has changed."""
         gid = found.endpoint.gid
         if gid in self._found:
-            yield from self.endpoint_went(gid)
+            yield from self.endpoint_removed(gid)
         self._found[gid] = found
         if gid in self._owners or found.participant in self._speak_dds_alone:
-            yield from self._tell(gid)
+            yield from self._report(gid)
         else:
             self._waiting[gid] = now + self._patience_s
 
-    def endpoint_went(self, gid: bytes) -> News:
+    def endpoint_removed(self, gid: bytes) -> News:
         """It is there no more."""
         yield from self._untell(gid)
         self._waiting.pop(gid, None)
         self._found.pop(gid, None)
 
-    def participant_went(self, participant: bytes) -> News:
+    def participant_removed(self, participant: bytes) -> News:
         """It is there no more, nor is what it had."""
         self._speak_dds_alone.discard(participant)
         for gid in self.endpoints_of(participant):
-            yield from self.endpoint_went(gid)
+            yield from self.endpoint_removed(gid)
         yield from self.nodes_said(participant, ())
 
     def pass_time(self, now: float) -> News:
         """Tell those whose node nobody has named in time."""
         for gid in [gid for gid, end in self._waiting.items() if end <= now]:
-            yield from self._tell(gid)
+            yield from self._report(gid)
 
-    def _tell(self, gid: bytes) -> News:
+    def _report(self, gid: bytes) -> News:
         found = self._found[gid]
         self._waiting.pop(gid, None)
         key = self._owners.get(gid)
@@ -258,19 +260,19 @@ class DomainGraph:
             key = found.participant.hex()
             if key not in self._bare:
                 self._bare[key] = set()
-                name, teller = bare_node_name(found.participant), teller_of(found.participant)
-                yield Came(FarNode(key, self._bus, name, "/", teller=teller))
+                name, announcer = bare_node_name(found.participant), announcer_of(found.participant)
+                yield Added(FarNode(key, self._bus, name, "/", announcer=announcer))
             self._bare[key].add(gid)
         self._told[gid] = key
-        yield Came(msgspec.structs.replace(found.endpoint, node=key))
+        yield Added(msgspec.structs.replace(found.endpoint, node=key))
 
     def _untell(self, gid: bytes) -> News:
         key = self._told.pop(gid, None)
         if key is None:
             return
-        yield Went(key, gid)
+        yield Removed(key, gid)
         if key in self._bare:
             self._bare[key].discard(gid)
             if not self._bare[key]:
                 del self._bare[key]
-                yield Went(key)
+                yield Removed(key)

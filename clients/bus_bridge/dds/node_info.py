@@ -68,7 +68,7 @@ class NodeInfo:
         if not self._is_closed:
             self._writer.say()
 
-    def writer_came(self, handle: int, participant: bytes, is_humble: bool) -> None:
+    def writer_added(self, handle: int, participant: bytes, is_humble: bool) -> None:
         """Discovery has found a participant's writer."""
         size = HUMBLE_GID_SIZE if is_humble else GID_SIZE
         self._writers[handle] = participant, size
@@ -84,7 +84,7 @@ class NodeInfo:
                 self._writer.change(size)
         self._silent.add(handle)
         if (early := self._early.pop(handle, None)) is not None:
-            self._hear(handle, early)
+            self._receive(handle, early)
         elif self._timer is None:
             self._timer = self._loop.call_later(_PROBE_AFTER_S, self._probe)
 
@@ -93,7 +93,7 @@ class NodeInfo:
         self._ignored.add(handle)
         self._early.pop(handle, None)
 
-    def writer_went(self, handle: int) -> None:
+    def writer_removed(self, handle: int) -> None:
         """It is there no more."""
         self._writers.pop(handle, None)
         self._ignored.discard(handle)
@@ -128,9 +128,9 @@ class NodeInfo:
             while found := take(64):
                 for data, info in found:
                     if info.valid_data and info.publication_handle not in self._ignored:
-                        self._hear(info.publication_handle, data)
+                        self._receive(info.publication_handle, data)
 
-    def _hear(self, handle: int, data: bytes) -> None:
+    def _receive(self, handle: int, data: bytes) -> None:
         """Where both forms are spoken, it may come twice: each of our readers hears every writer."""
         if handle not in self._writers:
             if len(self._early) >= _MOST_EARLY:

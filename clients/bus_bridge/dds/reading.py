@@ -99,11 +99,11 @@ class Intake:
         """Handles of which that was known once, or nobody wanted to know."""
         # The first callback may come before the constructor has returned.
         self._endpoint = participant.make_reader(
-            topic, known.idl, policies, user_data, self._wake, lambda: self._in_loop(self.look)
+            topic, known.idl, policies, user_data, self._wake, lambda: self._in_loop(self.update_matches)
         )
         self._take = raw.taker_of(self._endpoint.entity)
         self.gid = self._endpoint.guid
-        self._in_loop(self.look)
+        self._in_loop(self.update_matches)
         self._wake()
 
     def on(self, event: IntakeEvent) -> None:
@@ -114,7 +114,7 @@ class Intake:
             raise IntakeError(f"{way} is {self.state.value!r}: {event.value!r} can't happen to it")
         self.state = state
 
-    def look(self) -> None:
+    def update_matches(self) -> None:
         """Which writers are matched may have changed."""
         if self.state is IntakeState.CLOSED:
             return

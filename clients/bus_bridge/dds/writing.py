@@ -49,12 +49,16 @@ class DdsWriter:
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = False
         self._endpoint = participant.make_writer(
-            topic, known.idl, policies, user_data, lambda: self._loop.call_soon_threadsafe(self.look)
+            topic,
+            known.idl,
+            policies,
+            user_data,
+            lambda: self._loop.call_soon_threadsafe(self.update_matches),
         )
         self._write = raw.writer_of(self._endpoint.entity)
         self.gid = self._endpoint.guid
 
-    def look(self) -> None:
+    def update_matches(self) -> None:
         """Which readers are matched, or which of them count, may have changed."""
         if self._is_closed:
             return

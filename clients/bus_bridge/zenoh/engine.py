@@ -92,7 +92,7 @@ class ZenohEngine:
                 keys.ack_keys(self._own.bus), lambda key, payload, _: heard.push((str(key), payload))
             )
         )
-        self._looking = asyncio.get_running_loop().create_task(self._look())
+        self._looking = asyncio.get_running_loop().create_task(self._poll())
 
     async def close(self) -> None:
         """As `Engine.close`."""
@@ -179,11 +179,11 @@ class ZenohEngine:
     async def _ask(self, key: str, timeout_s: float) -> bytes | None:
         answered: asyncio.Future[bytes | None] = asyncio.get_running_loop().create_future()
 
-        def hear(payload: bytes | None, _: bytes | None) -> None:
+        def on_answer(payload: bytes | None, _: bytes | None) -> None:
             if not answered.done():
                 answered.set_result(payload)
 
-        self._opened().ask(key, b"", timeout_s, hear)
+        self._opened().ask(key, b"", timeout_s, on_answer)
         try:
             async with asyncio.timeout(2 * timeout_s):  # the thread for declarations may be held up
                 return await answered
@@ -220,7 +220,7 @@ class ZenohEngine:
     def _forget(self, place: tuple[bytes, str]) -> None:
         del self._readers[place]
 
-    def refuse(self, bus_id: str, reason: str, teller: str = "") -> None:
+    def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
         """As `Engine.refuse`."""
         assert self._presence is not None
         self._presence.refuse(bus_id, reason)
@@ -292,7 +292,7 @@ class ZenohEngine:
         else:
             query.reply(known[0])
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         assert self._links is not None and self._session is not None and self._presence is not None
         heard = seen = self._session.link_ends
         while True:
@@ -306,11 +306,11 @@ class ZenohEngine:
                 for declared in self._declared:
                     declared.renew()
             for writer in list(self._writers.values()):
-                writer.look()
+                writer.poll()
             links = self._session.links()
             is_routed = bool(self._options.router)
-            self._presence.look(None if is_routed else {link.zenoh_id: link.silent_host for link in links})
-            await self._links.look()
+            self._presence.poll(None if is_routed else {link.zenoh_id: link.silent_host for link in links})
+            await self._links.check()
 
     def _opened(self) -> Session:
         if self._session is None:

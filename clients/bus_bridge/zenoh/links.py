@@ -35,7 +35,7 @@ class Links:
         """Those that could be reached when they were last tried, and had no link."""
         self._reasons: dict[str, str] = {}
 
-    async def look(self) -> None:
+    async def check(self) -> None:
         """Ask those that are not up for the reason, and say it once."""
         links = self._session.links()
         for address in self._connect:

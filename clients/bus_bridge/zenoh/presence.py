@@ -110,18 +110,18 @@ class Presence:
         match token:
             case BusToken():
                 run.token = token
-                self._hear(run)
+                self._add_run(run)
             case NodeToken(_, _, node):
                 is_new = node.key not in run.nodes
                 run.nodes[node.key] = node
                 self._node_bus[node.key] = run
                 if is_new and run.is_told:
-                    self._tell_node(run, node)
+                    self._announce_node(run, node)
             case EndpointToken(_, _, endpoint):
                 is_new = key not in run.endpoints
                 run.endpoints[key] = endpoint
                 if is_new and run.is_told and endpoint.node in run.nodes:
-                    self._far.endpoint_came(endpoint)
+                    self._far.endpoint_added(endpoint)
             case InterestToken(_, _, of, gid):
                 if of == self._own and key not in run.interests:
                     run.interests[key] = gid
@@ -144,16 +144,16 @@ class Presence:
             case BusToken():
                 run.token = None
                 run.refusal = ""
-                self._unhear(run, "its bridge has gone, or can't be reached")
+                self._remove_run(run, "its bridge has gone, or can't be reached")
             case NodeToken(_, _, node):
                 if run.nodes.pop(node.key, None) is not None:
                     self._node_bus.pop(node.key, None)
                     if run.is_told:
-                        self._far.node_went(node.key)
+                        self._far.node_removed(node.key)
             case EndpointToken(_, _, endpoint):
                 gone = run.endpoints.pop(key, None)
                 if gone is not None and run.is_told and gone.node in run.nodes:
-                    self._far.endpoint_went(endpoint.gid, endpoint.node)
+                    self._far.endpoint_removed(endpoint.gid, endpoint.node)
             case InterestToken(_, _, _, gid):
                 if run.interests.pop(key, None) is not None:
                     self._lose_interest(run, gid)
@@ -166,7 +166,7 @@ class Presence:
         if known is not None:
             self._refuse(known, reason)
 
-    def look(self, linked: Mapping[str, str] | None) -> None:
+    def poll(self, linked: Mapping[str, str] | None) -> None:
         """About once a second: who claims an id that another one has is said.
 
         `linked`: by zenoh id, each bridge that a link leads to, with its host where nothing tells at once
@@ -179,7 +179,7 @@ class Presence:
         if linked is not None:
             for bus, name in rivals:
                 if bus != self._own:
-                    self._look_at_links(bus, self._runs[bus, name], linked)
+                    self._check_links(bus, self._runs[bus, name], linked)
         self._looks = {one: self._looks.get(one, 0) + 1 for one in rivals}
         for (bus, name), looks in self._looks.items():
             if bus == self._own:
@@ -202,7 +202,7 @@ class Presence:
         """The zenoh ids of bridges that call their bus by our bus' id."""
         return list(self._doubles.values())
 
-    def _look_at_links(self, bus: str, rival: _Run, linked: Mapping[str, str]) -> None:
+    def _check_links(self, bus: str, rival: _Run, linked: Mapping[str, str]) -> None:
         """Whether who has an id is there no more, though its token is."""
         run = self._heard.get(bus)
         if run is None or run.token is None or rival.token is None:
@@ -215,12 +215,12 @@ class Presence:
             reason = "its bridge has started anew"
         if reason:
             run.token = None
-            self._unhear(run, reason)
+            self._remove_run(run, reason)
 
     def _refuse(self, run: _Run, reason: str) -> None:
         if not run.refusal:
             run.refusal = reason
-            self._unhear(run, reason)
+            self._remove_run(run, reason)
             self._clear(run)
 
     def _clear(self, run: _Run) -> None:
@@ -267,32 +267,32 @@ class Presence:
 
     # --- one bus
 
-    def _hear(self, run: _Run) -> None:
+    def _add_run(self, run: _Run) -> None:
         if run.bus in self._heard:
             return
         self._heard[run.bus] = run
         run.is_told = True
-        self._far.bus_came(FarBus(run.bus))
+        self._far.bus_added(FarBus(run.bus))
         for node in run.nodes.values():
-            self._far.node_came(node)
-        self._tell_endpoints(one for one in run.endpoints.values() if one.node in run.nodes)
+            self._far.node_added(node)
+        self._announce_endpoints(one for one in run.endpoints.values() if one.node in run.nodes)
 
-    def _unhear(self, run: _Run, reason: str) -> None:
+    def _remove_run(self, run: _Run, reason: str) -> None:
         """Not told of any more; another run that is there takes its place."""
         if not run.is_told:
             return
         run.is_told = False
         del self._heard[run.bus]
-        self._far.bus_went(run.bus, reason)
+        self._far.bus_removed(run.bus, reason)
         others = [one for one in self._runs.values() if one.bus == run.bus and one.token and not one.refusal]
         if others:
-            self._hear(max(others, key=lambda one: one.run))
+            self._add_run(max(others, key=lambda one: one.run))
 
-    def _tell_node(self, run: _Run, node: FarNode) -> None:
-        self._far.node_came(node)
-        self._tell_endpoints(one for one in run.endpoints.values() if one.node == node.key)
+    def _announce_node(self, run: _Run, node: FarNode) -> None:
+        self._far.node_added(node)
+        self._announce_endpoints(one for one in run.endpoints.values() if one.node == node.key)
 
-    def _tell_endpoints(self, endpoints: Iterable[FarEndpoint]) -> None:
+    def _announce_endpoints(self, endpoints: Iterable[FarEndpoint]) -> None:
         """Subscriptions first: who answers must find them there."""
         for endpoint in sorted(endpoints, key=lambda one: one.kind == "publisher"):
-            self._far.endpoint_came(endpoint)
+            self._far.endpoint_added(endpoint)

@@ -396,7 +396,7 @@ class Session:
         """The payload and the attachment of the first answer; None where there is none. Once, on the loop."""
         answers: list[tuple[bytes, bytes | None]] = []
 
-        def hear(reply: Any) -> None:
+        def on_reply(reply: Any) -> None:
             if not answers and (sample := reply.ok) is not None:
                 attachment = sample.attachment
                 answers.append(
@@ -410,7 +410,7 @@ class Session:
             try:
                 self._zenoh.get(
                     key,
-                    Callback(hear, end, indirect=False),
+                    Callback(on_reply, end, indirect=False),
                     payload=payload,
                     timeout=timeout_s,
                     priority=_OVERTAKING,  # of the answer, too

@@ -93,7 +93,7 @@ class Window:
         known = self._importers.get(importer)
         return None if known is None else known.joined
 
-    def hear(self, importer: str, arrived: int, taken: int) -> bool:
+    def acknowledge(self, importer: str, arrived: int, taken: int) -> bool:
         """Its bridge has got everything up to `arrived`, and its bus has taken it up to `taken`. Whether that
         was news. Numbers that were never sent count as the newest."""
         known = self._importers.get(importer)

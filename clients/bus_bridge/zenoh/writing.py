@@ -196,7 +196,7 @@ class ZenohWriter:
 
     def see_ack(self, importer: str, arrived: int, taken: int) -> None:
         """How far an importer is."""
-        is_news = self._window.hear(importer, arrived, taken)
+        is_news = self._window.acknowledge(importer, arrived, taken)
         if is_news:
             self._go_on()
         if self.state is WriterState.LEAVING:
@@ -221,7 +221,7 @@ class ZenohWriter:
             begin = records.write_pair(base, 0)
             query.reply(*((b"", begin) if kept is None else (kept.payload, begin + kept.head)))
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """To be called about once a second."""
         self._probing.scan()
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from bus.qos import QoSProfile
     from bus_bag.storage import BagReader
 
-__all__ = ["add_bag_argument", "add_storage_argument", "opened", "overrides_in", "tell_problems"]
+__all__ = ["add_bag_argument", "add_storage_argument", "opened", "overrides_in", "print_problems"]
 
 _MOST = 20
 """Problems that are told one by one."""
@@ -46,10 +46,10 @@ def opened(args: Namespace) -> "Iterator[BagReader]":
         try:
             yield reader
         finally:
-            tell_problems(reader)
+            print_problems(reader)
 
 
-def tell_problems(reader: "BagReader") -> None:
+def print_problems(reader: "BagReader") -> None:
     """One line each, on stderr; and what can be done."""
     problems = reader.problems
     for problem in problems[:_MOST]:

@@ -88,7 +88,7 @@ class Child:
         self.pid = self._process.pid
         self.exit_fd = os.pidfd_open(self.pid)
 
-    def tell(self, word: str) -> None:
+    def send(self, word: str) -> None:
         """Send `word`. Whether the child is gone, the wait for its answer finds out."""
         try:
             os.write(self._stdin, word.encode() + b"\n")

@@ -89,7 +89,7 @@ class Session:
         text = msgspec.json.encode(word).decode()
         with deferred():  # all of them or none
             for worker in workers:
-                worker.tell(text)
+                worker.send(text)
         return self._collect(workers, kind, found)
 
     def _collect(self, workers: Sequence[Child], kind: type[E], found: dict[Child, E]) -> list[E]:

@@ -43,7 +43,7 @@ class Verb:
         self.stopped = asyncio.Event()
         self._words: asyncio.Queue[Go | Settle] = asyncio.Queue()
 
-    def tell(self, event: Event) -> None:
+    def send(self, event: Event) -> None:
         sys.stdout.buffer.write(json.encode(event) + b"\n")
         sys.stdout.buffer.flush()
 
@@ -79,10 +79,10 @@ class Talker:
     async def work(self) -> None:
         """Obey, for ever."""
         routes = sorted({match.route for match in self._publisher.matches})
-        self._verb.tell(Ready(routes=tuple(routes), why_socket=shm.why_not()))
+        self._verb.send(Ready(routes=tuple(routes), why_socket=shm.why_not()))
         while isinstance(go := await self._verb.word(), Go):
             self._count = 0
-            telling = asyncio.create_task(self._tell_progress())
+            telling = asyncio.create_task(self._send_progress())
             try:
                 begin_ns = monotonic_ns()
                 await (self._pace(go) if self._task.rate else self._flood(go))
@@ -90,7 +90,7 @@ class Talker:
                 end_ns = monotonic_ns()
             finally:
                 telling.cancel()
-            self._verb.tell(Sent(count=self._count, begin_ns=begin_ns, end_ns=end_ns))
+            self._verb.send(Sent(count=self._count, begin_ns=begin_ns, end_ns=end_ns))
 
     async def _pace(self, go: Go) -> None:
         """By a schedule that is fixed beforehand: what is overdue is sent at once, and nothing is skipped."""
@@ -143,10 +143,10 @@ class Talker:
             await self._publisher.send(message)
         self._count += 1
 
-    async def _tell_progress(self) -> None:
+    async def _send_progress(self) -> None:
         while True:
             await asyncio.sleep(_PROGRESS_S)
-            self._verb.tell(Progress(count=self._count))
+            self._verb.send(Progress(count=self._count))
 
 
 class Listener:
@@ -189,10 +189,10 @@ class Listener:
 
     async def work(self, subscription: Subscription[Any]) -> None:
         """Obey, for ever."""
-        self._verb.tell(Ready())
+        self._verb.send(Ready())
         while isinstance(settle := await self._verb.word(), Settle):
             await self._settle(subscription, settle.published)
-            self._verb.tell(self._report(subscription))
+            self._verb.send(self._report(subscription))
 
     async def _settle(self, subscription: Subscription[Any], published: int) -> None:
         """Until so many came or are known to be lost; or nothing more happens."""
@@ -250,14 +250,14 @@ async def _work(verb: Verb, task: Task) -> None:
         ) as node:
             await roles[task.role](verb, task, node)
     except PayloadTooLarge as error:
-        verb.tell(
+        verb.send(
             Trouble(
                 f"--size {task.size}: that is a message of {error.size_bytes} B, and busd's limit is "
                 f"{error.limit_bytes} B (message_bytes in busd.toml)"
             )
         )
     except (BusError, CommandError) as error:
-        verb.tell(Trouble(str(error)))
+        verb.send(Trouble(str(error)))
 
 
 async def _until_the_end(task: Task) -> None:

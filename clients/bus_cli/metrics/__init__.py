@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from bus.base.optional import how_to_install
 from bus.process.address import socket_path
 from bus.process.termination import die_at_interrupt
-from bus_cli.metrics.view import View, look
+from bus_cli.metrics.view import View, read_view
 from bus_cli.output import CommandError, complain, print_json, say, show
 from bus_cli.stream import positive_int
 from bus_web.place import Place, parse_address
@@ -89,9 +89,9 @@ def _registry(args: Namespace) -> "CollectorRegistry":
     path = socket_path(args.socket, args.domain)
     last_reason = ""
 
-    def look_and_tell() -> View | str:
+    def poll_and_report() -> View | str:
         nonlocal last_reason
-        seen = look(path)
+        seen = read_view(path)
         reason = "" if isinstance(seen, View) else seen
         if reason != last_reason:
             complain(reason or f"busd answers at {path}")
@@ -99,5 +99,7 @@ def _registry(args: Namespace) -> "CollectorRegistry":
         return seen
 
     registry = CollectorRegistry()
-    registry.register(BusCollector(look_and_tell, most_rows=args.max_rows, hidden=args.include_hidden_topics))
+    registry.register(
+        BusCollector(poll_and_report, most_rows=args.max_rows, hidden=args.include_hidden_topics)
+    )
     return registry

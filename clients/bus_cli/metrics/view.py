@@ -18,7 +18,7 @@ from bus_cli.query import NotRunning, Query
 if TYPE_CHECKING:
     from bus_cli.bridge.remote import Answer
 
-__all__ = ["View", "look"]
+__all__ = ["View", "read_view"]
 
 _ANSWER_S = 2.0
 """A scraper gives up after some ten seconds; a healthy busd answers in milliseconds."""
@@ -35,7 +35,7 @@ class View(msgspec.Struct, frozen=True):
     """By the full names of their nodes; without those that did not answer."""
 
 
-def look(path: Path) -> View | str:
+def read_view(path: Path) -> View | str:
     """What busd at `path` says, or why there is nothing to say. Takes seconds at most, and starts no busd."""
     began_s = monotonic()
     try:

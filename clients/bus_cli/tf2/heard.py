@@ -31,7 +31,7 @@ async def _listen(args: Namespace, topics: list[str]) -> set[str]:
 
     heard: set[str] = set()
 
-    def hear(message: Any) -> None:
+    def on_message(message: Any) -> None:
         for one in message.transforms:
             heard.update((one.header.frame_id, one.child_frame_id))
 
@@ -40,6 +40,6 @@ async def _listen(args: Namespace, topics: list[str]) -> set[str]:
         for topic in topics:
             latched = Durability.TRANSIENT_LOCAL if topic == "/tf_static" else Durability.VOLATILE
             qos = QoSProfile(depth=100, durability=latched)
-            await node.create_subscription(kind, topic, qos, callback=hear)
+            await node.create_subscription(kind, topic, qos, callback=on_message)
         await asyncio.sleep(MOMENT_S)
     return heard

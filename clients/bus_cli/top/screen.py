@@ -144,7 +144,7 @@ class Top(App[None]):
 
     def on_mount(self) -> None:
         self.query_one("#rows").focus()
-        self._start(self._look_for_ever())
+        self._start(self._poll_forever())
         self.set_interval(_NEWS_S, self._show_news)
 
     def on_resize(self) -> None:
@@ -164,7 +164,7 @@ class Top(App[None]):
             self.failure = error
             self.exit()
 
-    async def _look_for_ever(self) -> None:
+    async def _poll_forever(self) -> None:
         while True:
             began_s = monotonic()
             if not self._state.is_paused:

@@ -51,7 +51,7 @@ class Values:
         offers = [one.qos for one in self._graph.publishers_of(self._topic)]
         qos = replace(serving_all(PRESETS["sensor_data"], offers), depth=5)
         self._subscription = await self._node.create_subscription(
-            self._class, self._topic, qos, self._hear, raw=True
+            self._class, self._topic, qos, self._on_message, raw=True
         )
         if self._is_closed:
             await self.close()
@@ -85,7 +85,7 @@ class Values:
         plain = _fold(view.plain(support.schema, support.schema["root"], message))
         return [Line(line) for line in to_text(plain).splitlines()[:_MOST_LINES]]
 
-    def _hear(self, payload: Any, info: MessageInfo) -> None:
+    def _on_message(self, payload: Any, info: MessageInfo) -> None:
         self._newest = payload, info
         self._count += 1
         self.has_news = True

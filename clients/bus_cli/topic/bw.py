@@ -30,11 +30,11 @@ async def _measure(args: Namespace) -> int:
         topic = node.resolve_topic_name(args.topic_name)
         bandwidth = Bandwidth(args.window)
 
-        def hear(payload: bytes) -> None:
+        def on_message(payload: bytes) -> None:
             bandwidth.add(monotonic_ns(), len(payload))
 
         await warn_if_unknown(node, topic)
-        await node.create_subscription(None, topic, given_profile(args), hear, raw=True)
+        await node.create_subscription(None, topic, given_profile(args), on_message, raw=True)
         if not args.json:
             say(f"Subscribed to [{topic}]")
         node.create_timer(_PERIOD_S, lambda: _print(topic, bandwidth, as_json=args.json))

@@ -116,10 +116,10 @@ async def _echo(args: Namespace) -> int:
         done = asyncio.get_running_loop().create_future()
         silence = Silence(node, topic)
 
-        def hear(message: Any, info: MessageInfo) -> None:
+        def on_message(message: Any, info: MessageInfo) -> None:
             if done.done():
                 return
-            silence.hear()
+            silence.on_message()
             if passes is None or passes(message):
                 silence.show()
                 try:
@@ -135,7 +135,7 @@ async def _echo(args: Namespace) -> int:
 
         events = SubscriptionEvents(message_lost=None if args.no_lost_messages else _lost_notice(args))
         subscription = await node.create_subscription(
-            message_type, topic, profile, hear, events=events, raw=args.raw
+            message_type, topic, profile, on_message, events=events, raw=args.raw
         )
         watching = asyncio.create_task(silence.watch(subscription))
         try:

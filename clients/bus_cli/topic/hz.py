@@ -76,7 +76,7 @@ class _Meter:
         """Subscribe as soon as an endpoint has the topic. Without a filter nothing is decoded."""
         clock = time_ns if self._args.wall_time else monotonic_ns
 
-        def hear(message: Any, info: MessageInfo) -> None:
+        def on_sample(message: Any, info: MessageInfo) -> None:
             self.flow.add(info.publisher_gid, info.publication_sequence_number, info.source_timestamp)
             if passes is None or passes(message):
                 self.intervals.add(clock())
@@ -84,7 +84,7 @@ class _Meter:
 
         await warn_if_unknown(self._node, self.topic)
         self._subscription = await self._node.create_subscription(
-            None, self.topic, given_profile(self._args), hear, raw=passes is None
+            None, self.topic, given_profile(self._args), on_sample, raw=passes is None
         )
 
     def record(self, gaps: Spread) -> dict[str, Any]:

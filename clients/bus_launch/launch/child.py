@@ -179,10 +179,10 @@ class _Guard:
                 cwd="/",
                 start_new_session=True,
             )
-        self._tell(f"+{group}\n")
+        self._write_line(f"+{group}\n")
 
     def remove(self, group: int) -> None:
-        self._tell(f"-{group}\n")
+        self._write_line(f"-{group}\n")
 
     async def end(self) -> None:
         """Have it end what is left; returns when nothing is."""
@@ -196,7 +196,7 @@ class _Guard:
             pass
         await asyncio.to_thread(process.wait)
 
-    def _tell(self, line: str) -> None:
+    def _write_line(self, line: str) -> None:
         if self._process is None or self._process.stdin is None:
             return
         try:

@@ -45,7 +45,7 @@ class Transitions:
         event = message_class("lifecycle_msgs/msg/TransitionEvent")
         change = service_class("lifecycle_msgs/srv/ChangeState")
         async with BusNode(f"launch_ros_{os.getpid()}_{id(self._node)}", arguments=()) as own:
-            await own.create_subscription(event, f"{name}/transition_event", 100, self._hear)
+            await own.create_subscription(event, f"{name}/transition_event", 100, self._on_transition)
             client = await own.create_client(change, f"{name}/change_state")
             while True:
                 number = await self._asked.get()
@@ -58,5 +58,5 @@ class Transitions:
                         f"Failed to make transition '{number}' for LifecycleNode '{name}'"
                     )
 
-    def _hear(self, message: Any) -> None:
+    def _on_transition(self, message: Any) -> None:
         self._context.emit_event_sync(StateTransition(action=self._node, msg=message))

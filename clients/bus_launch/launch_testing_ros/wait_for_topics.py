@@ -80,7 +80,7 @@ class WaitForTopics:
         rclpy.init(context=self._context)
         self._node = rclpy.create_node(f"wait_for_topics_{uuid.uuid4().hex}", context=self._context)
         for name, kind in self._topics:
-            self._node.create_subscription(kind, name, self._hearer(name), _KEPT)
+            self._node.create_subscription(kind, name, self._callback_for(name), _KEPT)
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, name="WaitForTopics", daemon=True)
@@ -88,13 +88,13 @@ class WaitForTopics:
         if self._trigger is not None:
             self._trigger(self._node)
 
-    def _hearer(self, name: str) -> Callable[[Any], None]:
-        def hear(message: Any) -> None:
+    def _callback_for(self, name: str) -> Callable[[Any], None]:
+        def on_message(message: Any) -> None:
             with self._news:
                 self._messages[name].append(message)
                 self._news.notify_all()
 
-        return hear
+        return on_message
 
     def _spin(self) -> None:
         import rclpy

@@ -98,7 +98,7 @@ class Client(Entity, Introspected, Destroyable):
             if number:
                 self._futures[number] = future
         if number and self.events is not None:
-            self.events.tell("REQUEST_SENT", self.native._gid, number, request=request)
+            self.events.publish_event("REQUEST_SENT", self.native._gid, number, request=request)
         if not number:
             raise RuntimeError(f"no room to call service '{self.service_name}'")
         return future
@@ -150,10 +150,10 @@ class Client(Entity, Introspected, Destroyable):
         if isinstance(outcome, BusError):
             return future.set_exception, (outcome,)
         if self.events is not None:
-            return self._tell_and_set, (future, outcome, number)
+            return self._report_and_set, (future, outcome, number)
         return future.set_result, (outcome,)
 
-    def _tell_and_set(self, future: Future[Any], response: object, number: int) -> None:
+    def _report_and_set(self, future: Future[Any], response: object, number: int) -> None:
         if self.events is not None:
-            self.events.tell("RESPONSE_RECEIVED", self.native._gid, number, response=response)
+            self.events.publish_event("RESPONSE_RECEIVED", self.native._gid, number, response=response)
         future.set_result(response)

@@ -151,7 +151,7 @@ class ClockEvent:
     def is_set(self) -> bool:
         return self._is_set
 
-    def look_again(self) -> None:
+    def recheck(self) -> None:
         """The clock has moved: threads that wait compare anew."""
         with self._changed:
             self._changed.notify_all()
@@ -241,7 +241,7 @@ class Clock(Handled):
             if jump.clock_change in CHANGES_OF_SOURCE:
                 event.set()
             else:
-                event.look_again()
+                event.recheck()
 
         with _woken_by(context, event), self.create_jump_callback(ANY_JUMP, post_callback=on_jump):
             if context.ok():  # it may have been shut down before it knew of the event

@@ -163,7 +163,7 @@ class Executor:
 
     def wake(self) -> None:
         """Have a wait look again, from any thread."""
-        self._engine.tell(self.wake_up)
+        self._engine.post(self.wake_up)
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """Stop spinning. Returns whether all calls had ended by then."""
@@ -282,7 +282,7 @@ class Executor:
         if not self.waiter.is_set:
             self.waiter.set()
 
-    def look_at_timers(self) -> None:
+    def on_timers_changed(self) -> None:
         """A timer was made or changed."""
         self._timer_ns = 0
         self.waiter.set()
@@ -412,7 +412,7 @@ class Executor:
 
     def _go_on_with(self, step: Step) -> None:
         """Its task can go on; called in any thread."""
-        self._engine.tell(self.enqueue, step)
+        self._engine.post(self.enqueue, step)
 
     def _run(self, entity: Ready, work: Work) -> bool:
         """Make a call; returns whether it has ended, or is a coroutine that goes on later."""
@@ -491,7 +491,7 @@ class MultiThreadedExecutor(Executor):
             self._pool.end()
             is_worker = self._pool.is_mine()
             self._leavers += is_worker
-            self._tell_leaving()
+            self._notify_leaving()
             try:
                 while self._threads - self._free > self._leavers:
                     waiter = Waiter(engine)
@@ -502,7 +502,7 @@ class MultiThreadedExecutor(Executor):
             finally:
                 self._leavers -= is_worker
 
-    def _tell_leaving(self) -> None:
+    def _notify_leaving(self) -> None:
         leaving, self._leaving = self._leaving, []
         for waiter in leaving:
             waiter.set()
@@ -569,7 +569,7 @@ class MultiThreadedExecutor(Executor):
                 if found is None:
                     if not looks or self.ready or self._failures or not self._context.ok():
                         self.wake_up()
-                    self._tell_leaving()
+                    self._notify_leaving()
                     if self._spinners and not self._is_shutdown:
                         self._pool.stay()
 

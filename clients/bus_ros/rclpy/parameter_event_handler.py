@@ -59,7 +59,7 @@ class ParameterEventHandler:
         self.parameter_event_subscription = node.create_subscription(
             parameter_message("ParameterEvent"),
             "/parameter_events",
-            self._hear,
+            self._on_event,
             qos_profile,
             callback_group=callback_group,
             event_callbacks=event_callbacks,
@@ -115,7 +115,7 @@ class ParameterEventHandler:
             raise RuntimeError(_GONE)
         self._event_callbacks.remove(handle)
 
-    def _hear(self, event: Any) -> None:
+    def _on_event(self, event: Any) -> None:
         for one in tuple(self._parameter_callbacks):
             parameter = self.get_parameter_from_event(event, one.parameter_name, one.node_name)
             if parameter is not None:

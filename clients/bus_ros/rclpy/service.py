@@ -71,7 +71,7 @@ class Service(Entity, Introspected, Destroyable):
             )
         self._respond(header, response)
         if self.events is not None:
-            self.events.tell("RESPONSE_SENT", header.client, header.number, response=response)
+            self.events.publish_event("RESPONSE_SENT", header.client, header.number, response=response)
 
     def destroy(self) -> None:
         """Take no more requests."""
@@ -93,13 +93,13 @@ class Service(Entity, Introspected, Destroyable):
                 continue
             answer = self._answer_async if self.is_async else self._answer
             if self.events is not None:
-                return self._tell_and_answer, (answer, request, request_id)
+                return self._report_and_answer, (answer, request, request_id)
             return answer, (request, request_id)
         return None
 
-    def _tell_and_answer(self, answer: Callable[..., Any], request: object, request_id: RequestId) -> Any:
+    def _report_and_answer(self, answer: Callable[..., Any], request: object, request_id: RequestId) -> Any:
         if self.events is not None:
-            self.events.tell("REQUEST_RECEIVED", *request_id, request=request)
+            self.events.publish_event("REQUEST_RECEIVED", *request_id, request=request)
         return answer(request, request_id)
 
     def _answer(self, request: object, request_id: RequestId) -> None:

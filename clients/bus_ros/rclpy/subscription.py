@@ -79,7 +79,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._is_waited_for = False  # a thread is in `sleep`, and takes what comes: the order stays
         self._is_quiet = False  # nobody wants to hear of losses, for which each message would be looked at
         with engine.loop:
-            native.set_arrival_callback(self._look)
+            native.set_arrival_callback(self._on_message)
 
     @property
     def callback(self) -> Callable[..., object]:
@@ -256,7 +256,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self.notify()  # another executor passed over it meanwhile, or `take` is to report something
         return False
 
-    def _look(self) -> None:
+    def _on_message(self) -> None:
         """A message has come. The next one may be handed to an executor that just waits for it."""
         executor = self.node.own_executor
         if executor is not self._handed_to and not self._takes_one and self.native.qos.deadline is None:

@@ -155,7 +155,7 @@ class Timer(Entity, Handled):
         self.wake_sleepers()
         executor = self.node.own_executor
         if executor is not None:
-            executor.look_at_timers()
+            executor.on_timers_changed()
 
     def _now_ns(self) -> int:
         return _now_ns(self.clock)
@@ -220,7 +220,7 @@ class Rate:
                 executor = timer.node.own_executor
                 if is_left_to_executor or executor is None or not executor.is_looking():
                     timer.take(1)
-                    self._tell_sleepers()
+                    self._notify_sleepers()
                     return
                 is_left_to_executor = True
                 deadline_ns = monotonic_ns() + _GRACE_NS
@@ -229,8 +229,8 @@ class Rate:
                 return  # KeyboardInterrupt comes where the guard ends
 
     def _fire(self) -> None:
-        engine().call(self._tell_sleepers)
+        engine().call(self._notify_sleepers)
 
-    def _tell_sleepers(self) -> None:
+    def _notify_sleepers(self) -> None:
         self._has_fired = True
         self._timer.wake_sleepers()

@@ -68,13 +68,13 @@ class JointStatePublisher(Node):
             )
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             self.create_subscription(
-                message_type("std_msgs/msg/String"), "robot_description", self._hear_description, latched
+                message_type("std_msgs/msg/String"), "robot_description", self._on_description, latched
             )
         else:
             self._set_up(parse(description))
         kind = message_type("sensor_msgs/msg/JointState")
         for topic in settings["source_list"] or []:
-            self.create_subscription(kind, topic, self._hear, 10)
+            self.create_subscription(kind, topic, self._on_joint_states, 10)
         self._publisher = self.create_publisher(kind, "joint_states", 10)
         self.create_timer(1.0 / settings["rate"], self._send)
 
@@ -95,7 +95,7 @@ class JointStatePublisher(Node):
             for joint, given in parts.items()
         }
 
-    def _hear_description(self, text: Any) -> None:
+    def _on_description(self, text: Any) -> None:
         try:
             self._set_up(parse(text.data))
         except UrdfError as error:
@@ -136,7 +136,7 @@ class JointStatePublisher(Node):
         }
         return {field: value for field, (setting, value) in wanted.items() if self._settings[setting]}
 
-    def _hear(self, state: Any) -> None:
+    def _on_joint_states(self, state: Any) -> None:
         for index, name in enumerate(state.name):
             known = self._states.get(name)
             for field in _FIELDS if known is not None else ():

@@ -63,7 +63,7 @@ class RobotStatePublisher(Node):
         self.create_subscription(
             message_type("sensor_msgs/msg/JointState"),
             "joint_states",
-            self._hear,
+            self._on_joint_states,
             qos_profile_sensor_data,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
@@ -86,7 +86,7 @@ class RobotStatePublisher(Node):
         (moved.x, moved.y, moved.z), (turned.x, turned.y, turned.z, turned.w) = place
         return made
 
-    def _hear(self, state: Any) -> None:
+    def _on_joint_states(self, state: Any) -> None:
         if len(state.name) != len(state.position):
             if state.position:
                 self.get_logger().error("Robot state publisher ignored an invalid JointState message")

@@ -80,7 +80,7 @@ def _watch(to: str = "", of: str = "") -> None:
     buffer, counts, lock = Buffer(node=node), Counts(), Lock()
     clock = Clock(clock_type=ClockType.STEADY_TIME)
 
-    def hear(message: object) -> None:
+    def on_message(message: object) -> None:
         now_s = node.get_clock().now().nanoseconds / 1e9
         transforms = getattr(message, "transforms", ())
         with lock:
@@ -93,9 +93,9 @@ def _watch(to: str = "", of: str = "") -> None:
             )
 
     kind = message_type("tf2_msgs/msg/TFMessage")
-    node.create_subscription(kind, "/tf", hear, 100)
+    node.create_subscription(kind, "/tf", on_message, 100)
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    node.create_subscription(kind, "/tf_static", hear, latched)
+    node.create_subscription(kind, "/tf_static", on_message, latched)
     listener = TransformListener(buffer, node, spin_thread=True)
     chain: list[str] | None = None
     if to:

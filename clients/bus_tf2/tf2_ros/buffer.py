@@ -38,7 +38,7 @@ class Buffer(BufferCore, BufferInterface):
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = node.create_service(
-                service_class("tf2_msgs/srv/FrameGraph"), "tf2_frames", self._tell_frames
+                service_class("tf2_msgs/srv/FrameGraph"), "tf2_frames", self._answer_frames
             )
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True)
         self.jump_handle = self.clock.create_jump_callback(threshold, post_callback=self.time_jump_callback)
@@ -168,16 +168,16 @@ class Buffer(BufferCore, BufferInterface):
     def _future(self, is_there: Callable[[], int], look_up: Callable[[], Any]) -> Future[Any]:
         future: Future[Any] = Future()
 
-        def look() -> None:
+        def check() -> None:
             try:
                 if not future.done() and is_there():
                     future.set_result(look_up())
             except Exception as error:
                 future.set_exception(error)
 
-        self._new_data_callbacks.append(look)
-        future.add_done_callback(lambda _: self._new_data_callbacks.remove(look))
-        look()
+        self._new_data_callbacks.append(check)
+        future.add_done_callback(lambda _: self._new_data_callbacks.remove(check))
+        check()
         return future
 
     def _call_new_data_callbacks(self) -> None:
@@ -185,6 +185,6 @@ class Buffer(BufferCore, BufferInterface):
             for callback in self._new_data_callbacks.copy():
                 callback()
 
-    def _tell_frames(self, request: Any, response: Any) -> Any:
+    def _answer_frames(self, request: Any, response: Any) -> Any:
         response.frame_yaml = self.all_frames_as_yaml()
         return response

@@ -19,9 +19,9 @@ class Carrot(Node):
         super().__init__(name, **options)
         self._place = place
         self.tf_broadcaster = TransformBroadcaster(self)
-        self.create_timer(_PERIOD_S, self._tell)
+        self.create_timer(_PERIOD_S, self._broadcast)
 
-    def _tell(self) -> None:
+    def _broadcast(self) -> None:
         now = self.get_clock().now()
         found = message("geometry_msgs/msg/TransformStamped", child_frame_id="carrot1")
         found.header.stamp = now.to_msg()

@@ -23,11 +23,11 @@ class PointPublisher(Node):
         self._points = self.create_publisher(
             message_type("geometry_msgs/msg/PointStamped"), "turtle3/turtle_point_stamped", 10
         )
-        self.create_subscription(message_type("turtlesim/msg/Pose"), "turtle3/pose", self._tell, 10)
+        self.create_subscription(message_type("turtlesim/msg/Pose"), "turtle3/pose", self._broadcast, 10)
         self._spawner = Spawner(self, "turtle3")
         self.create_timer(1.0, self._spawner.is_there)
 
-    def _tell(self, pose: Any) -> None:
+    def _broadcast(self, pose: Any) -> None:
         twist = message("geometry_msgs/msg/Twist")
         twist.linear.x = twist.angular.z = 1.0
         self._commands.publish(twist)

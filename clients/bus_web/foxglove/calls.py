@@ -37,7 +37,7 @@ class Calls:
         self._clients: dict[str, ServiceClient] = {}
         self._making = asyncio.Lock()
 
-    async def tell(self, graph: Graph) -> None:
+    async def advertise(self, graph: Graph) -> None:
         """What is new of services."""
         kinds = self._kinds(graph)
         if gone := self._advertised.gone(kinds):
@@ -49,7 +49,7 @@ class Calls:
         for name in self._advertised.missing(kinds):
             format_ = await self._formats.find_service(*kinds[name])
             if format_ is not None:
-                told.append(format_.tell(self._advertised.add(name, kinds[name], format_), name))
+                told.append(format_.describe(self._advertised.add(name, kinds[name], format_), name))
         if told:
             self._client.notify(protocol.text("advertiseServices", services=told))
 

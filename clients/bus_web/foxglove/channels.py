@@ -8,7 +8,7 @@ from bus_ros.cdr import Codec
 from bus_web.foxglove import protocol
 from bus_web.foxglove.advertised import Advertised
 from bus_web.foxglove.client import Client
-from bus_web.foxglove.formats import Formats, tell_channel
+from bus_web.foxglove.formats import Formats, describe_channel
 from bus_web.foxglove.protocol import Level
 from bus_web.shared_subscriptions import TypeKind
 
@@ -52,7 +52,7 @@ class Channels:
             self._client.notify(protocol.text("unadvertise", channelIds=ids))
         return gone
 
-    async def tell_new(self) -> None:
+    async def advertise_new(self) -> None:
         """Those that the client does not know yet; in portions, each when it has read the one before."""
         present = self._present
         told: list[Mapping[str, Any]] = []
@@ -62,7 +62,7 @@ class Channels:
             if not isinstance(codec, Codec):
                 self._leave_out(topic, codec)
                 continue
-            told.append(tell_channel(self._advertised.add(topic, present[topic], codec), topic, codec))
+            told.append(describe_channel(self._advertised.add(topic, present[topic], codec), topic, codec))
             size += len(codec.definition)
             if size > _PORTION:
                 self._client.notify(protocol.text("advertise", channels=told))

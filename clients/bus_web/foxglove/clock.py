@@ -23,7 +23,7 @@ class Clock:
         self.is_there = is_published or (keep and was_there)
         return self.is_there != was_there
 
-    def hear(self, heard: Heard) -> bool:
+    def update(self, heard: Heard) -> bool:
         """Returns whether it said a time."""
         try:
             stamp = heard.message.clock

@@ -12,7 +12,7 @@ from bus.types.support import type_support
 from bus_ros.cdr import CdrError, Codec, codec_of
 from bus_web.shared_subscriptions import TypeKind
 
-__all__ = ["Formats", "ServiceFormat", "tell_channel"]
+__all__ = ["Formats", "ServiceFormat", "describe_channel"]
 
 _ANSWER_S = 2.0
 _MOST = 4096
@@ -25,7 +25,7 @@ class ServiceFormat(NamedTuple):
     request: Codec
     response: Codec
 
-    def tell(self, id: int, name: str) -> dict[str, Any]:
+    def describe(self, id: int, name: str) -> dict[str, Any]:
         """A service of this type; `requestSchema` and the like are for older clients."""
         return {
             "id": id,
@@ -99,7 +99,7 @@ class Formats:
         return known
 
 
-def tell_channel(id: int, topic: str, codec: Codec) -> dict[str, Any]:
+def describe_channel(id: int, topic: str, codec: Codec) -> dict[str, Any]:
     """A channel, as clients are told of it."""
     return {"id": id, "topic": topic, **_schema(codec)}
 

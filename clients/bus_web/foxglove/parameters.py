@@ -69,7 +69,7 @@ class Parameters:
         """Whether changes are of interest."""
         return self._follows_all or bool(self._followed)
 
-    def hear(self, heard: Heard) -> None:
+    def on_event(self, heard: Heard) -> None:
         """An event of a node whose parameters have changed."""
         try:
             event = heard.message

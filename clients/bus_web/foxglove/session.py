@@ -114,7 +114,7 @@ class Session(Watcher):
                     self.lost("busd does not answer")
                 elif self._hub.has_looked:
                     self._news.set()
-                work = (self._client.run(), self._tell(), self._listen())
+                work = (self._client.run(), self._advertise(), self._listen())
                 tasks = [self._loop.create_task(one) for one in work]
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
                 for task in done:
@@ -150,12 +150,12 @@ class Session(Watcher):
 
     # --- of the subscriptions
 
-    def hear(self, topic: str, heard: Heard) -> None:
-        if topic == CLOCK and self._clock.is_there and self._clock.hear(heard):
+    def on_message(self, topic: str, heard: Heard) -> None:
+        if topic == CLOCK and self._clock.is_there and self._clock.update(heard):
             self._client.forget(_TIME)  # only the newest is of interest
             self._client.put(_TIME, protocol.time(self._clock.now_ns))
         if topic == EVENTS and self._parameters.is_following and not self._client.is_behind:
-            self._parameters.hear(heard)
+            self._parameters.on_event(heard)
         id = self._subscriptions.id_of(topic)
         codec = self._channels.codec_of(topic, (heard.schema.type_name, heard.schema.type_hash))
         if id is None or codec is None:
@@ -165,18 +165,18 @@ class Session(Watcher):
             try:
                 parts = heard.frames["cdr"] = codec.encode(heard.payload)
             except CdrError as error:
-                self.hear_fault(topic, str(error))
+                self.on_fault(topic, str(error))
                 return
         time_ns = self._clock.now_ns if self._clock.is_there else heard.info.received_timestamp
         self._client.put(topic, protocol.message(id, time_ns, parts))
 
-    def hear_fault(self, topic: str, text: str) -> None:
+    def on_fault(self, topic: str, text: str) -> None:
         if not self._client.is_behind:
             self._client.say(Level.WARNING, f"{topic}: {text}", f"fault {topic}")
 
     # --- what the client is told
 
-    async def _tell(self) -> None:
+    async def _advertise(self) -> None:
         """The graph, whenever that is new and the client has read what it was told before."""
         while True:
             await self._news.wait()
@@ -194,20 +194,20 @@ class Session(Watcher):
                     self._looks.remove(CLOCK, "time")
             for topic in self._channels.update(self._hub.subscriptions.kinds, keep=is_back):
                 self._unsubscribe(topic)
-            await self._channels.tell_new()
+            await self._channels.advertise_new()
             if self._calls is not None and not is_back:
-                await self._calls.tell(self._hub.model.graph)
-            self._tell_connections()
-            self._tell_missed()
+                await self._calls.advertise(self._hub.model.graph)
+            self._send_connections()
+            self._report_missed()
 
-    def _tell_connections(self) -> None:
+    def _send_connections(self) -> None:
         if self._connections is None:
             return
         news = self._connections.update(self._hub.model.graph)
         if news is not None:
             self._client.notify(protocol.text("connectionGraphUpdate", **news))
 
-    def _tell_missed(self) -> None:
+    def _report_missed(self) -> None:
         """How many messages went because the client reads too slowly."""
         dropped = self._client.take_dropped()
         if not dropped:

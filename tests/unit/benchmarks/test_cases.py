@@ -351,7 +351,7 @@ def test_processes_are_put_where_they_shall_be_and_who_is_gone_is_not() -> None:
         with pytest.raises(Failure, match=r"child_.* can't be put on CPU 100000"):
             paced.put_on(children[0], 100_000)
         for child in children:
-            child.tell("enough")
+            child.send("enough")
 
     with pytest.raises(Failure, match="can't be put on CPU"):
         paced.put_on(children[0], cpus[0])
@@ -370,7 +370,7 @@ def test_a_thread_that_ends_meanwhile_is_no_process_that_ends(monkeypatch: pytes
         cpu = min(os.sched_getaffinity(0))
         paced.put_on(child, cpu)
         assert os.sched_getaffinity(child.pid) == {cpu}
-        child.tell("enough")
+        child.send("enough")
 
 
 @pytest.mark.parametrize(("cpus", "missing"), [({0}, "there is one CPU only"), ({0, 1}, "")])
@@ -395,4 +395,4 @@ def test_memory_of_a_process_is_told_and_one_that_is_gone_is_a_failure() -> None
         os.waitid(os.P_PIDFD, gone.exit_fd, os.WEXITED | os.WNOWAIT)
         with pytest.raises(Failure, match="gone exited with 1: no memory"):
             paced.memory_mib(gone)
-        child.tell("enough")
+        child.send("enough")

@@ -147,7 +147,7 @@ def _did(group: Group, child: Child) -> int:
     """What it asks for from now on, once it has asked for something."""
     asked = 0
     while not asked:
-        child.tell("report")
+        child.send("report")
         asked = group.expect(child, "flooded", within_s=START_S)["asked"]
     return asked
 

@@ -33,10 +33,10 @@ def test_a_paced_stream_reaches_two_subscribers(system: System, size: int) -> No
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, work, work.subscribers)
-        publisher.tell("go")
+        publisher.send("go")
         for child in subscribers:
             group.expect(child, "complete", within_s=LIMIT_S)
-            child.tell("report")
+            child.send("report")
             received = group.expect(child, "received", within_s=START_S)
 
             assert len(received["age_ns"]) == work.count
@@ -61,8 +61,8 @@ def test_one_message_is_sent_as_soon_as_somebody_is_there(system: System) -> Non
         system.start_servers(group)
         publisher, subscriber = system.start_pair(group, work)
         group.expect(subscriber, "complete", within_s=LIMIT_S)
-        publisher.tell("end")
-        subscriber.tell("report")
+        publisher.send("end")
+        subscriber.send("report")
 
         assert group.expect(subscriber, "received", within_s=START_S)["at_ns"] > 0
 

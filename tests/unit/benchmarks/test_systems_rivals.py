@@ -34,10 +34,10 @@ def _received_by_two(system: System, work: Work) -> list[int]:
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, work, 2)
-        publisher.tell("warm_up")
+        publisher.send("warm_up")
         for child in subscribers:
             group.expect(child, "warm", within_s=START_S)
-        publisher.tell("go")
+        publisher.send("go")
         return [group.expect(child, "received", within_s=START_S)["count"] for child in subscribers]
 
 
@@ -76,9 +76,9 @@ def test_a_message_is_sent_without_a_word(system: System) -> None:
         _or_skip(system).start_servers(group)
         publisher, subscriber = system.start_pair(group, work)
         group.expect(subscriber, "complete", within_s=START_S)
-        subscriber.tell("report")
+        subscriber.send("report")
         (age_ns,) = group.expect(subscriber, "received", within_s=START_S)["age_ns"]
-        publisher.tell("end")
+        publisher.send("end")
 
     assert age_ns > 0
 

@@ -19,9 +19,9 @@ def test_there_and_back() -> None:
 
 def test_they_close() -> None:
     open_one = TopicLosses(10, 5, 2, {"replaced": 3})
-    assert open_one.closes
+    assert open_one.is_balanced
     assert open_one.closed() == TopicLosses(10, 5, 0, {"replaced": 3, "unexplained": 2})
-    assert not TopicLosses(10, 5).closes
+    assert not TopicLosses(10, 5).is_balanced
     whole = TopicLosses(3, 3)
     assert whole.closed() is whole
 

@@ -86,7 +86,7 @@ async def test_a_message_that_goes_out_and_comes_in() -> None:
     engine: Any = Engine()
     publisher: Any = Publisher()
     way = Import(engine, far, SCHEMA, publisher, Lateness(), print)
-    way.look()
+    way.on_matched()
     for put in session.puts:
         with CallCounter() as came:
             session.take(put)

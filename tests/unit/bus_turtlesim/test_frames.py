@@ -57,18 +57,18 @@ def test_a_turtle_keeps_its_picture() -> None:
     world, pictures = World(), Pictures()
     for _ in range(3):
         world.spawn(1.0, 2.0, 0.5, 0)
-    first = pictures.look(world.turtles.items())
+    first = pictures.update(world.turtles.items())
     assert [(one.name, one.picture) for one in first] == [("turtle1", 0), ("turtle2", 1), ("turtle3", 2)]
     assert first[0][1:4] == (1.0, 2.0, 0.5)
     world.kill("turtle1")
     world.spawn(1.0, 2.0, 0.5, 0, "other")
-    assert [one.picture for one in pictures.look(world.turtles.items())] == [1, 2, 3]
+    assert [one.picture for one in pictures.update(world.turtles.items())] == [1, 2, 3]
 
 
 def test_a_message() -> None:
     world = World()
     world.spawn(1.0, 2.0, 0.5, 0)
-    seen = Pictures().look(world.turtles.items())
+    seen = Pictures().update(world.turtles.items())
     assert message(seen, (0x45, 0x56, 0xFF), [square(7)], is_cleared=True) == {
         "turtles": [{"name": "turtle1", "x": 1.0, "y": 2.0, "theta": 0.5, "picture": 0}],
         "background": "#4556ff",

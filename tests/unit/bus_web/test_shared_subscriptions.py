@@ -22,10 +22,10 @@ class Listener:
         self.heard: list[Heard] = []
         self.faults: list[str] = []
 
-    def hear(self, topic: str, heard: Heard) -> None:
+    def on_message(self, topic: str, heard: Heard) -> None:
         self.heard.append(heard)
 
-    def hear_fault(self, topic: str, text: str) -> None:
+    def on_fault(self, topic: str, text: str) -> None:
         self.faults.append(text)
 
     @property

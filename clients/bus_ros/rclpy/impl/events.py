@@ -45,7 +45,7 @@ class EventHandle(Source):
         """Under the guard."""
         added = {name: getattr(self._value, name) + getattr(value, name) for name in _changes(value)}
         self._value, self._is_new = value._replace(**added), True
-        self._tell()
+        self._notify()
 
 
 def _changes(value: Any) -> list[str]:

@@ -20,7 +20,7 @@ class ServiceEvents:
         self._clock = clock
         self._has_contents = has_contents
 
-    def tell(self, kind: str, client: bytes, number: int, **contents: Any) -> None:
+    def publish_event(self, kind: str, client: bytes, number: int, **contents: Any) -> None:
         """Publish an event: REQUEST_SENT with `request`, RESPONSE_RECEIVED with `response`, and so on."""
         event = self.publisher.msg_type()
         info = event.info

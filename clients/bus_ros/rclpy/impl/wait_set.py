@@ -56,7 +56,7 @@ class Source(Handle):
         if callback not in self._listeners:
             self._listeners.append(callback)
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         listeners, self._listeners = self._listeners, []
         for callback in listeners:
             callback()
@@ -77,7 +77,7 @@ class GuardCondition(Source):
     def trigger_guard_condition(self) -> None:
         self.check()
         self._is_triggered = True
-        engine().call(self._tell)
+        engine().call(self._notify)
 
     def is_ready(self) -> bool:
         was_triggered, self._is_triggered = self._is_triggered, False
@@ -104,7 +104,7 @@ class Timer(Source):
         super().listen(callback)
         due_ns = self._timer.wake_ns()
         if due_ns:
-            engine().loop.call_later(max(due_ns - monotonic_ns(), 0) / 1e9, self._tell)
+            engine().loop.call_later(max(due_ns - monotonic_ns(), 0) / 1e9, self._notify)
 
     def call_timer(self) -> None:
         """The next time is one period later."""
@@ -162,7 +162,7 @@ class Subscription(Source):
         super().__init__(self.native.close)
         self._next: Any = None
         with engine().loop:
-            self.native.set_arrival_callback(self._tell)
+            self.native.set_arrival_callback(self._notify)
 
     def is_ready(self) -> bool:
         with engine().loop:
@@ -231,7 +231,7 @@ class Client(Source):
 
     def _on_response(self, number: int, outcome: object) -> None:
         self._answers.append((number, outcome))
-        self._tell()
+        self._notify()
 
 
 class Service(Source):
@@ -271,7 +271,7 @@ class Service(Source):
 
     def _on_request(self, request: object, request_id: Any) -> None:
         self._requests.append((request, request_id))
-        self._tell()
+        self._notify()
 
 
 class Calls(Source):
@@ -295,7 +295,7 @@ class Calls(Source):
 
     def come(self) -> None:
         """Under the guard: the entity may have calls."""
-        self._tell()
+        self._notify()
 
 
 class WaitSet(Handle):
@@ -355,16 +355,16 @@ class WaitSet(Handle):
     def wait(self, timeout_ns: int) -> None:
         """Wait until an entity is ready, `timeout_ns` at most; below zero: for ever."""
         mover, end_ns = engine(), _FOREVER_NS if timeout_ns < 0 else monotonic_ns() + timeout_ns
-        while not self.look() and monotonic_ns() < end_ns:
+        while not self.poll() and monotonic_ns() < end_ns:
             with mover.loop:
                 waiter = Waiter(mover)
                 self.listen(waiter.set)
-            if self.look():
+            if self.poll():
                 return
             with mover.loop:
                 waiter.wait(end_ns if timeout_ns >= 0 else 0)
 
-    def look(self) -> bool:
+    def poll(self) -> bool:
         """See which are ready; returns whether any is."""
         every = [source for sources in self._sources.values() for source in sources]
         self._ready = {source: source.is_ready() for source in every}
@@ -388,14 +388,14 @@ class WaitableEntity(Entity):
         self.waitable = waitable
 
     def take(self, most: int) -> Any:
-        return self._look, ()
+        return self._poll, ()
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         wait_set = WaitSet()
         self.waitable.add_to_wait_set(wait_set)
         with engine().loop:
             wait_set.listen(self.notify)
-        if not wait_set.look():
+        if not wait_set.poll():
             return
         if self.waitable.is_ready(wait_set):
             taken = self.waitable.take_data()

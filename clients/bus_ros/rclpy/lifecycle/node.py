@@ -60,7 +60,7 @@ class LifecycleNodeMixin(ManagedEntity):
             self._state_machine = LifecycleStateMachine(lambda _: None, warn)
             return
         services = LifecycleServices(node, self.__change_state, callback_group)
-        self._state_machine = LifecycleStateMachine(services.tell, warn)
+        self._state_machine = LifecycleStateMachine(services.publish_transition, warn)
         services.begin(self._state_machine)
 
     # --- transitions asked for by the program itself

@@ -60,7 +60,7 @@ class LifecycleServices:
             )
             setattr(self._node, f"_service_{name}", served)
 
-    def tell(self, transition: Transition) -> None:
+    def publish_transition(self, transition: Transition) -> None:
         """Publish that the node has made it; a destroyed node makes transitions that nobody hears of."""
         event = self._event(timestamp=self._node.get_clock().now().nanoseconds)
         event.transition.id, event.transition.label = transition.id, transition.label

@@ -8,7 +8,7 @@ import pytest
 
 
 @pytest.mark.parametrize(
-    "step", ["bus.node.Node.__init__", "bus.process.shared_loop.GuardedLoop.hear_signals"]
+    "step", ["bus.node.Node.__init__", "bus.process.shared_loop.GuardedLoop.wake_on_signals"]
 )
 def test_a_ctrl_c_before_it_hears_signals_is_silent(step: str) -> None:
     module, _, method = step.rpartition(".")

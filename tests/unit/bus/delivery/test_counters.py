@@ -139,9 +139,9 @@ class TestReasonsThatAreToldLater:
     def test_count_once_however_often_they_are_told(self) -> None:
         subscription = Pair("socket").subscription
         counters = subscription._core.counters
-        counters.tell(m.Dropped(subscription=1, dropped={"replaced": 2}))
+        counters.on_dropped(m.Dropped(subscription=1, dropped={"replaced": 2}))
         counters.disconnected("a broker")
-        counters.tell(self.dropped(before=5, last_seq=10))
+        counters.on_dropped(self.dropped(before=5, last_seq=10))
         found = subscription.statistics()
         assert found.dropped == {"replaced": 5, "disconnected": 5}
         assert found.expected == 10
@@ -149,11 +149,11 @@ class TestReasonsThatAreToldLater:
     def test_are_those_of_one_broker(self) -> None:
         subscription = Pair("socket").subscription
         counters = subscription._core.counters
-        counters.tell(m.Dropped(subscription=1, dropped={"replaced": 2}))
+        counters.on_dropped(m.Dropped(subscription=1, dropped={"replaced": 2}))
         counters.disconnected("a broker")
-        counters.tell(m.Dropped(subscription=1, dropped={"replaced": 1}))
+        counters.on_dropped(m.Dropped(subscription=1, dropped={"replaced": 1}))
         counters.disconnected("another broker")
-        counters.tell(self.dropped(before=4, last_seq=10))
+        counters.on_dropped(self.dropped(before=4, last_seq=10))
         found = subscription.statistics()
         assert found.dropped == {"replaced": 6, "disconnected": 4}
         assert found.expected == 10
@@ -162,7 +162,7 @@ class TestReasonsThatAreToldLater:
 def test_who_tells_of_more_than_can_be_counted_is_not_believed() -> None:
     subscription = Pair("socket").subscription
     for broker in range(3):
-        subscription._core.counters.tell(m.Dropped(subscription=1, dropped={"replaced": MAX_COUNT}))
+        subscription._core.counters.on_dropped(m.Dropped(subscription=1, dropped={"replaced": MAX_COUNT}))
         subscription._core.counters.disconnected(broker)
     assert subscription.statistics().dropped == {"replaced": MAX_COUNT}
 

@@ -177,7 +177,7 @@ class Scene:
 
     def the_other_dies(self) -> None:
         self.listener.die()
-        self.ring.let_the_dead_go()
+        self.ring.drop_dead_readers()
         self.world.advance(0)
 
 
@@ -224,7 +224,7 @@ def test_what_is_lost_and_comes_back_goes_on_with_the_same_gate() -> None:
 def test_while_busd_is_there_it_says_who_has_died() -> None:
     scene = Scene(GateState.ATTACHED)
     scene.listener.die()
-    assert not scene.ring.let_the_dead_go()
+    assert not scene.ring.drop_dead_readers()
     assert scene.gate.state is GateState.ATTACHED
 
 

@@ -26,7 +26,7 @@ class Heard:
             RECORD_HEAD.pack(1, 0) + b"%d" % (seq % 10) for seq in range(first_seq, first_seq + count)
         )
         run = Run(0, number, first_seq, count, body, is_replay)
-        if not self.tracker.look_at(self.source, run):
+        if not self.tracker.check_run(self.source, run):
             return []
         self.source.last_seq = max(self.source.last_seq, run.first_seq + run.count - 1)
         left = list(range(run.first_seq, run.first_seq + run.count))
@@ -314,7 +314,7 @@ class TestBeginnings:
     def test_nobody_says(self) -> None:
         heard = self.heard(5, told=3)
         heard.tracker.learn({})
-        heard.tracker.hear(GID, 9)
+        heard.tracker.note_received(GID, 9)
         heard.tracker.miss({GID: (0, 9)})
         assert heard.lost == [], "it reads the ring, and knows where it is"
         assert heard.tracker.last_seqs == {GID: 9}

@@ -291,7 +291,7 @@ class TestInterrupts:
 
         before = signal.signal(signal.SIGUSR1, handler)
         delays = random.Random(5)
-        loop.hear_signals()
+        loop.wake_on_signals()
         try:
             for _ in range(30):
                 timer = threading.Timer(delays.random() * 0.005, signal.pthread_kill, (main, signal.SIGUSR1))

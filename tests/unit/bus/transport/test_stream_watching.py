@@ -303,14 +303,14 @@ def test_held_by_the_owner_when_the_other_side_goes(end: End, does_linger: bool)
     end.check(after, WriteState.OPEN if does_linger else WriteState.CLOSED)
     assert end.losses == ([] if does_linger else [None])
     end.stream.linger()  # too late to matter
-    end.stream.hear_out()
+    end.stream.drain_input()
     end.check(after, end.stream.writing)
 
 
 def test_shut_by_the_owner_it_is_read_while_it_is_held(end: End) -> None:
     end.other.send(HELLO)
     end.stream.hold()
-    end.stream.hear_out()
+    end.stream.drain_input()
     end.check(ReadState.SHUT, WriteState.OPEN, is_held=True)
     end.may_read = False
     end.run_soon()

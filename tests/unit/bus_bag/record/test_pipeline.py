@@ -68,7 +68,7 @@ class World:
         topic = RecordedTopic(Found(name, SCHEMA.type_name, SCHEMA.type_hash), SCHEMA)
         counted: Any = Counted()
         self._counted[name] = topic.subscription = counted
-        topic.meet([QoSProfile(1, durability="transient_local") if is_latched else QoSProfile()])
+        topic.update_offers([QoSProfile(1, durability="transient_local") if is_latched else QoSProfile()])
         self.pipeline.add(topic)
         self.pipeline.set_publishers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
         return topic
@@ -115,7 +115,7 @@ def test_where_the_disk_is_slow_the_large_ones_lose(folder: Path) -> None:
     assert 20_000_000 < world.pipeline.cached < 31_000_000
     losses = world.finish()
     assert losses["/tf"] == TopicLosses(40, 40)
-    assert losses["/camera"].closes
+    assert losses["/camera"].is_balanced
     assert losses["/camera"].lost["recorder_cache"] >= 10
     assert world.bag.texts("/tf") == [str(number) for number in range(40)]
     assert len(world.bag.texts("/camera")) == losses["/camera"].written
@@ -138,7 +138,7 @@ def test_ended_at_once(folder: Path, is_slow: bool) -> None:
         world.may_write.set()
         return
     losses = world.finish()["/topic"]
-    assert losses.closes
+    assert losses.is_balanced
     assert (losses.expected, losses.lost["not_written"]) == (110, 110)
     assert world.bag.metadata.message_count == 0
 
@@ -212,7 +212,7 @@ def test_offers_that_come_later_are_in_the_metadata(folder: Path) -> None:
     topic = world.topic("/topic")
     world.put(topic, "a")
     world.pipeline.pump()
-    assert topic.meet([QoSProfile(), QoSProfile(7)])
+    assert topic.update_offers([QoSProfile(), QoSProfile(7)])
     world.pipeline.set_publishers(topic, {}, is_new=True)
     world.finish()
     (found,) = world.bag.metadata.topics

@@ -238,12 +238,12 @@ def test_a_lossless_publisher_that_nobody_reads_is_held_up_for_a_while_only() ->
     way = Way(QoSProfile(history="keep_all"), depth=3).attach()
     way.writer.is_wanted = False
     way.put(1, 2)
-    assert not way.export.has_waited_in_vain(1000.0)  # there is room
+    assert not way.export.has_timed_out(1000.0)  # there is room
     way.put(3)
-    assert [way.export.has_waited_in_vain(now_s) for now_s in (2000.0, 2001.0, 2029.9)] == [False] * 3
+    assert [way.export.has_timed_out(now_s) for now_s in (2000.0, 2001.0, 2029.9)] == [False] * 3
     assert way.export.is_full and way.frees == 0
-    assert way.export.has_waited_in_vain(2030.0)
-    assert not way.export.has_waited_in_vain(9999.0)
+    assert way.export.has_timed_out(2030.0)
+    assert not way.export.has_timed_out(9999.0)
     way.put(4, 5, 6)
     assert (way.export.waiting, way.frees, way.export.losses) == (0, 1, {"not_wanted": 6})
     way.writer.is_wanted = True
@@ -252,7 +252,7 @@ def test_a_lossless_publisher_that_nobody_reads_is_held_up_for_a_while_only() ->
     way.writer.is_wanted = False
     way.put(8, 9, 10)  # expected again, since it was wanted
     assert way.writer.numbers == [7] and way.export.is_full and way.closes
-    assert [way.export.has_waited_in_vain(now_s) for now_s in (9999.0, 9999.9)] == [False] * 2
+    assert [way.export.has_timed_out(now_s) for now_s in (9999.0, 9999.9)] == [False] * 2
 
 
 def test_one_that_is_read_however_slowly_is_held_up_without_an_end() -> None:
@@ -260,10 +260,10 @@ def test_one_that_is_read_however_slowly_is_held_up_without_an_end() -> None:
     way.writer.room = 0
     way.put(1, 2, 3)
     assert way.export.is_full
-    assert not any(way.export.has_waited_in_vain(float(now_s)) for now_s in range(100))
+    assert not any(way.export.has_timed_out(float(now_s)) for now_s in range(100))
     way.writer.is_wanted = False
-    assert not way.export.has_waited_in_vain(100.0)
+    assert not way.export.has_timed_out(100.0)
     way.writer.is_wanted = True
-    assert not way.export.has_waited_in_vain(129.0)
+    assert not way.export.has_timed_out(129.0)
     way.writer.is_wanted = False
-    assert not way.export.has_waited_in_vain(131.0)
+    assert not way.export.has_timed_out(131.0)

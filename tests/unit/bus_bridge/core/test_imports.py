@@ -112,11 +112,11 @@ class Way:
         if past is not None:
             self.way.resume(past)
         self.endpoint = endpoint
-        self.way.look()
+        self.way.on_matched()
 
     def match(self, *gids: bytes) -> None:
         self.publisher.matches = matched(*gids)
-        self.way.look()
+        self.way.on_matched()
 
     def receive(self, *numbers: int, at_ns: int = 1_000) -> None:
         self.way.receive(Loose([Sample(b"12", number, at_ns) for number in numbers]))
@@ -130,7 +130,7 @@ class Way:
 async def test_it_reads_while_there_is_a_subscription() -> None:
     way = Way()
     assert (way.engine.reads, way.way.is_flowing) == (1, True)
-    way.way.look()
+    way.way.on_matched()
     assert way.engine.reads == 1
     way.receive(1, 2, 3)
     assert way.publisher.published == [(b"12", 1_000)] * 3

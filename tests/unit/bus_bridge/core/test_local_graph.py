@@ -65,14 +65,14 @@ def test_what_comes_and_goes() -> None:
     one = node(1)
     seen = local()
     publisher, subscription = endpoint("publisher", 1, one, "/a"), endpoint("subscription", 2, one, "/b")
-    assert told(seen.look(graph(publisher, subscription))) == {
+    assert told(seen.update(graph(publisher, subscription))) == {
         "nodes": ["node1"],
         "subscriptions": ["/b"],
         "publishers": ["/a"],
     }
-    assert told(seen.look(graph(publisher, subscription, revision=2))) == {}
-    assert told(seen.look(graph(subscription, revision=3))) == {"gone": ["/a"]}
-    assert told(seen.look(graph(revision=4))) == {"gone": ["/b"], "gone_nodes": ["node1"]}
+    assert told(seen.update(graph(publisher, subscription, revision=2))) == {}
+    assert told(seen.update(graph(subscription, revision=3))) == {"gone": ["/a"]}
+    assert told(seen.update(graph(revision=4))) == {"gone": ["/b"], "gone_nodes": ["node1"]}
     assert (seen.endpoints, seen.nodes) == ({}, [])
 
 
@@ -80,15 +80,15 @@ def test_what_rules_keep_in_is_known_and_not_shown() -> None:
     one = node(1)
     seen = local(deny=["/secret"])
     hidden = [endpoint("publisher", 1, one, "/secret"), endpoint("publisher", 2, one, "/rosout")]
-    assert told(seen.look(graph(*hidden))) == {"nodes": ["node1"]}
+    assert told(seen.update(graph(*hidden))) == {"nodes": ["node1"]}
     assert all(seen.knows(each.gid) for each in hidden)
 
 
 def test_what_bridges_have_brought_is_not_shown_but_in_transit() -> None:
     far = node(1, origin=Origin("zenoh", "b", ("a",)))
     endpoints = [endpoint("publisher", 1, far, "/a"), endpoint("publisher", 2, far, "/b")]
-    assert told(local().look(graph(*endpoints))) == {}
-    changes = local(topics=[TopicRule(pattern="/a", transit=True)]).look(graph(*endpoints))
+    assert told(local().update(graph(*endpoints))) == {}
+    changes = local(topics=[TopicRule(pattern="/a", transit=True)]).update(graph(*endpoints))
     assert told(changes) == {"nodes": ["node1"], "publishers": ["/a"]}
     assert changes.nodes[0].via == ("a", "b")
 
@@ -99,7 +99,7 @@ def test_what_was_brought_from_the_only_far_bus_does_not_go_back_there_in_transi
     # Another machine may have a domain 0 of its own.
     through = endpoint("publisher", 3, node(3, origin=Origin("zenoh", "b", ("dds0",))), "/c")
     rules = Rules(topics=[TopicRule(pattern="/**", transit=True)])
-    changes = LocalGraph(rules, Naming(), "dds0").look(graph(own, other, through))
+    changes = LocalGraph(rules, Naming(), "dds0").update(graph(own, other, through))
     assert {one.name for one in changes.nodes} == {"node2", "node3"}
     assert {one.topic for one in changes.publishers} == {"/b", "/c"}
 
@@ -109,8 +109,8 @@ def test_a_mirror_that_has_come_another_way_between_two_looks_is_shown_as_such()
     seen = local(topics=[TopicRule(pattern="/a", transit=True)])
     direct = node(1, "far", origin=Origin("bridge", "c"))
     around = node(2, "far", origin=Origin("bridge", "b", ("c",)))
-    seen.look(graph(endpoint("publisher", 1, direct, "/a", number=10)))
-    changes = seen.look(graph(endpoint("publisher", 1, around, "/a", number=11), revision=2))
+    seen.update(graph(endpoint("publisher", 1, direct, "/a", number=10)))
+    changes = seen.update(graph(endpoint("publisher", 1, around, "/a", number=11), revision=2))
     assert [one.local.node.via for one in changes.gone] == [("c",)]
     assert [one.local.node.via for one in changes.publishers] == [("c", "b")]
 
@@ -120,15 +120,15 @@ def test_a_bridge_itself_is_not_shown_in_transit() -> None:
     asked = endpoint("subscription", 1, bridge, "/bridge_zenoh/get_status/_request")
     asked = msgspec.structs.replace(asked, type_name=f"{SERVICE_TYPE}_Request")
     seen = local(topics=[TopicRule(pattern="/**", transit=True)])
-    assert told(seen.look(graph(asked, endpoint("publisher", 2, bridge, "/rosout")))) == {}
+    assert told(seen.update(graph(asked, endpoint("publisher", 2, bridge, "/rosout")))) == {}
 
 
 def test_the_namespace_goes_in_front() -> None:
-    changes = local("/bot1").look(graph(endpoint("publisher", 1, node(1), "/a")))
+    changes = local("/bot1").update(graph(endpoint("publisher", 1, node(1), "/a")))
     assert changes.nodes[0].namespace == "/bot1"
     assert (changes.publishers[0].local.topic, changes.publishers[0].topic) == ("/bot1/a", "/a")
     long = "/" + "a" * 245
-    changes = local("/bot1").look(graph(endpoint("publisher", 1, node(1), long)))
+    changes = local("/bot1").update(graph(endpoint("publisher", 1, node(1), long)))
     assert changes.publishers == []
     assert "has 251 characters" in changes.warnings[0]
 
@@ -136,42 +136,42 @@ def test_the_namespace_goes_in_front() -> None:
 def test_a_busd_that_is_back_changes_nothing() -> None:
     seen = local()
     before = [endpoint("publisher", 1, node(5, "talker"), "/a"), endpoint("subscription", 2, node(6), "/b")]
-    seen.look(graph(*before, revision=50))
+    seen.update(graph(*before, revision=50))
     ids = [one.id for one in seen.nodes]
     first = graph(revision=1)
     assert seen.is_other_busd(first)
-    assert told(seen.look(first, keeps=True)) == {}
+    assert told(seen.update(first, keeps=True)) == {}
     half = graph(endpoint("publisher", 1, node(9, "talker"), "/a", number=77), revision=2)
-    assert told(seen.look(half, keeps=True)) == {}
-    assert told(seen.look(half)) == {"gone": ["/b"], "gone_nodes": ["node6"]}
+    assert told(seen.update(half, keeps=True)) == {}
+    assert told(seen.update(half)) == {"gone": ["/b"], "gone_nodes": ["node6"]}
     assert [one.id for one in seen.nodes] == ids[:1]
 
 
 def test_a_node_of_another_process_is_another_node() -> None:
     seen = local()
-    seen.look(graph(nodes=(node(1, "talker", pid=1),)))
-    changes = seen.look(graph(nodes=(node(1, "talker", pid=2),), revision=0, pid=8))
+    seen.update(graph(nodes=(node(1, "talker", pid=1),)))
+    changes = seen.update(graph(nodes=(node(1, "talker", pid=2),), revision=0, pid=8))
     assert told(changes) == {"nodes": ["talker"], "gone_nodes": ["talker"]}
 
 
 def test_namesakes_are_kept_apart() -> None:
     seen = local()
     one, other = node(1, "talker"), node(2, "talker")
-    changes = seen.look(graph(endpoint("publisher", 1, one, "/a"), endpoint("publisher", 2, other, "/b")))
+    changes = seen.update(graph(endpoint("publisher", 1, one, "/a"), endpoint("publisher", 2, other, "/b")))
     ids = {shown.topic: shown.local.node.id for shown in changes.publishers}
     assert len(set(ids.values())) == 2
-    gone = seen.look(graph(endpoint("publisher", 2, other, "/b"), revision=2)).gone_nodes
+    gone = seen.update(graph(endpoint("publisher", 2, other, "/b"), revision=2)).gone_nodes
     assert [one.id for one in gone] == [ids["/a"]]
 
 
 def test_a_publisher_that_no_graph_has_shown() -> None:
     seen = local("/bot1", deny=["/secret"])
     match = Match("/ns/once", bytes(16), _QOS, "shm")
-    changes = seen.look_at_short(match, ("/a", "std_msgs/msg/String", "h"))
+    changes = seen.add_short(match, ("/a", "std_msgs/msg/String", "h"))
     (shown,) = changes.publishers
     assert (shown.local.topic, shown.local.node.namespace, shown.local.node.name) == (
         "/bot1/a",
         "/bot1/ns",
         "once",
     )
-    assert told(seen.look_at_short(match, ("/secret", "t", "h"))) == {}
+    assert told(seen.add_short(match, ("/secret", "t", "h"))) == {}

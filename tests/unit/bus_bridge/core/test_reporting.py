@@ -25,8 +25,8 @@ def test_losses_are_told_when_they_change_and_to_each_mirror() -> None:
     (first,) = mirrors
     for lost in (0, 3, 3, 4):
         first.way.losses = {"lost_on_the_way": lost} if lost else {}
-        reporting.look(1.0)
+        reporting.report(1.0)
     assert first.told == [{"lost_on_the_way": 3}, {"lost_on_the_way": 4}]
     mirrors[:] = [Mirror(first.way.losses)]  # made anew between two looks
-    reporting.look(2.0)
+    reporting.report(2.0)
     assert mirrors[0].told == [{"lost_on_the_way": 4}]

@@ -5,13 +5,13 @@ def test_without_the_end_of_a_link_a_publisher_that_has_gone_stays_for_a_moment(
     stays = Stays()
     assert stays.until("far", 100.0) == 100.5
     assert stays.next_end(100.0) == NEVER_S
-    stays.bus_came("far", 100.0)  # for the first time
+    stays.bus_added("far", 100.0)  # for the first time
     assert stays.until("far", 100.0) == 100.5
 
 
 def test_after_the_end_of_a_link_it_stays_until_the_bus_has_had_time_to_come_back() -> None:
     stays = Stays()
-    stays.bus_went("far", 100.0)
+    stays.bus_removed("far", 100.0)
     assert (stays.until("far", 99.9), stays.until("other", 99.9)) == (160.0, 100.4)
     assert stays.next_end(100.0) == 160.0
     assert stays.next_end(160.0) == NEVER_S
@@ -20,15 +20,15 @@ def test_after_the_end_of_a_link_it_stays_until_the_bus_has_had_time_to_come_bac
 
 def test_once_the_bus_is_back_it_has_little_time_to_show_it() -> None:
     stays = Stays()
-    stays.bus_went("far", 100.0)
-    stays.bus_came("far", 120.0)
+    stays.bus_removed("far", 100.0)
+    stays.bus_added("far", 120.0)
     assert stays.until("far", 99.9) == 125.0
-    stays.bus_came("far", 130.0)
+    stays.bus_added("far", 130.0)
     assert stays.until("far", 99.9) == 125.0
-    stays.bus_went("far", 124.0)
-    stays.bus_came("far", 183.0)
+    stays.bus_removed("far", 124.0)
+    stays.bus_added("far", 183.0)
     assert stays.until("far", 99.9) == 184.0
-    stays.bus_went("other", 120.0)
+    stays.bus_removed("other", 120.0)
     assert stays.next_end(183.0) == 184.0
 
 

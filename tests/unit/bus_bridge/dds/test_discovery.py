@@ -28,14 +28,14 @@ async def test_endpoints_of_unknown_types_are_bounded(monkeypatch: pytest.Monkey
     types, far = Mock(), Mock()
     types.find.side_effect = BridgeError("no definition")
     discovery = Discovery(Mock(), Mock(), types, far, lambda: None)
-    monkeypatch.setattr(discovery, "_tell", lambda news: None)
+    monkeypatch.setattr(discovery, "_report", lambda news: None)
     came = [sample() for _ in range(8)]
     for handle, one in enumerate(came):
-        discovery._endpoint_came(handle, bytes(16), one, "publisher")
+        discovery._endpoint_added(handle, bytes(16), one, "publisher")
     assert [*discovery._unknown] == [one.key.bytes for one in came[:5]]
     assert any("more than 5 endpoints" in call.args[0] for call in far.warn.call_args_list)
     discovery.types_changed()
     assert len(discovery._unknown) == 5
     for handle, one in enumerate(came):
-        discovery._endpoint_went(one.key.bytes, handle)
+        discovery._endpoint_removed(one.key.bytes, handle)
     assert not discovery._unknown

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.qos import QoSProfile
-from bus_bridge.dds.graph import Came, DomainGraph, Found, NodeEntities, Went, decode, encode
+from bus_bridge.dds.graph import Added, DomainGraph, Found, NodeEntities, Removed, decode, encode
 from bus_bridge.engine import FarEndpoint, FarNode
 from rows import for_each
 
@@ -73,13 +73,13 @@ def _short(news: Any) -> list[str]:
     found = []
     for one in news:
         match one:
-            case Came(FarNode() as node):
+            case Added(FarNode() as node):
                 found.append(f"+{node.namespace.rstrip('/')}/{node.name}")
-            case Came(FarEndpoint() as endpoint):
+            case Added(FarEndpoint() as endpoint):
                 found.append(f"+{endpoint.topic} of {endpoint.node.rpartition(':')[2]}")
-            case Went(node, b""):
+            case Removed(node, b""):
                 found.append(f"-{node.rpartition(':')[2]}")
-            case Went(node, gid):
+            case Removed(node, gid):
                 found.append(f"-{gid[12:].hex()} of {node.rpartition(':')[2]}")
     return found
 
@@ -89,11 +89,11 @@ _BARE = f"/_dds_{_P[:12].hex()}"
 
 def test_an_endpoint_is_told_once_its_node_is_known() -> None:
     graph = DomainGraph("dds0")
-    assert _short(graph.endpoint_came(_found(), 0.0)) == []
+    assert _short(graph.endpoint_added(_found(), 0.0)) == []
     assert _short(graph.nodes_said(_P, [_NODE])) == ["+/robot/talker", "+/chatter of /robot/talker"]
     assert graph.next_time is None
     assert _short(graph.nodes_said(_P, [_NODE])) == []
-    assert _short(graph.endpoint_went(_GID)) == ["-00000103 of /robot/talker"]
+    assert _short(graph.endpoint_removed(_GID)) == ["-00000103 of /robot/talker"]
     assert _short(graph.nodes_said(_P, [])) == ["-/robot/talker"]
     assert graph.participants == 0
 
@@ -101,13 +101,13 @@ def test_an_endpoint_is_told_once_its_node_is_known() -> None:
 def test_a_node_may_be_known_before_its_endpoints() -> None:
     graph = DomainGraph("dds0")
     assert _short(graph.nodes_said(_P, [_NODE])) == ["+/robot/talker"]
-    assert _short(graph.endpoint_came(_found(), 0.0)) == ["+/chatter of /robot/talker"]
+    assert _short(graph.endpoint_added(_found(), 0.0)) == ["+/chatter of /robot/talker"]
     assert graph.participants == 1
 
 
 def test_an_endpoint_that_nobody_names_belongs_to_its_participant() -> None:
     graph = DomainGraph("dds0", patience_s=1.0)
-    assert _short(graph.endpoint_came(_found(), 10.0)) == []
+    assert _short(graph.endpoint_added(_found(), 10.0)) == []
     assert graph.next_time == 11.0
     assert _short(graph.pass_time(10.9)) == []
     assert _short(graph.pass_time(11.0)) == [f"+{_BARE}", f"+/chatter of {_P.hex()}"]
@@ -121,23 +121,23 @@ def test_an_endpoint_that_nobody_names_belongs_to_its_participant() -> None:
 
 def test_nobody_waits_for_the_nodes_of_a_participant_that_speaks_dds_alone() -> None:
     graph = DomainGraph("dds0")
-    graph.participant_came(_P, speaks_ros=False)
-    graph.participant_came(_Q, speaks_ros=True)
-    assert _short(graph.endpoint_came(_found(), 0.0)) == [f"+{_BARE}", f"+/chatter of {_P.hex()}"]
-    assert _short(graph.endpoint_came(_found(_Q[:12] + b"\0\0\1\3", _Q), 0.0)) == []
-    _short(graph.participant_went(_P))
-    assert _short(graph.endpoint_came(_found(), 0.0)) == []  # another one, of which nothing is known
+    graph.participant_added(_P, speaks_ros=False)
+    graph.participant_added(_Q, speaks_ros=True)
+    assert _short(graph.endpoint_added(_found(), 0.0)) == [f"+{_BARE}", f"+/chatter of {_P.hex()}"]
+    assert _short(graph.endpoint_added(_found(_Q[:12] + b"\0\0\1\3", _Q), 0.0)) == []
+    _short(graph.participant_removed(_P))
+    assert _short(graph.endpoint_added(_found(), 0.0)) == []  # another one, of which nothing is known
 
 
 def test_a_participant_takes_all_with_it() -> None:
     graph = DomainGraph("dds0")
     other = _Q[:12] + b"\0\0\1\3"
     _short(graph.nodes_said(_P, [_NODE]))
-    _short(graph.endpoint_came(_found(), 0.0))
-    _short(graph.endpoint_came(_found(_P[:12] + b"\0\0\2\3"), 0.0))
-    _short(graph.endpoint_came(_found(other, _Q), 0.0))
+    _short(graph.endpoint_added(_found(), 0.0))
+    _short(graph.endpoint_added(_found(_P[:12] + b"\0\0\2\3"), 0.0))
+    _short(graph.endpoint_added(_found(other, _Q), 0.0))
     _short(graph.pass_time(5.0))
-    assert _short(graph.participant_went(_P)) == [
+    assert _short(graph.participant_removed(_P)) == [
         "-00000103 of /robot/talker",
         f"-00000203 of {_P.hex()}",
         f"-{_P.hex()}",
@@ -155,14 +155,14 @@ def test_nodes_of_one_name_are_two() -> None:
 
 def test_nobody_speaks_of_the_endpoints_of_another() -> None:
     graph = DomainGraph("dds0")
-    _short(graph.endpoint_came(_found(), 0.0))
+    _short(graph.endpoint_added(_found(), 0.0))
     assert _short(graph.nodes_said(_Q, [NodeEntities("/", "thief", (), (_GID,))])) == ["+/thief"]
     assert _short(graph.nodes_said(_P, [_NODE])) == ["+/robot/talker", "+/chatter of /robot/talker"]
 
 
 def test_an_endpoint_may_change_its_node() -> None:
     graph = DomainGraph("dds0")
-    _short(graph.endpoint_came(_found(), 0.0))
+    _short(graph.endpoint_added(_found(), 0.0))
     _short(graph.nodes_said(_P, [_NODE]))
     other = NodeEntities("/", "other", (), (_GID,))
     assert _short(graph.nodes_said(_P, [other])) == [
@@ -176,8 +176,8 @@ def test_an_endpoint_may_change_its_node() -> None:
 def test_an_endpoint_that_is_found_again_is_told_anew() -> None:
     graph = DomainGraph("dds0")
     _short(graph.nodes_said(_P, [_NODE]))
-    _short(graph.endpoint_came(_found(), 0.0))
-    assert _short(graph.endpoint_came(_found(topic="/other"), 0.0)) == [
+    _short(graph.endpoint_added(_found(), 0.0))
+    assert _short(graph.endpoint_added(_found(topic="/other"), 0.0)) == [
         "-00000103 of /robot/talker",
         "+/other of /robot/talker",
     ]
@@ -201,25 +201,25 @@ def test_what_is_told_fits_together(story: list[tuple[str, int]]) -> None:
         news = {
             "node": lambda named=named: graph.nodes_said(_P, [named]),
             "no node": lambda: graph.nodes_said(_P, []),
-            "came": lambda gid=gid, now=now: graph.endpoint_came(_found(gid), now),
-            "went": lambda gid=gid: graph.endpoint_went(gid),
-            "gone": lambda: graph.participant_went(_P),
+            "came": lambda gid=gid, now=now: graph.endpoint_added(_found(gid), now),
+            "went": lambda gid=gid: graph.endpoint_removed(gid),
+            "gone": lambda: graph.participant_removed(_P),
             "time": lambda now=now: graph.pass_time(now),
-            "dds alone": lambda: graph.participant_came(_P, speaks_ros=False) or iter(()),
-            "ros": lambda: graph.participant_came(_P, speaks_ros=True) or iter(()),
+            "dds alone": lambda: graph.participant_added(_P, speaks_ros=False) or iter(()),
+            "ros": lambda: graph.participant_added(_P, speaks_ros=True) or iter(()),
         }[what]()
         for one in news:
             match one:
-                case Came(FarNode() as node):
+                case Added(FarNode() as node):
                     assert node.key not in nodes
                     nodes.add(node.key)
-                case Came(FarEndpoint() as endpoint):
+                case Added(FarEndpoint() as endpoint):
                     assert endpoint.node in nodes and endpoint.gid not in endpoints
                     endpoints[endpoint.gid] = endpoint.node
-                case Went(key, b""):
+                case Removed(key, b""):
                     nodes.remove(key)
                     assert key not in endpoints.values()
-                case Went(key, gid):
+                case Removed(key, gid):
                     assert endpoints.pop(gid) == key
-    list(graph.participant_went(_P))
+    list(graph.participant_removed(_P))
     assert graph.participants == 0 and graph.next_time is None

@@ -35,7 +35,7 @@ async def test_who_comes_back_after_a_long_time_is_not_said_to_be_no_bridge() ->
 
         async def look() -> list[str]:
             for _ in range(3):
-                await links.look()
+                await links.check()
             new, said[:] = list(said), []
             return new
 
@@ -68,7 +68,7 @@ async def test_an_address_that_refuses_is_not_up_by_a_link_with_another_port_the
 
         async def status() -> tuple[str, str]:
             for _ in range(3):
-                await links.look()
+                await links.check()
             (found,) = links.status([])
             return found.state, found.text
 
@@ -88,7 +88,7 @@ async def test_a_tunnel_without_a_bridge_is_said_to_be_one_and_never_up_by_anoth
         session.up = [Link("f00", "tcp/127.0.0.1:1", "tcp/127.0.0.1:2")]  # by another tunnel
         links = Links(ZenohOptions(connect=(where,)), session, said.append)  # type: ignore[arg-type]
         for _ in range(3):
-            await links.look()
+            await links.check()
         reason = "it accepts connections and closes them at once: a tunnel without a bridge?"
         assert said == [f"--connect {where}: {reason}; trying on"]
         assert [(one.state, one.text) for one in links.status([])] == [("trying", reason)]

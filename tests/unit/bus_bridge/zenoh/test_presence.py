@@ -21,22 +21,22 @@ class Heard:
         self.interests: list[bytes] = []
         self.presence = Presence("laptop", "5", self, self.interests.append)
 
-    def bus_came(self, bus: FarBus) -> None:
+    def bus_added(self, bus: FarBus) -> None:
         self.news.append(("bus", bus.id))
 
-    def bus_went(self, bus_id: str, reason: str) -> None:
+    def bus_removed(self, bus_id: str, reason: str) -> None:
         self.news.append(("no bus", bus_id, reason))
 
-    def node_came(self, node: FarNode) -> None:
+    def node_added(self, node: FarNode) -> None:
         self.news.append(("node", node.key))
 
-    def node_went(self, key: str) -> None:
+    def node_removed(self, key: str) -> None:
         self.news.append(("no node", key))
 
-    def endpoint_came(self, endpoint: FarEndpoint) -> None:
+    def endpoint_added(self, endpoint: FarEndpoint) -> None:
         self.news.append((endpoint.kind, endpoint.node))
 
-    def endpoint_went(self, gid: bytes, node: str) -> None:
+    def endpoint_removed(self, gid: bytes, node: str) -> None:
         self.news.append(("no endpoint", gid, node))
 
     def warn(self, text: str) -> None:
@@ -112,7 +112,7 @@ def test_a_bridge_that_started_anew_takes_the_place_of_what_it_was(heard: Heard)
     old, new = tokens(run="1"), tokens(run="2")
     for key in (*old.values(), new["publisher"], new["node"], new["bus"]):
         heard.presence.came(key)
-    heard.presence.look({"f00": ""})
+    heard.presence.poll({"f00": ""})
     assert len(heard.take()) == 4
     for key in old.values():
         heard.presence.went(key)
@@ -136,10 +136,10 @@ def test_who_claims_the_id_of_another_bus_is_not_heard(
         heard.presence.came(key)
     assert len(heard.take()) == 4
     for _ in range(presence._PATIENCE):
-        heard.presence.look(linked)
+        heard.presence.poll(linked)
     assert heard.take() == []  # it may be what is left of an earlier one, or wait for that
     for _ in range(3):
-        heard.presence.look(linked)
+        heard.presence.poll(linked)
     text = (
         "two buses have the id 'robot', and the one that came first is heard: give the other one another by "
         "--id"
@@ -169,7 +169,7 @@ def test_links_tell_that_one_is_there_no_more(heard: Heard, linked: dict[str, st
         heard.presence.came(keys.bus_token("robot", run, f"f0{run}"))
     heard.take()
     for _ in range(3):
-        heard.presence.look(linked)
+        heard.presence.poll(linked)
     assert heard.take() == ([("no bus", "robot", reason), ("bus", "robot")] if reason else [])
     assert heard.presence._heard["robot"].run == ("2" if reason else "1")
     heard.presence.went(keys.bus_token("robot", "1", "f01"))
@@ -261,13 +261,13 @@ def test_own_tokens_are_no_news_but_those_of_a_double_are_known(heard: Heard) ->
     heard.presence.came(keys.bus_token("laptop", "5", "f00"))
     # At once where it is the later one or has a link with us; else it may be what is left of us.
     for run, linked, looks in (("6", "", 1), ("4", "f00", 1), ("4", "", presence._PATIENCE + 1)):
-        heard.presence.look({linked: ""})
+        heard.presence.poll({linked: ""})
         assert heard.take() == []
         heard.presence.came(keys.bus_token("laptop", run, "f00"))
         assert heard.presence.doubles == ["f00"]
         for _ in range(looks):
             assert heard.take() == []
-            heard.presence.look({linked: ""})
+            heard.presence.poll({linked: ""})
         ((_, text),) = heard.take()
         assert text == (
             "another bus has the id 'laptop' too, so neither sees the other: give one of them another by --id"

@@ -37,11 +37,11 @@ def test_a_lossless_window_is_full_until_the_slowest_has_taken() -> None:
     window.join("b")
     last = 0
     while (more := fill(window)) > last:
-        window.hear("a", more, more)
-        window.hear("b", more, 0)  # it has arrived there, and nobody takes it
+        window.acknowledge("a", more, more)
+        window.acknowledge("b", more, 0)  # it has arrived there, and nobody takes it
         last = more
     assert WINDOW_BYTES <= window.in_flight < WINDOW_BYTES + 2 * SIZE
-    assert window.hear("b", last, last)
+    assert window.acknowledge("b", last, last)
     assert window.in_flight == 0 and window.room > 0
 
 
@@ -50,7 +50,7 @@ def test_an_importer_that_goes_is_waited_for_no_more() -> None:
     window.join("a")
     window.join("hung")
     last = fill(window)
-    window.hear("a", last, last)
+    window.acknowledge("a", last, last)
     assert window.room <= 0
     window.leave("hung")
     assert window.in_flight == 0 and window.room > 0
@@ -59,7 +59,7 @@ def test_an_importer_that_goes_is_waited_for_no_more() -> None:
 def test_of_other_routes_arrival_is_enough() -> None:
     window = Window(lossless=False)
     window.join("a")
-    window.hear("a", fill(window), 0)
+    window.acknowledge("a", fill(window), 0)
     assert window.in_flight == 0
 
 
@@ -67,12 +67,12 @@ def test_what_is_missing_is_found_and_less_goes_at_a_time() -> None:
     window = Window(lossless=True)
     window.join("a")
     last = fill(window)
-    window.hear("a", 10, 0)
+    window.acknowledge("a", 10, 0)
     found = window.find("a", 10)
     assert found is not None and found.number == 11
     assert window.find("a", last) is None
     assert window.find("stranger", 0) is None
-    window.hear("a", last, last)
+    window.acknowledge("a", last, last)
     assert fill(window) - last < last * 3 / 4
 
 
@@ -81,7 +81,7 @@ def test_it_grows_again() -> None:
     window.join("a")
     first = last = fill(window)
     for _ in range(100):
-        window.hear("a", last, 0)
+        window.acknowledge("a", last, 0)
         before, last = last, fill(window)
     assert 2 * first < last - before <= WINDOW_BYTES / SIZE
 
@@ -91,7 +91,7 @@ def spans(window: Window, count: int) -> list[int]:
     found = list[int]()
     for _ in range(count):
         found.append(window.room)
-        window.hear("a", fill(window), 0)
+        window.acknowledge("a", fill(window), 0)
     return found
 
 
@@ -109,7 +109,7 @@ def test_after_a_loss_it_grows_step_by_step() -> None:
     before = window.room
     last = fill(window)
     window.find("a", last - 1)  # the last part was dropped
-    window.hear("a", last, 0)
+    window.acknowledge("a", last, 0)
     first, second, *_ = spans(window, 2)
     assert first == pytest.approx(before / 2, rel=0.1)
     assert 0 < second - first < first / 8
@@ -120,17 +120,17 @@ def test_many_losses_at_once_make_it_shrink_once() -> None:
     for window, dropped in ((one, 1), (many, 20)):
         window.join("a")
         last = fill(window)
-        window.hear("a", 10, 0)
+        window.acknowledge("a", 10, 0)
         for number in range(10, 10 + dropped):
             assert window.find("a", number) is not None
-            window.hear("a", number + 1, 0)
-        window.hear("a", last, 0)
+            window.acknowledge("a", number + 1, 0)
+        window.acknowledge("a", last, 0)
     before = one.room
     assert before == pytest.approx(many.room, rel=0.05)
     fill(many)
-    many.hear("a", many.last - 1, 0)  # a loss after all that was on its way then
+    many.acknowledge("a", many.last - 1, 0)  # a loss after all that was on its way then
     assert many.find("a", many.last - 1) is not None
-    many.hear("a", many.last, 0)
+    many.acknowledge("a", many.last, 0)
     assert many.room == pytest.approx(before / 2, rel=0.1)
 
 
@@ -140,12 +140,12 @@ def test_parts_are_small_where_little_may_be_on_its_way() -> None:
     while window.part_bytes < WHOLE_BYTES:
         before = window.part_bytes
         fill(window)
-        window.hear("a", window.last, window.last)
+        window.acknowledge("a", window.last, window.last)
         assert before <= window.part_bytes <= WHOLE_BYTES
     for _ in range(10):
         fill(window)
         window.find("a", window.last - 1)  # it was dropped
-        window.hear("a", window.last, window.last)
+        window.acknowledge("a", window.last, window.last)
     assert window.part_bytes == 2 * PART_BYTES
 
 
@@ -164,13 +164,13 @@ def test_numbers_that_were_never_sent_count_as_the_newest() -> None:
     window = Window(lossless=True)
     window.join("a")
     send(window, 3)
-    assert window.hear("a", 2**64 - 1, 2**64 - 1)
+    assert window.acknowledge("a", 2**64 - 1, 2**64 - 1)
     assert window.in_flight == 0
     send(window, 1)
     assert window.in_flight > SIZE
-    assert not window.hear("a", 1, 1)
-    assert not window.hear("stranger", 4, 4)
-    assert window.hear("a", 4, 0) and window.in_flight > SIZE
+    assert not window.acknowledge("a", 1, 1)
+    assert not window.acknowledge("stranger", 4, 4)
+    assert window.acknowledge("a", 4, 0) and window.in_flight > SIZE
 
 
 def test_importers_are_asked_a_few_times_in_a_span() -> None:
@@ -217,7 +217,9 @@ def test_what_it_keeps_and_counts_is_what_some_importer_lacks(seed: int, lossles
                 old = known.get(who, [0, 0, 0])
                 arrived = max(old[1], min(arrived, window.last))
                 taken = max(old[2], min(taken, arrived))
-                assert window.hear(who, arrived, taken) is (who in known and [arrived, taken] != old[1:])
+                assert window.acknowledge(who, arrived, taken) is (
+                    who in known and [arrived, taken] != old[1:]
+                )
                 if who in known:
                     known[who] = [old[0], arrived, taken]
             case "find":

@@ -222,8 +222,8 @@ async def test_importers_are_asked_again_where_nothing_moves(monkeypatch: pytest
     scene.fill()
     before = scene.probes
     await until(lambda: scene.probes >= before + 2)
-    scene.writer.look()
-    scene.writer.look()
+    scene.writer.poll()
+    scene.writer.poll()
     scene.writer.see_ack(RUN, scene.parts[-1], 0)
     scene.writer.end()
     after = scene.probes

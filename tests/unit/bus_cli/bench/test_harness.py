@@ -49,7 +49,7 @@ def test_a_child_that_dies_is_a_failure_at_once_that_says_how(ends: bool, last: 
         other = group.start("other", sys.executable, "-c", "input()")
         child = group.start("rival", sys.executable, "-c", f"{UP}; input(); {last}", ends=ends)
         group.expect(child, "up", within_s=START_S)
-        child.tell("go")
+        child.send("go")
         group.expect(other, "ready", within_s=3600)  # of another child: its end is noticed all the same
 
 
@@ -86,8 +86,8 @@ def test_what_a_child_prints_for_people_is_passed_over_and_broken_events_are_not
         broken = group.start("broken", sys.executable, "-c", "print('{nonsense'); input()")
         with pytest.raises(Failure, match="broken said what is no JSON"):
             group.expect(broken, "ready", within_s=START_S)
-        child.tell("enough")
-        broken.tell("enough")
+        child.send("enough")
+        broken.send("enough")
 
 
 def test_a_long_line_comes_whole_and_what_is_behind_it_as_well() -> None:

@@ -39,7 +39,7 @@ class World(WebWorld):
 
     async def services(self) -> dict[str, int]:
         """What is told now: those that come by name, with their ids."""
-        await self.calls.tell(self.look())
+        await self.calls.advertise(self.look())
         return {one["name"]: one["id"] for told in await self.told() for one in told.get("services", ())}
 
 
@@ -51,7 +51,7 @@ async def test_what_is_told_of_services() -> None:
     assert await world.services() == {"/add": 1}, "--allow-call is not --allow-set"
     assert await world.services() == {}
     world.remove("/add/_reply")
-    await world.calls.tell(world.look())
+    await world.calls.advertise(world.look())
     assert await world.told() == [{"op": "unadvertiseServices", "serviceIds": [1]}]
     await world.close()
     world = World(may_set=True)
@@ -73,7 +73,7 @@ async def test_calls() -> None:
     (client,) = world.node.clients["/add"]
     assert not client.is_closed
     world.remove("/add/_request")
-    await world.calls.tell(world.look())
+    await world.calls.advertise(world.look())
     assert client.is_closed
     await world.close()
 

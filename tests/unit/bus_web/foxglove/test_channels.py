@@ -22,7 +22,7 @@ class World(WebWorld):
     async def update(self, *, keep: bool = False) -> list[str]:
         self.look()
         gone = self.channels.update(self.hub.subscriptions.kinds, keep=keep)
-        await self.channels.tell_new()
+        await self.channels.advertise_new()
         return gone
 
 

@@ -33,9 +33,9 @@ def test_one_of_another_type_is_none() -> None:
 
 def test_what_it_says() -> None:
     clock = Clock()
-    assert clock.hear(heard(SimpleNamespace(clock=Time(sec=5, nanosec=7))))
+    assert clock.update(heard(SimpleNamespace(clock=Time(sec=5, nanosec=7))))
     assert clock.now_ns == 5_000_000_007
-    assert clock.hear(heard(SimpleNamespace(clock=Time(sec=-5, nanosec=7))))
+    assert clock.update(heard(SimpleNamespace(clock=Time(sec=-5, nanosec=7))))
     assert clock.now_ns == 7, "the protocol has no time before 1970"
-    assert not clock.hear(heard(String(data="no clock")))
+    assert not clock.update(heard(String(data="no clock")))
     assert clock.now_ns == 7

@@ -5,7 +5,7 @@ from bus.schema import MessageSchema, schema_of
 from bus.srv.example_interfaces import AddTwoInts
 from bus.types.support import type_support
 from bus_ros.cdr import Codec
-from bus_web.foxglove.formats import tell_channel
+from bus_web.foxglove.formats import describe_channel
 from web_world import WebWorld
 
 STRING = schema_of(type_support(String))
@@ -21,7 +21,7 @@ async def test_the_codec_of_a_type_is_asked_for_once() -> None:
     assert isinstance(codec, Codec)
     world.node.schemas.clear()
     assert await formats.find(KIND) is codec
-    assert tell_channel(3, "/x", codec) == {
+    assert describe_channel(3, "/x", codec) == {
         "id": 3, "topic": "/x", "encoding": "cdr", "schemaName": "std_msgs/msg/String",
         "schemaEncoding": "ros2msg", "schema": codec.definition,
     }  # fmt: skip
@@ -44,7 +44,7 @@ async def test_services() -> None:
     formats = world.formats
     found = await formats.find_service(*kinds)
     assert found is not None
-    told = found.tell(7, "/add")
+    told = found.describe(7, "/add")
     assert (told["id"], told["name"], told["type"]) == (7, "/add", "example_interfaces/srv/AddTwoInts")
     assert told["request"]["schema"] == told["requestSchema"] == "int64 a\nint64 b\n"
     assert told["response"]["schemaEncoding"] == "ros2msg"

@@ -146,15 +146,15 @@ async def test_following() -> None:
     )
     heard: Any = SimpleNamespace(message=changed)
     assert not parameters.is_following
-    parameters.hear(heard)
+    parameters.on_event(heard)
     parameters.follow(["/base.b", "/base.c"])
     assert parameters.is_following
-    parameters.hear(heard)
+    parameters.on_event(heard)
     parameters.unfollow(["/base.b", "/base.c"])
-    parameters.hear(heard)
+    parameters.on_event(heard)
     parameters.follow([])
-    parameters.hear(heard)
-    parameters.hear(SimpleNamespace(message=None))  # type: ignore[arg-type]
+    parameters.on_event(heard)
+    parameters.on_event(SimpleNamespace(message=None))  # type: ignore[arg-type]
     parameters.unfollow([])
     assert not parameters.is_following
     some, every = await other.told()

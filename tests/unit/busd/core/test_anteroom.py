@@ -44,14 +44,14 @@ def test_who_has_said_hello_goes_after_who_has_not() -> None:
     """Within a process, and among those that have one place each; but a process with more loses first."""
     room: Anteroom[str] = Anteroom(3)
     fill(room, "first", "second", "third")
-    room.hear(0, "first")
+    room.on_hello(0, "first")
     assert fill(room, "fourth") == ["second"]
     room = Anteroom(2)
     fill(room, "program", pid=1)
-    room.hear(0, "program")
+    room.on_hello(0, "program")
     assert fill(room, "x", pid=2) == []
     assert fill(room, "y", pid=3) == ["x"]
-    room.hear(0, "y")
+    room.on_hello(0, "y")
     assert fill(room, "z", pid=3) == ["z"]
 
 
@@ -61,9 +61,9 @@ def test_each_user_waits_in_the_order_of_hello() -> None:
     fill(room, "other", uid=BOB)
     assert room.users_waiting() == []
     assert room.first_waiting(ALICE) is None
-    room.hear(5, "b")
-    room.hear(6, "a")
-    room.hear(7, "other")
+    room.on_hello(5, "b")
+    room.on_hello(6, "a")
+    room.on_hello(7, "other")
     assert room.users_waiting() == [ALICE, BOB]
     assert room.first_waiting(ALICE) == ("b", 5)
     room.leave("b")
@@ -77,7 +77,7 @@ def test_who_is_silent_is_known_by_the_time_since() -> None:
     for at, key in enumerate("abc"):
         room.enter(at, key, ALICE, at)
     assert room.silent() == ("a", 0)
-    room.hear(9, "a")
+    room.on_hello(9, "a")
     room.leave("b")
     assert room.silent() == ("c", 2)
     room.leave("c")
@@ -89,7 +89,7 @@ def test_nothing_is_left_of_those_who_went() -> None:
     fill(room, "a", "b", "c", pid=1)
     fill(room, "d", uid=BOB, pid=2)
     for key in "cd":
-        room.hear(0, key)
+        room.on_hello(0, key)
         room.leave(key)
     assert not room
     assert (room._users, room._silent, room._owners) == ({}, {}, {})

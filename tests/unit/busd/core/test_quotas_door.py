@@ -50,10 +50,10 @@ def test_leaving_does_not_help() -> None:
 def test_the_log_hears_of_a_few_that_come_to_nothing_and_of_how_many_more() -> None:
     """For each user: ten at once, and one a second."""
     broker = World().broker
-    told = [broker.entrance.come_to_nothing(0, 7, for_want_of_room=True) for _ in range(13)]
+    told = [broker.entrance.count_failed_connection(0, 7, for_want_of_room=True) for _ in range(13)]
     assert told == [(True, 0)] * 10 + [(False, 0)] * 3
-    assert broker.entrance.come_to_nothing(0, 8, for_want_of_room=False) == (True, 0)
-    assert broker.entrance.come_to_nothing(SECOND - 1, 7, for_want_of_room=False) == (False, 0)
-    assert broker.entrance.come_to_nothing(SECOND, 7, for_want_of_room=False) == (True, 4)
-    assert broker.entrance.come_to_nothing(2 * SECOND, 7, for_want_of_room=False) == (True, 0)
+    assert broker.entrance.count_failed_connection(0, 8, for_want_of_room=False) == (True, 0)
+    assert broker.entrance.count_failed_connection(SECOND - 1, 7, for_want_of_room=False) == (False, 0)
+    assert broker.entrance.count_failed_connection(SECOND, 7, for_want_of_room=False) == (True, 4)
+    assert broker.entrance.count_failed_connection(2 * SECOND, 7, for_want_of_room=False) == (True, 0)
     assert [broker._quotas.users[uid].refused for uid in (7, 8)] == [13, 0]  # where a limit was in the way

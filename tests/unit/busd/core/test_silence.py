@@ -106,7 +106,7 @@ class TestWhoIsSilent:
         process = world.process()
         world.advance(2)
         assert is_silent(process)
-        world.carry_out(world.broker.hear(world.now_ns, process.id))
+        world.carry_out(world.broker.note_alive(world.now_ns, process.id))
         assert not is_silent(process)
 
     def test_an_idle_broker_is_woken_once_a_lease(self) -> None:

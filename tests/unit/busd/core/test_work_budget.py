@@ -519,7 +519,7 @@ TIMERS: dict[str, tuple[Scene, ...]] = {
     "_go_on": (leases_end, a_process_falls_silent),
     "_settle_at_last": (publishers_do_not_come_back,),
     "_go_on_settling": (publishers_do_not_come_back,),
-    "_look": (the_absent_are_given_up, a_process_falls_silent, the_killed_leave_many_places),
+    "_check": (the_absent_are_given_up, a_process_falls_silent, the_killed_leave_many_places),
     "_miss": (publishers_do_not_come_back_to_repeat,),
 }
 

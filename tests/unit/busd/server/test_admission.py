@@ -48,7 +48,7 @@ class Host:
     def why_no_room(self, who: Credentials) -> tuple[str, bool]:
         return self.full, False
 
-    def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
+    def count_failed_connection(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
         self.failures.append(for_want_of_room)
         return len(self.failures) == 1, 0
 
@@ -167,7 +167,7 @@ class TestHello:
             guest = door.come()
             await until(lambda: not door.admission.is_empty)
             monkeypatch.setattr(module, "monotonic_ns", lambda: 1 << 62)
-            monkeypatch.setattr(door.admission, "_look", lambda: None)
+            monkeypatch.setattr(door.admission, "_poll", lambda: None)
             guest.send(HELLO)
             door.admission._tick()
             assert door.host.inside
@@ -230,7 +230,7 @@ class TestPlaces:
     ) -> None:
         with door:
             guests = await door.fill()
-            monkeypatch.setattr(door.admission, "_look", lambda: None)
+            monkeypatch.setattr(door.admission, "_poll", lambda: None)
             guests[0].send(HELLO)
             door.come()
             await until(lambda: door.host.inside)

@@ -29,7 +29,7 @@ class Connection:
     def leave(self, text: str) -> None:
         self._world.calls.append(f"{self.name} learns: {text}")
 
-    def hear_out(self) -> None:
+    def drain_input(self) -> None:
         self._world.calls.append(f"{self.name} is heard out")
         self.reading = ReadState.ENDED
 
