@@ -1,0 +1,29 @@
+"""The docstring of each package: its paths exist."""
+
+import ast
+import re
+from pathlib import Path
+
+from rows import for_each
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = sorted(
+    str(path.parent.relative_to(ROOT))
+    for root in ("busd", "clients")
+    for path in (ROOT / root).rglob("__init__.py")
+)
+
+CODE = re.compile(r"`([^`\n]+)`")
+FILE = re.compile(r"[\w/-]+(\.(py|pyi|h|c|md|toml|js|html)|/)")
+ROOTED = re.compile(r"\b(?:docs|tests|busd|clients|benchmarks)/[\w/-]+(?:\.(?:py|md|toml)|/)")
+
+
+def docstring(package: str) -> str:
+    return ast.get_docstring(ast.parse((ROOT / package / "__init__.py").read_text())) or ""
+
+
+@for_each("package", PACKAGES)
+def test_paths_lead_somewhere(package: str) -> None:
+    text = docstring(package)
+    paths = [span for span in CODE.findall(text) if FILE.fullmatch(span)] + ROOTED.findall(text)
+    assert [path for path in paths if not any((at / path).exists() for at in (ROOT, ROOT / package))] == []
