@@ -1,4 +1,4 @@
-"""The docstring of each package: its paths exist."""
+"""The docstring of each package: what a reader who wants to change it finds there, and that its paths exist."""
 
 import ast
 import re
@@ -12,10 +12,14 @@ PACKAGES = sorted(
     for root in ("busd", "clients")
     for path in (ROOT / root).rglob("__init__.py")
 )
+MOST_LINES = 36
+"""About half a page. Packages that show users an example may have more."""
 
 CODE = re.compile(r"`([^`\n]+)`")
 FILE = re.compile(r"[\w/-]+(\.(py|pyi|h|c|md|toml|js|html)|/)")
 ROOTED = re.compile(r"\b(?:docs|tests|busd|clients|benchmarks)/[\w/-]+(?:\.(?:py|md|toml)|/)")
+FOR_USERS = {"clients/bus", "clients/bus/msg", "clients/bus/srv"}
+"""Their docstrings are for users alone."""
 
 
 def docstring(package: str) -> str:
@@ -27,3 +31,11 @@ def test_paths_lead_somewhere(package: str) -> None:
     text = docstring(package)
     paths = [span for span in CODE.findall(text) if FILE.fullmatch(span)] + ROOTED.findall(text)
     assert [path for path in paths if not any((at / path).exists() for at in (ROOT, ROOT / package))] == []
+
+
+@for_each("package", [package for package in PACKAGES if package not in FOR_USERS])
+def test_says_what_to_read_and_what_tests_it(package: str) -> None:
+    text = docstring(package)
+    assert len(text.splitlines()) <= MOST_LINES
+    assert "Read first: " in text
+    assert re.search(r"\bTests?: .*`tests/", text, re.DOTALL)

@@ -3,7 +3,7 @@
 Owns: the filters of ROS 2 Jazzy's Python, and those of Rolling that compare messages. Which messages belong
 together is decided in `matching`, which knows neither messages nor clocks.
 
-    `subscriber.py` -> filters (`chain.py`, `cache.py`, `delta_filter.py`, `time_synchronizer.py`) -> callbacks
+    `subscriber.py` -> `chain.py`, `cache.py`, `delta_filter.py`, `time_synchronizer.py` -> callbacks
 
 Invariants: a filter derives from `SimpleFilter` (`simple_filter.py`); queues are bounded; a message goes out
 at most once; results are those of ROS 2's filters for the same input.
