@@ -1,4 +1,4 @@
-"""The docstring of each package: what a reader who wants to change it finds there, and that its paths exist."""
+"""The docstring of each package: what somebody who wants to change it finds there; its paths exist."""
 
 import ast
 import re
