@@ -48,7 +48,7 @@ def to_record(topics: Mapping[str, TopicLosses]) -> dict[str, str]:
 
 
 def from_record(values: Mapping[str, str]) -> dict[str, TopicLosses]:
-    """What such a record says. Raises ValueError where it is broken."""
+    """What such a record says. Raises ValueError if it is broken."""
     return {topic: msgspec.json.decode(text, type=TopicLosses) for topic, text in values.items()}
 
 

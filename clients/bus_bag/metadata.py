@@ -199,7 +199,7 @@ def _dump(value: object) -> str:
 
 
 def from_yaml(text: str) -> BagMetadata:
-    """What metadata.yaml says. Raises ValueError with the reason where `text` is none."""
+    """What metadata.yaml says. Raises ValueError with the reason if `text` is none."""
     document = load(text)
     if not isinstance(document, dict) or not isinstance(document.get(_KEY), dict):
         raise ValueError(f"it has no map '{_KEY}'")
@@ -207,7 +207,7 @@ def from_yaml(text: str) -> BagMetadata:
 
 
 def from_record(text: str) -> BagMetadata:
-    """What a `rosbag2` record says. Raises ValueError with the reason where `text` is none."""
+    """What a `rosbag2` record says. Raises ValueError with the reason if `text` is none."""
     document = load(text)
     if not isinstance(document, dict):
         raise ValueError("it is no map")

@@ -10,7 +10,7 @@ _MOST_OPENED = 2000
 
 
 def load(text: str) -> object:
-    """The document. Raises ValueError with the reason where `text` is no YAML."""
+    """The document. Raises ValueError with the reason if `text` is no YAML."""
     import yaml
 
     if _TOO_DEEP.search(text):

@@ -219,7 +219,7 @@ class Player:
     async def play(self) -> bool:
         """Play from the beginning to the end, or over and over; False where it has been called before.
 
-        Raises BagError where the bag can't be read on. Cancellation ends it between two messages.
+        Raises BagError if the bag can't be read on. Cancellation ends it between two messages.
         """
         if self._life.has_begun:
             self._logger.warning("Trying to play() while in playback, dismissing request.")

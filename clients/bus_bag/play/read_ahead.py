@@ -93,7 +93,7 @@ class ReadAheadQueue:
         self._pass_on(self._run)
 
     def peek(self) -> Entry | None:
-        """The next message; None where none has been read yet, or, with `has_ended`, where there is none.
+        """The next message; None if none has been read yet, or, with `has_ended`, where there is none.
 
         Raises what reading has raised.
         """

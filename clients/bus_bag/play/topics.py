@@ -74,7 +74,7 @@ class Topics:
         return publishers
 
     def decode(self, message: BagMessage) -> bytes | None:
-        """The payload of a message; None where it is no message of its type. In any one thread."""
+        """The payload of a message; None if it is no message of its type. In any one thread."""
         try:
             return self._codecs[message.topic].decode(message.data)
         except CdrError as error:

@@ -44,7 +44,7 @@ class Pipeline:
     loop `on_reject(topic, error)` for what is no message of its type. Without a thread (a cache of no size)
     `on_progress` is called on the event loop, and only when a job has failed.
 
-    Raises BagError or OSError where the bag can't be begun.
+    Raises BagError or OSError if the bag can't be begun.
     """
 
     def __init__(
@@ -221,7 +221,7 @@ class Pipeline:
     def close(self, patience_s: float | None = None) -> dict[str, TopicLosses]:
         """End the bag, once it is idle, has failed, or was dropped; returns the accounts.
 
-        Raises BagError or OSError where that can't be done, as where the disk takes longer than `patience_s`.
+        Raises BagError or OSError if that can't be done, as where the disk takes longer than `patience_s`.
         """
         self.drop()
         if self._thread is not None:

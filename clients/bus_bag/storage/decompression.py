@@ -10,7 +10,7 @@ MAX_SIZE = 256 << 20
 
 
 def decompress(compression: str, data: Buffer, size: int) -> Buffer:
-    """`data` as it was, which is `size` bytes. Raises ValueError where it is not."""
+    """`data` as it was, which is `size` bytes. Raises ValueError if it is not."""
     if not compression:
         unpacked: Buffer = data
     elif size > MAX_SIZE:

@@ -44,7 +44,7 @@ class Segment(msgspec.Struct):
 class McapBytes:
     """A file that is open for reading; `content`: where its bytes are, if not at `path`.
 
-    Raises OSError where it can't be opened.
+    Raises OSError if it can't be opened.
     """
 
     def __init__(self, path: Path, content: Path | None) -> None:

@@ -53,7 +53,7 @@ class Opcode:
 
 
 def package(module: str = "mcap.records") -> Any:
-    """A module of the package `mcap` or of one that comes with it. Raises BagError where that is missing."""
+    """A module of the package `mcap` or of one that comes with it. Raises BagError if that is missing."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -72,7 +72,7 @@ def encode(*records: Any) -> bytes:
 
 
 def decode(kind: str, content: bytes) -> Any:
-    """The record of `mcap.records` called `kind`. Raises ValueError where `content` is none."""
+    """The record of `mcap.records` called `kind`. Raises ValueError if `content` is none."""
     import io
 
     try:

@@ -40,7 +40,7 @@ _INDEX_ENTRY = struct.Struct("<HQ")
 
 
 class McapFile(McapBytes):
-    """See `BagFile`. Raises BagError for what is no MCAP file, OSError where it can't be opened."""
+    """See `BagFile`. Raises BagError for what is no MCAP file, OSError if it can't be opened."""
 
     storage = "mcap"
 
@@ -200,7 +200,7 @@ class McapFile(McapBytes):
         self._segments.clear()
 
     def _read_index(self) -> None:
-        """Raises ValueError where no index can be used; without a text where the file is meant so."""
+        """Raises ValueError if no index can be used; without a text where the file is meant so."""
         begin = self._size - len(MAGIC) - FOOTER_SIZE
         footer = self._read(begin, FOOTER_SIZE + len(MAGIC))
         if (

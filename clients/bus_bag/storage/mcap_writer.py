@@ -57,7 +57,7 @@ PRESETS: Mapping[str, Preset] = {
 class McapWriter:
     """A file that is being written. Not for several threads at a time; but counters may be read from any.
 
-    Raises BagFull where nothing more fits: `write_metadata` and `close` still do then. OSError for other
+    Raises BagFull if nothing more fits: `write_metadata` and `close` still do then. OSError for other
     faults.
     """
 

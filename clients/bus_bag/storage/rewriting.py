@@ -15,7 +15,7 @@ __all__ = ["rewrite"]
 def rewrite(file: McapFile, metadata: BagMetadata) -> None:
     """All that can be read of `file`, and what is known of its bag.
 
-    The old file is there until the new one is on the disk. Raises BagError or OSError where that can't be
+    The old file is there until the new one is on the disk. Raises BagError or OSError if that can't be
     written; then the old file is as it was.
     """
     if file.is_being_written:

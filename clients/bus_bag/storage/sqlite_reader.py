@@ -26,7 +26,7 @@ _MAGIC = b"SQLite format 3\0"
 class SqliteFile:
     """See `BagFile`. `path` is what problems name; its bytes may be at another place, `content`.
 
-    Raises BagError for what is no such file of a bag, OSError where it can't be opened.
+    Raises BagError for what is no such file of a bag, OSError if it can't be opened.
     """
 
     storage = "sqlite3"

@@ -34,7 +34,7 @@ def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> 
 def find_bus_id(path: str) -> str:
     """The id of the bus at the socket `path`, whose directory is there.
 
-    Raises OSError where it is not.
+    Raises OSError if it is not.
     """
     folder, name = os.path.split(path)
     status = os.stat(folder)  # noqa: PTH116
@@ -46,7 +46,7 @@ def find_bus_id(path: str) -> str:
 
 
 def checked_id(text: str) -> str:
-    """`text`, an id that a user has chosen. Raises ConfigurationError where it can't be one."""
+    """`text`, an id that a user has chosen. Raises ConfigurationError if it can't be one."""
     if len(text) > MAX_LENGTH or not _RIGHT.fullmatch(text):
         raise ConfigurationError(
             "the id of a bus has letters, digits, '-', '_' and '.', begins with a letter or digit, and has "

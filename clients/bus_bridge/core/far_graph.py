@@ -1,7 +1,7 @@
 """What the far buses have said they have, held against the bounds, and which of it is to be mirrored. Pure.
 
-Names are those on the wire. Topics outside of the namespace, what no rule lets in, and what came through this
-bus already is known here, but not to be mirrored.
+Names are those on the wire. Three kinds of endpoints are known here, but not mirrored: those on topics
+outside of the namespace, those that the rules forbid, and those that came through this bus already.
 """
 
 from typing import NamedTuple
@@ -25,11 +25,11 @@ class MirroredNode(msgspec.Struct, frozen=True):
     bus: str
     """Whose bridge shows it."""
     via: tuple[str, ...]
-    """The buses that it came through before, its own first; empty where it lives on `bus`."""
+    """The buses that it came through before, its own first; empty if it lives on `bus`."""
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What stays the same of it when its bridge comes back."""
+        """The part of its identity that stays the same when its bridge comes back."""
         return self.name, self.namespace, self.bus, self.via
 
 
@@ -89,8 +89,8 @@ class FarGraph:
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
         self._news: dict[tuple[str, str], News] = {}
-        """By bus and teller, of those that have gone, too: who comes and goes all the time has the rate of
-        one that stays."""
+        """By bus and teller, also of those that have gone: one that comes and goes all the time is allowed no
+        more than one that stays."""
         self._nodes: dict[str, _Teller] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
@@ -101,7 +101,7 @@ class FarGraph:
         self.nodes: dict[str, MirroredNode] = {}
         """To be mirrored, by key."""
         self.endpoints: dict[bytes, Mirrored] = {}
-        """To be mirrored, by gid: of two that have the same, the one that came first."""
+        """The endpoints to be mirrored, by gid. If two have the same gid, the one that came first."""
 
     @property
     def buses(self) -> list[str]:
@@ -113,7 +113,7 @@ class FarGraph:
         return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
 
     def wrong(self, key: str, reason: str) -> Wrong | None:
-        """That something is wrong with an endpoint of a node; None where that has gone."""
+        """That something is wrong with an endpoint of a node; None if that has gone."""
         known = self._nodes.get(key)
         return None if known is None else known.wrong(reason)
 
@@ -144,7 +144,7 @@ class FarGraph:
                 self._forget_teller(teller)
 
     def forget(self, wrong: Wrong) -> None:
-        """Take out who is refused."""
+        """Remove a refused bus or teller."""
         if not wrong.teller:
             self.bus_went(wrong.bus)
         elif (bus := self._buses.get(wrong.bus)) is not None and wrong.teller in bus.tellers:

@@ -1,7 +1,7 @@
-"""How old messages from another machine are, whose clock may be wrong by an hour. Pure.
+"""The age of messages from another machine, even if its clock is wrong by an hour. Pure.
 
-The difference of the two clocks is not known. But the message that was least late of all that came lately
-took next to no time: by how much another was later than that, so old it was.
+The difference of the two clocks is not known. But of all recent messages the least late one took next to no
+time. A message's age is the time by which it was later than that one.
 """
 
 __all__ = ["Lateness"]
@@ -12,7 +12,8 @@ _STEP_NS = 100_000_000
 
 
 class Lateness:
-    """Of the messages of one far bus, whose clock may be set and drift: what counts is the last half minute.
+    """Ages of the messages of one far bus. Its clock may be set and may drift, so only the last half minute
+    counts.
 
     `now_ns` is by a clock that is never set: what the far clock shows says nothing about this machine's.
     """
@@ -36,6 +37,6 @@ class Lateness:
             self._least_ns = lateness_ns
 
     def age_ns(self, now_ns: int, source_ns: int) -> int:
-        """How old a message is that has been noted, or has come with one that was."""
+        """The age of a message that was noted, or that came together with a noted one."""
         least_ns = min((one for one in (self._least_ns, self._before_ns) if one is not None), default=None)
         return 0 if least_ns is None else max(0, now_ns - source_ns - least_ns)

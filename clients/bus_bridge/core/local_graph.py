@@ -1,4 +1,4 @@
-"""What of this bus the far side is to see, and what has changed of it since the last look. Pure."""
+"""The part of this bus that the far side is to see, and its changes since the last graph. Pure."""
 
 import msgspec
 
@@ -75,7 +75,7 @@ class LocalGraph:
         self.endpoints.pop(gid, None)
 
     def is_other_busd(self, graph: Graph) -> bool:
-        """Whether `graph` is of another busd than the last one: much of what it lacks will come back."""
+        """Whether `graph` comes from another busd than the last one. Most of what it lacks will come back."""
         pid, revision = self._seen_at
         return revision >= 0 and (pid != graph.broker_pid or graph.revision < revision)
 
@@ -175,7 +175,7 @@ class LocalGraph:
         return LocalNode(self._node_numbers, node.name, namespace, via)
 
     def _crossing(self, endpoint: GraphEndpoint) -> Crossing | None:
-        """None where the far side is not to see it."""
+        """None if the far side must not see it."""
         crossing = self._rules.crossing(endpoint.topic)
         if not (crossing.goes_out if endpoint.kind == "publisher" else crossing.comes_in):
             return None

@@ -19,7 +19,7 @@ class Pace:
 
     def __init__(self) -> None:
         self.is_gathering = False
-        """What comes goes with what has come before."""
+        """A new message leaves together with those gathered before."""
         self._last_s = 0.0
         self._close = 0
 
@@ -37,5 +37,5 @@ class Pace:
         return not self.is_gathering
 
     def gathered(self, now_s: float) -> None:
-        """What has gathered leaves now."""
+        """Gathered messages leave now."""
         self.is_gathering, self._last_s = False, now_s

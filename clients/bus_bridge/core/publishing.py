@@ -85,7 +85,7 @@ class Publishing:
 
     async def finish(self) -> int:
         """Publish the messages that wait, as long as some can be published. Returns how many are lost.
-        Cancellation: all that wait are lost."""
+        Cancellation: all waiting messages are lost."""
         try:
             while self._pumping is not None:
                 before = self.account.sent

@@ -19,7 +19,7 @@ class Reporting:
         self._mirrors = mirrors
         self._reported: dict[EndpointMirror, object] = {}
         self._progress: dict[object, tuple[int, float]] = {}
-        """Of routes where messages wait: how many had gone, and since when none has."""
+        """Routes with waiting messages: how many messages had left, and since when none has."""
         self._now_s = 0.0
 
     def look(self, now_s: float) -> None:

@@ -22,7 +22,7 @@ Direction = Literal["both", "out", "in"]
 
 _MOST_REMEMBERED = 10_000
 _PRIVATE = frozenset(("/rosout", "/parameter_events"))
-"""Each bus has its own: they cross only where a pattern is just this name."""
+"""Each bus has its own. They cross only if a pattern is exactly this name."""
 _OF_ACTION = re.compile(r"(/.+)/_action/(?:feedback|status|send_goal|cancel_goal|get_result)")
 _WILD = frozenset("*?[")
 
@@ -30,13 +30,13 @@ _WILD = frozenset("*?[")
 class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the user wants of the topics that `pattern` is for, as `[[bridge.<engine>.topics]]` has it.
 
-    None: another rule says it, or nobody. The names of the fields are the keys.
+    None: another rule decides, or the default is used. The names of the fields are the keys.
     """
 
     pattern: str
     direction: Direction | None = None
-    """`out`: from this bus only; `in`: to this bus only. Of a service or action it says which side serves it:
-    `out` offers ours to the far side."""
+    """`out`: from this bus only; `in`: to this bus only. For a service or action it says which side serves
+    it: `out` offers ours to the far side."""
     depth: Annotated[int, Meta(ge=1, le=MAX_DEPTH)] | None = None
     max_rate_hz: Annotated[float, Meta(gt=0)] | None = None
     priority: Priority | None = None
@@ -44,7 +44,7 @@ class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class Crossing(msgspec.Struct, frozen=True):
-    """What the rules say of one topic."""
+    """The decision of the rules about one topic."""
 
     goes_out: bool
     """Whether messages of this bus go to the far side."""
@@ -119,7 +119,7 @@ class Rules:
 
 
 def subject_of(topic: str) -> str:
-    """What users call the thing that `topic` is part of: an action, a service, or the topic itself."""
+    """The users' name of the thing that `topic` belongs to: an action, a service, or the topic itself."""
     name = service_of_topic(topic) or topic
     action = _OF_ACTION.fullmatch(name)
     return name if action is None else action[1]

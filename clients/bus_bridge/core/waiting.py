@@ -10,7 +10,7 @@ from bus_bridge.packed import Packed
 __all__ = ["RateLimit", "Waiting"]
 
 _MOST_MESSAGES = 1 << 22
-"""However short they are: one that did not come packed takes some 180 bytes besides its payload."""
+"""A limit for short messages: one that did not come packed takes some 180 bytes besides its payload."""
 _NS_PER_S = 1_000_000_000
 _NEVER_NS = 1 << 63
 _SLACK = 0.05
@@ -18,8 +18,8 @@ _SLACK = 0.05
 
 
 class Waiting:
-    """At most `max_bytes` of payload, but always room for one message; and four million messages. What came
-    packed waits so."""
+    """At most `max_bytes` of payload, but always room for one message; and four million messages. Packed
+    messages stay packed while they wait."""
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes

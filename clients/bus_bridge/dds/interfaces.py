@@ -24,7 +24,7 @@ def is_address(text: str) -> bool:
 
 
 def check_interface(interface: str) -> None:
-    """Raises BridgeError where this machine has no such interface, by name or address, or it is down."""
+    """Raises BridgeError if this machine has no such interface, by name or address, or it is down."""
     if is_address(interface):
         family = socket.AF_INET6 if ":" in interface else socket.AF_INET
         with socket.socket(family, socket.SOCK_DGRAM) as probe:

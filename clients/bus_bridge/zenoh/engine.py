@@ -25,7 +25,7 @@ _ASK_SCHEMA_S = 2.0
 _ASK_SCHEMA_TIMES = 3
 _MAX_QUERIES = 10_000
 _UNFINISHED_BYTES = 512 << 20
-"""Of all far publishers together, that may wait for what belongs before or behind it."""
+"""The most that pieces of all far publishers together may take while other pieces are missing."""
 
 
 class ZenohEngine:
@@ -50,7 +50,7 @@ class ZenohEngine:
         self._links: Links | None = None
         self._own_token: Declared | None = None
         self._declared: list[Declared] = []
-        """What hears of others, and answers them."""
+        """The declarations that receive news of others and answer them."""
         self._nodes: dict[int, Declared] = {}
         self._schemas: dict[tuple[str, str], tuple[bytes, int]] = {}
         """How a type is described, and of how many endpoints it is."""

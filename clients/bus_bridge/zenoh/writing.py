@@ -209,7 +209,7 @@ class ZenohWriter:
             self._end_if_arrived()
 
     def reply(self, query: Query, importer: str) -> None:
-        """Somebody lacks a part, or does not know yet where the route begins and what is kept."""
+        """An importer lacks a part, or does not know yet where the route begins and which parts are kept."""
         base, asked = self._window.joined(importer), records.read_pair(query.payload[1:])
         if base is None or asked is None:
             query.drop()
