@@ -1,7 +1,6 @@
 """`bus bag convert`: bags written anew, as a file of options says: chosen topics, other files, compressed.
 
-What of the options is read stands in `Output`; rosbag2's others have no meaning here and are taken without
-effect.
+`Output` has the options that are used. Other options of rosbag2 are accepted without effect.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -93,7 +92,7 @@ class _Topic(NamedTuple):
 
 
 class _Options:
-    """The options of one bag; each is taken out when it is read, so that what is left is unknown."""
+    """The options of one bag. Each is removed when it is read, so the remaining ones are unknown."""
 
     def __init__(self, entry: object) -> None:
         if not isinstance(entry, dict):
@@ -186,9 +185,9 @@ def convert(
 ) -> list[str]:
     """Write the messages of all `inputs` into each of the `outputs` that wants them, by log time.
 
-    `progress` hears now and then how many messages were read, and how many there are. Returns what could
-    not be read or written as it was. What was written when it is broken off, or when the disk is full, is a
-    whole bag.
+    `progress` hears now and then how many messages were read, and how many there are. Returns what could not
+    be read or written as it was. If it is interrupted, or if the disk is full, the part written so far is a
+    complete bag.
 
     Raises BagError for bags that can't be read or written, ConfigurationError for what is no regular
     expression, OSError for faults of the disk.

@@ -1,4 +1,5 @@
-"""YAML of anybody, loaded: in C, but for what is nested so deeply that it would overflow the stack there."""
+"""Loads YAML of any origin: in C, except texts that are nested so deeply that they would overflow the stack
+there."""
 
 import re
 

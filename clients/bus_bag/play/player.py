@@ -198,7 +198,7 @@ class Player:
             return await self._play_next()
 
     async def burst(self, count: int) -> int:
-        """Publish so many messages at once, in a pause, or with 0 all that are left; returns how many."""
+        """Publish so many messages at once, in a pause; 0: all that are left. Returns how many."""
         if not self.is_paused:
             self._logger.warning("Burst can only be used when in the paused state.")
             return 0

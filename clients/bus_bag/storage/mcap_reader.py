@@ -1,4 +1,4 @@
-"""One MCAP file, read: by its index, or where it has none or is cut off, by going through its records once.
+"""Reads one MCAP file: by its index, or, if it has none or is cut off, in one pass through its records.
 
 Whatever bytes a file has, reading it ends, raises nothing but BagError, and holds one chunk and what the
 index says in memory. What can't be read is a Problem, and is passed over.
@@ -26,7 +26,7 @@ from bus_bag.storage.merge import Place, merge
 __all__ = ["McapFile"]
 
 _MAX_RECORD = 64 << 20
-"""Of records that are neither messages nor chunks: more is not believed."""
+"""The largest size of records that are neither messages nor chunks; a larger one counts as damage."""
 _RUN = 1 << 20
 """Messages outside of chunks are read together up to so many bytes."""
 _MOST_WAITING = 20_000_000
@@ -60,7 +60,7 @@ class McapFile(McapBytes):
         """By their numbers, as records of `mcap.records`, and so are channels."""
         self.channels: dict[int, Any] = {}
         self._channels: dict[int, str] = {}
-        """Channel -> topic; those that can be read."""
+        """Channel -> topic, for topics that can be read."""
         self._refused: set[int] = set()
         self._waiting = 0
         try:
@@ -75,7 +75,7 @@ class McapFile(McapBytes):
         return self.has_index and all(one.channels is not None for one in self._segments)
 
     def metadata(self) -> BagMetadata | None:
-        """What the last `rosbag2` record says of the whole bag."""
+        """The last `rosbag2` record, about the whole bag."""
         for name, texts in reversed(self.records):
             if name == "rosbag2" and texts.get("serialized_metadata"):
                 try:
@@ -200,7 +200,7 @@ class McapFile(McapBytes):
         self._segments.clear()
 
     def _read_index(self) -> None:
-        """Raises ValueError if no index can be used; without a text where the file is meant so."""
+        """Raises ValueError if no index can be used; without a text if the file has none on purpose."""
         begin = self._size - len(MAGIC) - FOOTER_SIZE
         footer = self._read(begin, FOOTER_SIZE + len(MAGIC))
         if (
@@ -290,7 +290,7 @@ class McapFile(McapBytes):
             self._problem(offset, str(error))
 
     def _describe(self, opcode: int, content: bytes) -> None:
-        """Take in a schema, a channel or a metadata record. Raises ValueError for one that is none."""
+        """Take in a schema, a channel or a metadata record. Raises ValueError if it is no such record."""
         if opcode == Opcode.SCHEMA:
             schema = decode("Schema", content)
             self.schemas[schema.id] = schema
@@ -398,10 +398,10 @@ class McapFile(McapBytes):
             last.start, last.end = min(last.start, log_time), max(last.end, log_time)
 
     def _settle(self, chunk: Segment | None, scan: "_Scan") -> None:
-        """Count the messages of a chunk: by its message indexes, or where there are none by what is in it.
+        """Count the messages of a chunk: by its message indexes, or, without these, by its contents.
 
-        It is looked into also where it has messages of a channel that was not described: that may stand in
-        it.
+        Its contents are also read if it has messages of an unknown channel, whose description may be in the
+        chunk.
         """
         if chunk is None:
             return
@@ -435,7 +435,7 @@ class McapFile(McapBytes):
 
 
 class _Scan:
-    """What was counted while a file was gone through."""
+    """Counters of one pass through a file."""
 
     def __init__(self) -> None:
         self.counts: Counter[int] = Counter()

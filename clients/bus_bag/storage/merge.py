@@ -1,7 +1,7 @@
 """What is at several places in the order of time. Pure.
 
-A place (a chunk of a file, a file of a bag) is opened when the order comes to where it begins, so that of
-places that don't overlap only one is in memory.
+A place (a chunk of a file, a file of a bag) is opened when its first time is reached. So only one place is in
+memory if places don't overlap.
 """
 
 from collections.abc import Callable, Iterable, Iterator

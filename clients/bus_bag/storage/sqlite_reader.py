@@ -19,7 +19,7 @@ from bus_bag.storage.decompression import MAX_SIZE
 __all__ = ["SqliteFile"]
 
 _FAULTS = (sqlite3.Error, UnicodeError, OverflowError, MemoryError)
-"""What reading a damaged file may raise; UnicodeError where the text of the error is damaged, too."""
+"""Errors that reading a damaged file may raise; UnicodeError if the text of the error is damaged, too."""
 _MAGIC = b"SQLite format 3\0"
 
 
@@ -63,7 +63,7 @@ class SqliteFile:
             self._database.close()
 
     def metadata(self) -> BagMetadata | None:
-        """What the file says of the whole bag."""
+        """The file's description of the whole bag."""
         if "metadata" not in self._tables:
             return None
         try:
@@ -190,7 +190,7 @@ class SqliteFile:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """For reading only. Where nothing may be written, changes that wait in a file beside it are not seen."""
+    """For reading only. If the folder is read-only, changes that wait in a file beside it are not seen."""
     place = f"file:{quote(str(path.absolute()))}"
     for options in ("mode=ro", "immutable=1"):
         database = sqlite3.connect(f"{place}?{options}", uri=True, check_same_thread=False)
