@@ -70,7 +70,7 @@ class Output(msgspec.Struct, frozen=True, kw_only=True):
     """Nanoseconds since 1970, and so is `end`, which belongs to it."""
     end: int | None = None
     custom_data: Mapping[str, str] | None = None
-    """None: that of the bags that are read."""
+    """None: the same as in the bags that are read."""
 
 
 def read_outputs(text: str) -> list[Output]:

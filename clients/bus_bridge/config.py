@@ -1,4 +1,4 @@
-"""`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, and what the command line says besides."""
+"""`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, with the options of the command line."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

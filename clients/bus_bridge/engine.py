@@ -225,8 +225,8 @@ class Engine(Protocol):
         """Show it to the far side; the result withdraws it. Raises as `announce_publisher`."""
 
     async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
-        """What the far side says of an endpoint's type; the bridge checks it. Raises BridgeError where nobody
-        knows. Cancellation leaves nothing behind.
+        """The far side's description of an endpoint's type; the bridge checks it. Raises BridgeError if it
+        can't be had. Cancellation leaves nothing behind.
         """
 
     def read(

@@ -26,7 +26,7 @@ EXTRAS = {
     "zenoh": Extra("zenoh", "eclipse-zenoh"),
     "ros2": Extra("cyclonedds", "cyclonedds", is_limited=True),
 }
-"""By the name of the engine."""
+"""Requirements by the name of the engine."""
 
 
 def why_missing(engine: str, machine: str | None = None, python: tuple[int, int] | None = None) -> str:

@@ -25,7 +25,7 @@ class TlsTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BridgeTable(msgspec.Struct, frozen=True, kw_only=True):
-    """What every bridge has; empty or None if it is not set. In TOML one text is as good as an array."""
+    """Settings of every bridge; empty or None if not set. In TOML one text is as good as an array."""
 
     id: str | None = None
     """The name of this bus on other buses; by default made of the machine's name."""

@@ -26,12 +26,12 @@ class Scan(NamedTuple):
 
     records: int
     stop: int
-    """Where the last one ends."""
+    """The end of the last one."""
     payload_bytes: int
     highest: int
     """Number."""
     last_at: int
-    """Where the last one begins."""
+    """The beginning of the last one."""
     is_consecutive: bool
     """Whether the numbers are consecutive."""
 

@@ -47,7 +47,7 @@ class Span(NamedTuple):
     end: int
     """When the last message was received."""
     is_whole: bool
-    """Whether `start` is the bag's beginning, so that no state comes before it."""
+    """Whether `start` is the bag's beginning. Then no state comes before it."""
     until: int = -1
     """What is later is not played; -1: there is no such bound, 0: nothing is played."""
 
@@ -170,7 +170,7 @@ class Player:
             self._alarm.wake()
 
     async def seek(self, time_ns: int) -> bool:
-        """Go on from that moment of the bag, with its latched state first; False where nothing is played.
+        """Go on from that moment of the bag, with its latched state first; False if nothing is played.
 
         What lies before the beginning is the beginning. Cancellation: it goes there all the same.
         """
@@ -186,7 +186,7 @@ class Player:
         return await self._seek.wait()
 
     async def play_next(self) -> bool:
-        """Publish the next message, in a pause; False where there is no pause, or no message."""
+        """Publish the next message, in a pause; False if there is no pause, or no message."""
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called play next, but player is not playing.")
             return False
@@ -217,7 +217,7 @@ class Player:
     # --- playing
 
     async def play(self) -> bool:
-        """Play from the beginning to the end, or over and over; False where it has been called before.
+        """Play from the beginning to the end, or over and over; False if it has been called before.
 
         Raises BagError if the bag can't be read on. Cancellation ends it between two messages.
         """

@@ -43,5 +43,5 @@ def kept_for_late_joiners(profiles: Iterable[QoSProfile]) -> int:
 
 
 def _matching(profile: QoSProfile) -> QoSProfile:
-    """What says whether a subscription matches."""
+    """The policies that decide whether a subscription matches."""
     return replace(profile, history=History.KEEP_LAST, depth=1, lifespan=None)

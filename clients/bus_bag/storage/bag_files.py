@@ -53,7 +53,7 @@ class BagFiles:
         return counts
 
     def information(self) -> list[FileInformation]:
-        """Of each file that is still there."""
+        """For each file that still exists."""
         closed = [one for one, _ in self._closed]
         return [*closed, self._describe_present()] if self.present.is_open else closed
 

@@ -129,7 +129,7 @@ class ChunkBuilder:
     def add_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
         """Add short messages of one part, as `add` does it one by one; returns how many bytes they take.
 
-        Each step goes over all of them, in C: a turn of a loop here costs as much as all that it does.
+        Each step handles all of them, in C: a turn of a Python loop would cost as much as all its work.
         """
         count = len(messages)
         if not count:

@@ -57,7 +57,7 @@ class McapFile(McapBytes):
         self.is_cut = False
         self.has_index = False
         self.schemas: dict[int, Any] = {}
-        """By their numbers, as records of `mcap.records`, and so are channels."""
+        """By their numbers, as records of `mcap.records`. Channels are kept in the same way."""
         self.channels: dict[int, Any] = {}
         self._channels: dict[int, str] = {}
         """Channel -> topic, for topics that can be read."""
@@ -200,7 +200,8 @@ class McapFile(McapBytes):
         self._segments.clear()
 
     def _read_index(self) -> None:
-        """Raises ValueError if no index can be used; without a text if the file has none on purpose."""
+        """Raises ValueError if no index can be used; without a text if there is nothing to report about
+        that."""
         begin = self._size - len(MAGIC) - FOOTER_SIZE
         footer = self._read(begin, FOOTER_SIZE + len(MAGIC))
         if (

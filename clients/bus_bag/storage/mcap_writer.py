@@ -211,8 +211,8 @@ class McapWriter:
         return self._summary.encode(self.size, self.counts, self.starting_time, self.end_time)
 
     def _append_surely(self, pieces: Sequence[Buffer], *, is_end: bool = False) -> int:
-        """Append a necessary part. If there is no room, drop parts that are only useful. Returns the position
-        of its beginning."""
+        """Append a part that the file needs. If there is no room, give back the reserve, then drop the last
+        chunks. Returns the position of its beginning."""
         while True:
             try:
                 before = self.size

@@ -131,7 +131,7 @@ class SqliteFile:
         return found
 
     def _rows(self, table: str, *columns: str) -> list[tuple[Any, ...]]:
-        """Some columns, an empty text for those that the file's version does not have."""
+        """Some columns, with an empty text for columns that the file's version does not have."""
         chosen = [column if column in self._tables[table] else f"'' AS {column}" for column in columns]
         return self._database.execute(f"SELECT {', '.join(chosen)} FROM {table} ORDER BY id").fetchall()
 
@@ -190,7 +190,8 @@ class SqliteFile:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """For reading only. If the folder is read-only, changes that wait in a file beside it are not seen."""
+    """For reading only. If nothing can be written there, changes that wait in a file beside it are not
+    seen."""
     place = f"file:{quote(str(path.absolute()))}"
     for options in ("mode=ro", "immutable=1"):
         database = sqlite3.connect(f"{place}?{options}", uri=True, check_same_thread=False)

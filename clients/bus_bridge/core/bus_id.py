@@ -22,7 +22,7 @@ _RIGHT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> str:
-    """The id of the bus whose socket is called `socket_name` in the directory `inode` of `device`.
+    """The id of the bus with the socket `socket_name` in the directory `inode` of `device`.
 
     `boot` is new with each start of the machine, and the same in all of its containers.
     """
@@ -32,9 +32,9 @@ def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> 
 
 
 def find_bus_id(path: str) -> str:
-    """The id of the bus at the socket `path`, whose directory is there.
+    """The id of the bus at the socket `path`. Its directory must exist.
 
-    Raises OSError if it is not.
+    Raises OSError if it does not.
     """
     folder, name = os.path.split(path)
     status = os.stat(folder)  # noqa: PTH116

@@ -66,7 +66,7 @@ class TopicExports:
         self.is_local = is_local
         """Whether only publishers that live on this bus go out, and none that other bridges have brought."""
         self.exports: dict[bytes, Export] = {}
-        """By the publisher's gid."""
+        """Ways by the publisher's gid."""
         self.mirrors: dict[Subscription[Any], None] = {}
         """The far subscriptions, as they are shown here."""
         self.away: dict[bytes, None] = {}
@@ -223,7 +223,7 @@ class Exports:
         """The way out of a publisher that is about to be shown to the far side, and the rule for it."""
         gid, route = shown.local.gid, self.route(topic, schema)
         export = route.export(gid)
-        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: what waits goes on
+        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: waiting messages go on
             timer, on_closed = leaving
             timer.cancel()
             export.detach()

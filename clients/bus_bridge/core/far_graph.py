@@ -45,7 +45,7 @@ class Mirrored(msgspec.Struct, frozen=True):
 
 
 class Wrong(NamedTuple):
-    """What is wrong with what was told, and who is to be refused for it: `teller`, or without one the bus."""
+    """A fault in the far side's news, and the one to be refused for it: `teller`, or without one the bus."""
 
     bus: str
     teller: str
@@ -79,7 +79,7 @@ class FarGraph:
     """`own_bus` is the id of this bus.
 
     Methods that take news return what is wrong with them. Who is to be refused for it is to be taken out by
-    `forget`. Where a bus shows more than it may, that is the one of its tellers that shows most.
+    `forget`. If a bus shows more than it may, this is the teller that shows most.
     """
 
     def __init__(self, own_bus: str, bounds: Bounds, rules: Rules, naming: Naming) -> None:
@@ -89,8 +89,8 @@ class FarGraph:
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
         self._news: dict[tuple[str, str], News] = {}
-        """By bus and teller, also of those that have gone: one that comes and goes all the time is allowed no
-        more than one that stays."""
+        """The rates of change by bus and teller. Rates of gone ones stay, so that coming and going all the
+        time allows no more changes."""
         self._nodes: dict[str, _Teller] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}

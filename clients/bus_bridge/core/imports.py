@@ -65,7 +65,7 @@ class Import:
         self._publishing.account = past.account
         self._reading.resume(past.lost_before)
         self._newest_ns = past.newest_ns
-        # A new mirror has none of what late joiners get, so that is to come once more.
+        # A new mirror has no history for late joiners, so that must come once more.
         self._continuity.resume(past.last, restores=self._qos.durability is Durability.TRANSIENT_LOCAL)
         self._listeners.resume(past.listeners, past.last)
         if past.numbering != self._numbering:
@@ -128,7 +128,7 @@ class Import:
 
     async def finish(self) -> None:
         """The far publisher has gone: read no more, and publish what waits for room, for as long as that goes
-        on. Cancellation: as at the end, what waits is lost."""
+        on. Cancellation: as at the end, waiting messages are lost."""
         self._reading.close()
         if lost := await self._publishing.finish():
             self._on_trouble(

@@ -26,7 +26,7 @@ class Lateness:
     def note(self, now_ns: int, source_ns: int, before_ns: int = 0) -> None:
         """A message came; of many that come together, the newest is enough. `before_ns`: the source time of
         its publisher's message before it; 0 if there was none."""
-        if source_ns < before_ns - _STEP_NS:  # the far clock was set back: what was learned is wrong
+        if source_ns < before_ns - _STEP_NS:  # the far clock was set back: the least lateness is wrong
             self._least_ns = self._before_ns = None
         if now_ns - self._since_ns > _WINDOW_NS:
             is_next = now_ns - self._since_ns <= 2 * _WINDOW_NS

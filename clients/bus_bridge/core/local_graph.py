@@ -112,7 +112,7 @@ class LocalGraph:
         return changes
 
     def look_at_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
-        """A publisher of this bus, with a node of its own, that has come and gone between two looks."""
+        """A publisher of this bus, and its node, that has come and gone between two graphs."""
         changes = Changes()
         topic, type_name, type_hash = kind
         namespace, name = split_node_name(match.node)

@@ -54,9 +54,9 @@ class EndpointMirror:
         self.publisher: Publisher[Any] | None = None
         self.subscription: Subscription[Any] | None = None
         self.way: Import | None = None
-        """Of a publisher's messages."""
+        """The way in of a publisher's messages."""
         self.route: TopicExports | None = None
-        """Of messages to a subscription."""
+        """The way out of messages to a subscription."""
         self.sent_before = 0
         """Messages that had taken that route before the subscription existed."""
         self.retry = Retry()

@@ -10,7 +10,7 @@ _MOST_CLOSE = 8
 
 
 class Pace:
-    """Of the messages of one tap.
+    """Pace of the messages of one tap.
 
     A few messages cost two bridges nearly as much as many that go together. So where publishers don't pause,
     messages gather for a moment. Else the bridges take the processors that the publishers need to publish

@@ -66,7 +66,7 @@ class Publishing:
         return done + self._publish_each(rest)
 
     def publish_or_wait(self, batch: Batch) -> None:
-        """Publish the messages. Without room they wait, behind those that wait already."""
+        """Publish the messages. Without room they wait, behind earlier ones."""
         waiting = self.waiting
         if not waiting.count:
             done = self.publish(batch)

@@ -12,7 +12,7 @@ _STUCK_S = 3.0
 
 
 class Reporting:
-    """Of the routes of `exports` and `mirrors`."""
+    """Reports about the routes of `exports` and `mirrors`."""
 
     def __init__(self, exports: Exports, mirrors: Mirrors) -> None:
         self._exports = exports

@@ -1,7 +1,7 @@
 """Which topics cross a bridge, in which direction, and how: what options and busd.toml say, as one answer.
 
-Names are those of this bus. A rule or pattern for a service is for both of its topics, one for an action for
-all of its services and topics: each stands under the name that users know. Pure.
+All names are names on this bus. A rule or pattern for a service is for both of its topics, one for an action
+for all of its services and topics: each stands under the name that users know. Pure.
 """
 
 import re
@@ -104,7 +104,7 @@ class Rules:
         ways = {"both": (True, True), "out": (True, False), "in": (False, True)}[direction]
         service = service_of_topic(topic)
         if service is not None and topic == request_topic(service):
-            ways = ways[1], ways[0]  # requests go to where the server is
+            ways = ways[1], ways[0]  # requests go to the server's side
         return Crossing(goes_out=ways[0], comes_in=ways[1], rule=rule)
 
     def _may_cross(self, subject: str) -> bool:

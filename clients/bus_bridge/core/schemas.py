@@ -80,7 +80,7 @@ class Schemas:
             try:
                 return await self._node.get_schema(endpoint.type_name, endpoint.type_hash)
             except ConfigurationError:
-                pass  # nobody has it here
+                pass  # not known here
         schema = await self._engine.find_schema(endpoint)
         if wrong := self._wrong(endpoint, schema):
             self._on_lie(endpoint, wrong)

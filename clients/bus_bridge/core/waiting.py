@@ -102,7 +102,7 @@ class RateLimit:
         if -2 * self._period_ns <= late_ns < -self._slack_ns:
             return False
         # On time, the schedule goes on from when it was due, so that the mean rate is exact. After a pause,
-        # or where the publisher's clock was set back, it begins anew.
+        # or if the publisher's clock was set back, it begins anew.
         is_on_time = -self._slack_ns <= late_ns < self._period_ns
         self._due_ns = (self._due_ns if is_on_time else time_ns) + self._period_ns
         return True

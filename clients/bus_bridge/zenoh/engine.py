@@ -56,7 +56,7 @@ class ZenohEngine:
         """How a type is described, and of how many endpoints it is."""
         self._writers: dict[bytes, ZenohWriter] = {}
         self._readers: dict[tuple[bytes, str], ZenohReader] = {}
-        """By gid and bus."""
+        """Readers by gid and bus."""
         self._room = records.Room(_UNFINISHED_BYTES)
         self._crowd: set[tuple[str, str]] = set()
         self._looking: asyncio.Task[None] | None = None
@@ -297,7 +297,7 @@ class ZenohEngine:
         heard = seen = self._session.link_ends
         while True:
             await asyncio.sleep(_LOOK_S)
-            # Where a link ends in the moment in which another to the same bus has come, zenoh may bring no
+            # If a link ends just when another to the same bus has come, zenoh may bring no
             # token of that bus any more. So ask for all of them anew, once no link has ended for a look. Not
             # where links come: each of a fleet's would have the tokens of all others brought once more.
             seen, before = self._session.link_ends, seen

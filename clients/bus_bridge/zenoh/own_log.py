@@ -104,7 +104,7 @@ class OwnLog:
         try:
             while text:
                 text = text[os.write(self._stdout, text) :]
-        except OSError:  # as print: nobody reads it any more
+        except OSError:  # as print does: the reader has gone
             pass
 
 

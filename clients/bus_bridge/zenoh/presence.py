@@ -31,7 +31,7 @@ _PATIENCE = 15
 MAX_TOKENS = 100_000
 """Of one bus. Far above what the bridge takes from it; here it bounds memory."""
 MAX_RUNS = 1024
-"""Of bridges; one that has started anew counts again. Here, too, it bounds memory."""
+"""The most bridges; a restarted one counts again. Here, too, it bounds memory."""
 
 
 class Interest(NamedTuple):

@@ -180,7 +180,7 @@ class _Inbox:
             source = self._due.popleft()
             try:
                 source.drain()
-            except Exception as error:  # what one far side sends must not end what others do
+            except Exception as error:  # input of one far side must not end the work of others
                 self._on_fault(error)
                 source.wake_again()
 
@@ -368,7 +368,7 @@ class Session:
             key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=_PRIORITIES[priority],
-            express=True,  # what goes together is packed already: to wait for more costs some 70 us
+            express=True,  # messages that go together are packed already: to wait for more costs some 70 us
             allowed_destination=zenoh.Locality.REMOTE,
         )
 
