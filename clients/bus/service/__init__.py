@@ -11,7 +11,8 @@ Invariants:
 
 - A client declares its subscription before its publisher, a server its publisher before its subscription. So
   when a request arrives, its client can already receive the reply.
-- A call ends with one reply or one error. It never hangs if the server leaves or refuses.
+- A call ends with one reply or one error. If its server leaves, or busd loses the call, that is an error.
+  There is no limit of time: a server may take as long as it likes.
 - The types of both topics carry a digest of the whole definition, so a client never matches a server with a
   different definition.
 
