@@ -303,7 +303,7 @@ class _Writer:
         is_whole = len(readers) == 1 and output.start is None and output.end is None
         found = find_losses(readers[0]) if is_whole else {}
         self._losses = {topic: one for topic, one in found.items() if topic in chosen}
-        """What the recorder said; of several bags, or of a part of one, there is no such account."""
+        """The recorder's account. There is none for several bags, or for a part of one."""
 
     def write(self, message: BagMessage) -> None:
         channel = self._channels.get(message.topic)

@@ -22,7 +22,7 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
     expected: int
     """Messages by the publishers' numbers, without those that came while the recording was paused."""
     written: int = 0
-    """In the files, also in those that were deleted since, without what further files repeat."""
+    """Messages in the files, also in those deleted since, without repetitions in further files."""
     waiting: int = 0
     """On their way into the file when this was counted; 0 at the end."""
     lost: dict[str, int] = {}
@@ -34,8 +34,8 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.expected == self.written + self.waiting + sum(self.lost.values())
 
     def closed(self) -> "TopicLosses":
-        """The account when nothing is on its way any more: what is still missing is lost, and nobody knows
-        why."""
+        """The account when nothing is on its way any more: messages still missing are lost for an unknown
+        reason."""
         if not self.waiting:
             return self
         lost = {**self.lost, DropReason.UNEXPLAINED: self.lost.get(DropReason.UNEXPLAINED, 0) + self.waiting}

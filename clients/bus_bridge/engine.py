@@ -1,8 +1,8 @@
 """The interface between the bridge and what carries its messages: zenoh, or DDS.
 
 The bridge knows no engine, and an engine knows neither busd nor nodes on this bus. Names are those on the
-engine's wire: the namespace is on them already. Everything here happens on the event loop; an engine that
-hears something in a thread of its own brings it there, bounded. Values and protocols only.
+engine's wire: the namespace is on them already. Everything here happens on the event loop. An engine with
+threads hands their news over to it, bounded. Values and protocols only.
 """
 
 from collections.abc import Callable, Sequence
@@ -123,7 +123,7 @@ class FarNode(msgspec.Struct, frozen=True):
     name: str
     namespace: str
     via: tuple[str, ...] = ()
-    """Ids of the buses that it came through, its own first, where that is not `bus`: in transit only."""
+    """Ids of the buses that it came through, its own first, if that is not `bus`: in transit only."""
     teller: str = ""
     """Who of its bus tells of it, where several do, each for itself; in words, shown to users. What is wrong
     is held against that one alone."""

@@ -1,6 +1,6 @@
 """The settings of a bridge, from the command line and busd.toml: as values, with types and ranges.
 
-What addresses and certificates mean is known by the engines, which look at them when the bridge begins.
+Engines know the meaning of addresses and certificates, and check them when the bridge begins.
 """
 
 from typing import Annotated, Literal

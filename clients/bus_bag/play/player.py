@@ -2,7 +2,7 @@
 
 Owns: what happens in which order. Must not know: files, types, terminals, services. Everything here runs on
 the event loop, so no lock is needed to read or change a state; `play` is the one that waits. The states of a
-replay, and what leads from one to the next, are in `play/state.py`.
+replay, and their events, are in `play/state.py`.
 """
 
 import asyncio
@@ -172,7 +172,7 @@ class Player:
     async def seek(self, time_ns: int) -> bool:
         """Go on from that moment of the bag, with its latched state first; False if nothing is played.
 
-        What lies before the beginning is the beginning. Cancellation: it goes there all the same.
+        A time before the beginning counts as the beginning. Cancellation: it goes there all the same.
         """
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called seek, but player is not playing.")

@@ -125,7 +125,7 @@ def _reading_ahead(reader: BagReader, topics: Topics, options: PlayOptions) -> I
 
 
 async def _clock(node: Node, options: PlayOptions) -> Callable[[int], None] | None:
-    """What publishes a time of the bag."""
+    """A function that publishes a time of the bag; None without the option for it."""
     if not options.has_clock:
         return None
     message_type: Any = message_class("rosgraph_msgs/msg/Clock")

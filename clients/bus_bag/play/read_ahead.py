@@ -185,7 +185,7 @@ class ReadAheadQueue:
         run.room.clear()
         run.is_full = True
         self._tell(run)
-        # What the loop has taken before it saw `is_full` rings for nothing.
+        # Entries that the loop took before it saw `is_full` have not set `room`.
         if self._has(run, self._low, _MOST_BYTES * _LOW) and not run.is_given_up:
             run.room.wait()
         run.is_full = False
@@ -194,7 +194,7 @@ class ReadAheadQueue:
         if run.wanted:
             try:
                 self._loop.call_soon_threadsafe(self._news.set)
-            except RuntimeError:  # the loop is closed: nobody waits any more
+            except RuntimeError:  # the loop is closed: no task waits any more
                 pass
 
     def _entries(self, run: _Run) -> Iterator[Entry]:

@@ -54,7 +54,7 @@ def settle_process() -> None:
 
 
 def _set_policy(name: str) -> None:
-    """How the kernel shares out CPU time to this thread and those that it starts (Linux only)."""
+    """Set the kernel's scheduling policy for this thread and those that it starts (Linux only)."""
     if sys.platform == "linux":
         with suppress(OSError):
             os.sched_setscheduler(0, getattr(os, name), os.sched_param(0))

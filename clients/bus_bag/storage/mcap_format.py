@@ -1,6 +1,6 @@
 """Records of MCAP files: their layout, and the package `mcap`, which knows all but messages.
 
-Messages have a layout of their own here because there are so many of them: both ends handle whole chunks.
+Messages have a separate layout here because there are so many of them: both ends handle whole chunks.
 """
 
 import struct
@@ -79,5 +79,5 @@ def decode(kind: str, content: bytes) -> Any:
         return getattr(package(), kind).read(package("mcap.data_stream").ReadDataStream(io.BytesIO(content)))
     except BagError:
         raise
-    except Exception as error:  # whatever a parser meets in bytes of anybody
+    except Exception as error:  # errors of a parser in bytes of unknown origin
         raise ValueError(f"no valid {kind} record ({error or type(error).__name__})") from None

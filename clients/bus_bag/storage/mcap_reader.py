@@ -163,7 +163,7 @@ class McapFile(McapBytes):
     def _entries(
         self, segment: Segment, wanted: dict[int, str], at: int
     ) -> tuple["array[int]", "array[int]"]:
-        """Times and positions of the messages that are wanted; `at`: where the time stands in heads."""
+        """Times and positions of the messages that are wanted; `at`: the offset of the time in heads."""
         times, positions = array("Q"), array("Q")
         unpack_head = MESSAGE.unpack_from
         for opcode, position, data in self._walk(segment):
@@ -267,7 +267,8 @@ class McapFile(McapBytes):
             position += 9 + length
 
     def _add_index(self, content: bytes) -> None:
-        """Of a chunk; read here, and not by `mcap.records`, because a long recording has 100,000 of them."""
+        """The index of a chunk. It is not read by `mcap.records`, because a long recording has 100,000 of
+        them."""
         if len(content) < _CHUNK_INDEX.size:
             raise ValueError("no valid ChunkIndex record")
         start, end, offset, length, size = _CHUNK_INDEX.unpack_from(content)

@@ -127,7 +127,8 @@ class McapWriter:
         self._append([record])
 
     def write_chunk(self, chunk: Chunk) -> None:
-        """Messages whose channels were written before; without these, or once the file is full, none is."""
+        """Write messages whose channels were written before. Without these, or once the file is full, nothing
+        is written."""
         if self._is_full or not self._summary.has_channels(chunk.index.keys()):
             return
         before = self.size

@@ -23,7 +23,8 @@ class Place(NamedTuple, Generic[T]):
 
 
 def merge(places: Iterable[Place[T]]) -> Iterator[T]:
-    """All by time; those of one time as their places stand, and within a place as they come."""
+    """Everything in the order of time. Items of one time are in the order of their places, and within a place
+    in its order."""
     waiting = sorted(enumerate(places), key=lambda one: (one[1].start, one[0]), reverse=True)
     heads: list[tuple[int, int, T, Iterator[tuple[int, T]]]] = []
 

@@ -51,11 +51,12 @@ class BagReader:
         self._takes_all = all_files
         self.files: list[BagFile] = []
         self.topics: dict[str, TopicMetadata] = {}
-        """By name, in the order of their names."""
+        """Topics by name, in the order of their names."""
         self.extra: dict[str, dict[str, str]] = {}
         """Topic -> what else the files say of it: `busd.type_hash`, `busd.schema`."""
         self.definitions: dict[str, str] = {}
-        """Type -> its definition, in the language of .msg files, with those of all that it needs."""
+        """Type -> its definition, in the language of .msg files, with the definitions of all types that it
+        needs."""
         self._problems: list[Problem] = []
         self._said: BagMetadata | None = None
         try:

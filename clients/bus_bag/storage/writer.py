@@ -77,8 +77,8 @@ class BagWriter:
     def add_topic(self, topic: TopicMetadata, definition: str, extra: Mapping[str, str] | None = None) -> int:
         """A topic to be recorded; returns its channel, for `write`.
 
-        `definition` is of its type, in the language of .msg files, with those of all that it needs. `extra`
-        is kept with the topic.
+        `definition` describes its type, in the language of .msg files, with the definitions of all types that
+        it needs. `extra` is kept with the topic.
         """
         if len(self._topics) == _MAX_CHANNELS:
             raise BagError(f"a bag has {_MAX_CHANNELS} topics at most")

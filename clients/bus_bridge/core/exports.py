@@ -70,7 +70,7 @@ class TopicExports:
         self.mirrors: dict[Subscription[Any], None] = {}
         """The far subscriptions, as they are shown here."""
         self.away: dict[bytes, None] = {}
-        """Far subscriptions that have gone; one that comes back was cut off, and has missed what was said
+        """Far subscriptions that have gone. One that comes back was cut off, and has missed the messages
         meanwhile."""
         self.holders = 0
         """How many far subscriptions need the taps."""
@@ -162,7 +162,7 @@ class TopicExports:
 
 class Exports:
     """`node` is the bridge's own; `knows` says whether the last graph had a publisher, `hides` whether it had
-    one that the far side is not to see."""
+    one that the far side must not see."""
 
     def __init__(
         self,

@@ -1,4 +1,5 @@
-"""What the far buses have said they have, held against the bounds, and which of it is to be mirrored. Pure.
+"""The nodes and endpoints that far buses have announced, checked against the bounds, and which of them are
+mirrored. Pure.
 
 Names are those on the wire. Three kinds of endpoints are known here, but not mirrored: those on topics
 outside of the namespace, those that the rules forbid, and those that came through this bus already.
@@ -265,7 +266,7 @@ class FarGraph:
         self._choose(gid)
 
     def _choose(self, gid: bytes) -> None:
-        """By which way it is mirrored, if it is: the way that came first, for as long as that is there."""
+        """The way by which it is mirrored, if it is: the way that came first, as long as it is there."""
         known = self.endpoints.pop(gid, None)
         ways = self._endpoints.get(gid, {})
         if known is not None and ways.get(known.far.node) is known.far:

@@ -8,14 +8,15 @@ __all__ = ["Lateness"]
 
 _WINDOW_NS = 30_000_000_000
 _STEP_NS = 100_000_000
-"""By so much a publisher's times may fall from one message to the next without its clock having been set."""
+"""A publisher's times may fall by so much from one message to the next; a larger step means that its clock
+was set."""
 
 
 class Lateness:
     """Ages of the messages of one far bus. Its clock may be set and may drift, so only the last half minute
     counts.
 
-    `now_ns` is by a clock that is never set: what the far clock shows says nothing about this machine's.
+    `now_ns` comes from a clock that is never set. It has no relation to the far clock.
     """
 
     def __init__(self) -> None:

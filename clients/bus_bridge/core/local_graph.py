@@ -29,7 +29,7 @@ class Shown(msgspec.Struct, frozen=True):
 
 
 class Changes(msgspec.Struct):
-    """In the order in which they are to be made known: what has gone, then nodes, subscriptions and
+    """In the order in which they must be announced: gone ones first, then nodes, subscriptions and
     publishers.
 
     A service's client has its subscription for answers on the far side before its request goes there.
@@ -106,7 +106,7 @@ class LocalGraph:
             self._absent.clear()
         for gid, endpoint in present.items():
             seen = self._seen.get(gid)
-            # One of another node may have taken its place between two looks: a mirror that comes another way.
+            # Another node's endpoint may have replaced it between two graphs: a mirror that came another way.
             if looks_at_all or seen is None or seen.id != endpoint.id:
                 self._look_at(endpoint, changes)
         return changes

@@ -1,4 +1,5 @@
-"""Names here and names on the wire: the namespace goes in front of all that leaves, and off what comes. Pure.
+"""Names here and names on the wire: the namespace is added to leaving names and removed from incoming ones.
+Pure.
 
 With the namespace `/bot1` the topic `/scan` of this bus is `/bot1/scan` on the wire, whoever publishes it.
 Names on the wire that don't begin with it have no name here, so each name here has one there and back again.

@@ -22,8 +22,8 @@ class Past(NamedTuple):
     lost_before: dict[str, int]
     """Messages that its readers had and lost, by reason."""
     numbering: str = ""
-    """Which numbers `last` is one of: those of the publisher itself, or, in transit, of the mirror that is
-    named here. Numbers of different mirrors can't be compared."""
+    """The numbering of `last`: that of the publisher itself, or, in transit, of the mirror named here.
+    Numbers of different mirrors can't be compared."""
     newest_ns: int = 0
     """When the last message was published, by the publisher's clock: the same by each way."""
 

@@ -1,4 +1,4 @@
-"""Which topics cross a bridge, in which direction, and how: what options and busd.toml say, as one answer.
+"""Which topics cross a bridge, in which direction, and how: options and busd.toml, as one decision.
 
 All names are names on this bus. A rule or pattern for a service is for both of its topics, one for an action
 for all of its services and topics: each stands under the name that users know. Pure.
@@ -28,7 +28,7 @@ _WILD = frozenset("*?[")
 
 
 class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the user wants of the topics that `pattern` is for, as `[[bridge.<engine>.topics]]` has it.
+    """The user's settings for topics that match `pattern`: one `[[bridge.<engine>.topics]]`.
 
     None: another rule decides, or the default is used. The names of the fields are the keys.
     """

@@ -14,7 +14,7 @@ _MOST_MESSAGES = 1 << 22
 _NS_PER_S = 1_000_000_000
 _NEVER_NS = 1 << 63
 _SLACK = 0.05
-"""By how much of a period a message may be early: publishers' timers are not exact."""
+"""The part of a period by which a message may be early: publishers' timers are not exact."""
 
 
 class Waiting:

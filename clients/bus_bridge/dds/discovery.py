@@ -69,8 +69,7 @@ class Discovery:
         self.gids: dict[int, bytes] = {}
         """Gids of all far endpoints that belong to no busd, by handle."""
         self.marked: set[int] = set()
-        """Handles of other busds' endpoints, and of those of participants that are refused: nothing is read
-        of them."""
+        """Handles of endpoints that are not read: those of other busds, and of refused participants."""
         self.refused: dict[str, bytes] = {}
         """Participants that are not heard for as long as they are there, by what the bridge calls them."""
         self.publishers: dict[str, dict[bytes, qos.ReaderKind]] = {}

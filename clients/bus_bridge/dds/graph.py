@@ -140,8 +140,9 @@ News: TypeAlias = Iterator[Came | Went]
 class DomainGraph:
     """What is known of a domain. Each method returns the news, in the order in which they are to be told.
 
-    An endpoint is told once its node is known. Endpoints that belong to none, of programs that speak DDS and
-    no ROS 2, or whose participant has not said so in time, get a node of their participant's.
+    An endpoint is told once its node is known. Some endpoints belong to no node: those of programs that speak
+    DDS but not ROS 2, and those whose participant has not named a node in time. They get a node that stands
+    for their participant.
     """
 
     def __init__(self, bus: str, patience_s: float = 1.0) -> None:

@@ -1,4 +1,4 @@
-"""Whether the network interface that a user named can be used: cyclonedds tells that in lines of its own."""
+"""Checks the network interface that a user named. Otherwise cyclonedds would report it in its own lines."""
 
 import fcntl
 import ipaddress

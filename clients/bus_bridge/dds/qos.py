@@ -24,7 +24,8 @@ __all__ = [
 INFINITE: Final = 2**63 - 1
 """DDS' duration without end, in nanoseconds."""
 DEPTH: Final = 10
-"""Of a far endpoint that does not tell its own: discovery of Fast DDS leaves it out, and 1 stands there."""
+"""The depth of a far endpoint that does not tell its own: discovery of Fast DDS leaves it out, so 1 is found.
+"""
 
 _NS_PER_S: Final = 1_000_000_000
 

@@ -26,7 +26,8 @@ _BATCH: Final = 256
 _BURST: Final = 16
 """So many messages at once, and a call for each of them would cost more than to look in each turn."""
 _LINGER_S: Final = 0.02
-"""How long a reader that is withdrawn still carries: what has reached the other has reached it too, then."""
+"""How long a withdrawn reader still carries messages. After that it has got all messages that the other
+reader has."""
 _CATCH_UP_S: Final = 1.0
 """How long after a change messages come that the earlier reader may have had."""
 _EARLY_BYTES: Final = 8 * 2**20

@@ -1,7 +1,7 @@
 """Key expressions: the names by which two bridges find each other, publishers and messages. Pure.
 
-Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` is a bridge from
-its start to its end: a bridge that comes back is told from the one that it was by that alone.
+Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` names a bridge
+from its start to its end. It alone distinguishes a restarted bridge from its predecessor.
 
     @busd/3/<bus>/B/<run>/<zenoh id>                                     a bus
     @busd/3/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
@@ -13,9 +13,9 @@ its start to its end: a bridge that comes back is told from the one that it was 
     busd/3/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
     busd/3/ack/<bus>/<gid>/<importer>        how far the importer has come
 
-Each part between two slashes is percent-encoded, so that no name means anything in a key expression. The
-slashes in the topic and the type of a data key stay: users can route by them. Incoming keys are hostile: a
-token that can't be read becomes `Broken`, any other key None.
+Each part between two slashes is percent-encoded, so no name has a meaning in a key expression. The slashes in
+the topic and the type of a data key stay: users can route by them. Incoming keys are hostile: a token that
+can't be read becomes `Broken`, any other key None.
 """
 
 from typing import NamedTuple

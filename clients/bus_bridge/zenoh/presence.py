@@ -170,8 +170,8 @@ class Presence:
     def look(self, linked: Mapping[str, str] | None) -> None:
         """Called about once a second: warn about a bus that claims the id of another bus.
 
-        `linked`: by zenoh id, each bridge that a link leads to, with its host where nothing tells at once
-        that a bridge there was killed, else ""; None if bridges are reached without links.
+        `linked`: each bridge that a link leads to, by zenoh id, with its host if a killed bridge there would
+        not be noticed at once, else ""; None if bridges are reached without links.
         """
         rivals = [(self._own, run) for run in self._doubles]
         for run in self._runs.values():

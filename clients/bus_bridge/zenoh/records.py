@@ -8,9 +8,9 @@ the route, from 1. The kinds:
 - a piece of a large one: the head also has the message's size and where in it the piece begins, u64 each;
 - a probe, without payload and with the number of the part before it: how far are you?
 
-The answer to a probe is an ack: two u64, the numbers of the newest part that has arrived and of the newest
-whose messages were taken. What asks for something kept has two u64 too: what is there behind this message's
-number, from that byte on. All little-endian.
+The answer to a probe is an ack. It has two u64: the number of the newest part that has arrived, and the
+number of the newest part whose messages were taken. A request for something kept also has two u64: it asks
+for the part behind this message's number, from that byte on. All little-endian.
 """
 
 from collections.abc import Iterable

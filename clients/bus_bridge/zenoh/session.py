@@ -32,9 +32,9 @@ __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 _T = TypeVar("_T")
 
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
-"""Settings that zenoh reads from its environment, once. By default the thread to which the system says that
-something has come wakes one of two others to read it. With this setting it reads itself on accepted links:
-Python could not run two at a time anyway."""
+"""Settings that zenoh reads from its environment, once. By default the thread that the system notifies of
+input wakes one of two others to read it. With this setting it reads itself on accepted links: Python could
+not run two at a time anyway."""
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
 _OPEN_MS = 4000  # then begin anew: TCP asks less and less often, and the cable may be back meanwhile
@@ -65,7 +65,7 @@ class Link(NamedTuple):
 
     @property
     def silent_host(self) -> str:
-        """The host at its other end, where nothing tells that a process there was killed (QUIC); else ""."""
+        """The host at its other end, if a killed process there would not be noticed (QUIC); else ""."""
         protocol, _, place = self.dst.partition("/")
         return place.rpartition(":")[0] if protocol == "quic" else ""
 
@@ -73,8 +73,8 @@ class Link(NamedTuple):
 class Source(Generic[_T]):
     """Things from zenoh's threads, on their way to the loop: `push` in any thread, `take` on the loop.
 
-    `bound` is in the unit of the sizes given to `push`. Where it is reached, the oldest goes, or with
-    `keeps_oldest` the new one, to `on_lost` (in zenoh's thread).
+    `bound` is in the unit of the sizes given to `push`. At the limit the oldest, or with `keeps_oldest` the
+    new one, goes to `on_lost` (in zenoh's thread).
     """
 
     def __init__(
@@ -186,7 +186,8 @@ class _Inbox:
 
 
 class Declared:
-    """Something that a session has declared, or will have in a moment; undeclared when nobody holds it."""
+    """Something that a session has declared, or will declare in a moment; undeclared when it is no longer
+    referenced."""
 
     def __init__(self, session: "Session", declare: Callable[[], Any]) -> None:
         self._session = session
@@ -266,7 +267,8 @@ class Session:
     one's client, else a peer."""
 
     def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
-        """`on_fault` hears, on the loop, what was raised by something that zenoh brought: a fault of ours."""
+        """`on_fault` is called on the loop with an exception raised while something of zenoh's was handled: a
+        bug of ours."""
         self.zenoh_id = f"f{secrets.token_hex(15)}"  # known before a router is there
         self._config = _config(options, self.zenoh_id)
         self._on_fault = on_fault

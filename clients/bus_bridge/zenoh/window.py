@@ -207,8 +207,8 @@ class History:
             self._bytes -= len(kept.popleft().payload)
 
     def find(self, after: int, offset: int) -> Part | None:
-        """What goes on behind the message with the number `after`: a part with messages, or with the piece at
-        byte `offset` of the next one. None: nothing."""
+        """The part behind the message with the number `after`: with messages, or with the piece at byte
+        `offset` of the next one. None: nothing."""
         found, size = list[Sample](), 0
         for sample in self._samples:
             if sample.number <= after:

@@ -151,7 +151,7 @@ class ZenohWriter:
 
     def come_back(self, endpoint: LocalEndpoint, on_change: Callable[[], None]) -> bool:
         """The publisher is there again before all has arrived that it said when it went. Returns whether it
-        is as it was: then importers go on, who would not see that a token went and came at once."""
+        is unchanged. Then importers go on: they would not see that a token went and came at once."""
         if endpoint != self._endpoint:
             return False
         self.on(WriterEvent.RETURN)
