@@ -1,7 +1,6 @@
 """`bus bag convert`: bags written anew, as a file of options says: chosen topics, other files, compressed.
 
-What of the options is read stands in `Output`; rosbag2's others have no meaning here and are taken without
-effect.
+`Output` has the options that are used. Other options of rosbag2 are accepted without effect.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -71,7 +70,7 @@ class Output(msgspec.Struct, frozen=True, kw_only=True):
     """Nanoseconds since 1970, and so is `end`, which belongs to it."""
     end: int | None = None
     custom_data: Mapping[str, str] | None = None
-    """None: that of the bags that are read."""
+    """None: the same as in the bags that are read."""
 
 
 def read_outputs(text: str) -> list[Output]:
@@ -93,7 +92,7 @@ class _Topic(NamedTuple):
 
 
 class _Options:
-    """The options of one bag; each is taken out when it is read, so that what is left is unknown."""
+    """The options of one bag. Each is removed when it is read, so the remaining ones are unknown."""
 
     def __init__(self, entry: object) -> None:
         if not isinstance(entry, dict):
@@ -186,9 +185,9 @@ def convert(
 ) -> list[str]:
     """Write the messages of all `inputs` into each of the `outputs` that wants them, by log time.
 
-    `progress` hears now and then how many messages were read, and how many there are. Returns what could
-    not be read or written as it was. What was written when it is broken off, or when the disk is full, is a
-    whole bag.
+    `progress` hears now and then how many messages were read, and how many there are. Returns what could not
+    be read or written as it was. If it is interrupted, or if the disk is full, the part written so far is a
+    complete bag.
 
     Raises BagError for bags that can't be read or written, ConfigurationError for what is no regular
     expression, OSError for faults of the disk.
@@ -304,7 +303,7 @@ class _Writer:
         is_whole = len(readers) == 1 and output.start is None and output.end is None
         found = find_losses(readers[0]) if is_whole else {}
         self._losses = {topic: one for topic, one in found.items() if topic in chosen}
-        """What the recorder said; of several bags, or of a part of one, there is no such account."""
+        """The recorder's account. There is none for several bags, or for a part of one."""
 
     def write(self, message: BagMessage) -> None:
         channel = self._channels.get(message.topic)

@@ -1,4 +1,4 @@
-"""What can be wrong with a bag, as errors whose text is for the user."""
+"""Errors of bags. Their texts are for the user."""
 
 from bus.errors import BusError
 
@@ -10,7 +10,8 @@ class BagError(BusError):
 
 
 class BagFull(BagError):
-    """Nothing more fits on the disk, or into the file. What was written before is kept, and can be closed."""
+    """Nothing more fits on the disk, or into the file. The part written before is kept, and the bag can be
+    closed."""
 
     def __init__(self, message: str, *, room: int = 0, is_limit: bool = False) -> None:
         super().__init__(message)

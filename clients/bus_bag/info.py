@@ -74,7 +74,7 @@ def topic_names(metadata: BagMetadata, sort: str = "name") -> list[str]:
 
 
 def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
-    """What the recorder said last of what is missing in the bag; nothing where it said nothing."""
+    """The recorder's last account of messages that the bag lacks; nothing if there is none."""
     for file in reversed(reader.files):
         for name, texts in reversed(file.records):
             if name == losses.RECORD:

@@ -1,7 +1,7 @@
-"""What a recording lacks, and why: the accounts of each topic, and the record of them in a file. Pure.
+"""Messages that a recording lacks, and why: the account of each topic, and its record in a file. Pure.
 
-They close: what the publishers have published to the recorder, by their own numbers, is what was written,
-what still waits, and what was lost for each reason.
+They close: messages that publishers sent to the recorder, by their own numbers = messages written + waiting +
+lost for each reason.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,9 +20,9 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
     """Messages of one topic, since its recording began."""
 
     expected: int
-    """By the publishers' numbers, without what came while the recording was paused."""
+    """Messages by the publishers' numbers, without those that came while the recording was paused."""
     written: int = 0
-    """In the files, also in those that were deleted since, without what further files repeat."""
+    """Messages in the files, also in those deleted since, without repetitions in further files."""
     waiting: int = 0
     """On their way into the file when this was counted; 0 at the end."""
     lost: dict[str, int] = {}
@@ -34,8 +34,8 @@ class TopicLosses(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.expected == self.written + self.waiting + sum(self.lost.values())
 
     def closed(self) -> "TopicLosses":
-        """The account when nothing is on its way any more: what is still missing is lost, and nobody knows
-        why."""
+        """The account when nothing is on its way any more: messages still missing are lost for an unknown
+        reason."""
         if not self.waiting:
             return self
         lost = {**self.lost, DropReason.UNEXPLAINED: self.lost.get(DropReason.UNEXPLAINED, 0) + self.waiting}
@@ -48,12 +48,12 @@ def to_record(topics: Mapping[str, TopicLosses]) -> dict[str, str]:
 
 
 def from_record(values: Mapping[str, str]) -> dict[str, TopicLosses]:
-    """What such a record says. Raises ValueError where it is broken."""
+    """The contents of such a record. Raises ValueError if it is broken."""
     return {topic: msgspec.json.decode(text, type=TopicLosses) for topic, text in values.items()}
 
 
 def lines(topics: Mapping[str, TopicLosses]) -> Iterable[str]:
-    """A line for each topic that lacks something, and why; nothing where nothing was lost."""
+    """A line for each topic that lacks messages, with the reasons; nothing if nothing was lost."""
     for topic, losses in sorted(topics.items()):
         if total := sum(losses.lost.values()):
             reasons = ", ".join(

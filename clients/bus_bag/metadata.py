@@ -138,7 +138,7 @@ def profiles_to_text(profiles: tuple[QoSProfile, ...]) -> str:
 
 
 def as_map(metadata: BagMetadata) -> dict[str, object]:
-    """What both texts have, as plain data."""
+    """The contents of both texts, as plain data."""
     return {
         "version": VERSION,
         "storage_identifier": metadata.storage_identifier,
@@ -199,7 +199,7 @@ def _dump(value: object) -> str:
 
 
 def from_yaml(text: str) -> BagMetadata:
-    """What metadata.yaml says. Raises ValueError with the reason where `text` is none."""
+    """The contents of metadata.yaml. Raises ValueError with the reason if `text` is none."""
     document = load(text)
     if not isinstance(document, dict) or not isinstance(document.get(_KEY), dict):
         raise ValueError(f"it has no map '{_KEY}'")
@@ -207,7 +207,7 @@ def from_yaml(text: str) -> BagMetadata:
 
 
 def from_record(text: str) -> BagMetadata:
-    """What a `rosbag2` record says. Raises ValueError with the reason where `text` is none."""
+    """The contents of a `rosbag2` record. Raises ValueError with the reason if `text` is none."""
     document = load(text)
     if not isinstance(document, dict):
         raise ValueError("it is no map")
@@ -261,7 +261,7 @@ def _text(fields: object, key: str) -> str:
 
 
 def _number(fields: object, key: str) -> int:
-    """0 where there is none; rosbag2 writes the largest number for the start of a bag without messages."""
+    """0 if there is none; rosbag2 writes the largest number for the start of a bag without messages."""
     value = fields.get(key, 0) if isinstance(fields, dict) else 0
     if isinstance(value, bool) or not isinstance(value, int):
         raise ValueError(f"'{key}' is {value!r}, not a whole number")

@@ -96,7 +96,7 @@ def _seconds_of_bag(value: object) -> float | None:
 def overrides_from_yaml(document: object) -> dict[str, QoSProfile]:
     """A file of QoS overrides, parsed: topic -> profile. What a profile does not name is as the default.
 
-    Raises ConfigurationError, in ROS 2's words where it has some.
+    Raises ConfigurationError, in ROS 2's words if it has some.
     """
     if document is None:
         return {}

@@ -16,10 +16,11 @@ __all__ = ["reindex"]
 
 
 def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
-    """Make a bag whole. `say` hears what is done; returns what could not be read, and is lost with that.
+    """Make a bag whole. Reports each step to `say`; returns the problems: parts that could not be read, which
+    are lost.
 
-    Each file is replaced once its new one is on the disk, and metadata.yaml at the end. Raises BagError
-    where there is no bag, or where it can't be written; OSError for faults of the disk.
+    Each file is replaced once its new one is on the disk, and metadata.yaml at the end. Raises BagError if
+    there is no bag, or if it can't be written; OSError for faults of the disk.
     """
     if not folder.exists():
         raise BagError(f"Bag path '{folder}' does not exist!")

@@ -1,8 +1,7 @@
 """Message types as files of bags have them: busd's own description of a topic's type, as a text. Pure.
 
-A definition in the language of .msg files can't say all that a type of busd has (maps, unions, texts as
-keys), so a channel also has the schema that travels with discovery. With it messages come back as what they
-were.
+A definition in the language of .msg files can't describe every type of busd (maps, unions, texts as keys). So
+a channel also has the schema that travels with discovery. With it messages come back as what they were.
 """
 
 from base64 import b64decode, b64encode

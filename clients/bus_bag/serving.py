@@ -13,7 +13,7 @@ __all__ = ["offer"]
 async def offer(node: Node, name: str, service: str, answer: Callable[[Any], Any]) -> None:
     """Have `node` serve `~/name`, of a type of rosbag2_interfaces.
 
-    `answer` takes the request, and returns the fields of the response, or None where it has none; it may be
+    `answer` takes the request, and returns the fields of the response, or None if it has none; it may be
     `async def`.
     """
     cls = service_class(f"rosbag2_interfaces/srv/{service}")

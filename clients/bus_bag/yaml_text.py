@@ -1,4 +1,5 @@
-"""YAML of anybody, loaded: in C, but for what is nested so deeply that it would overflow the stack there."""
+"""Loads YAML of any origin: in C, except texts that are nested so deeply that they would overflow the stack
+there."""
 
 import re
 
@@ -10,7 +11,7 @@ _MOST_OPENED = 2000
 
 
 def load(text: str) -> object:
-    """The document. Raises ValueError with the reason where `text` is no YAML."""
+    """The document. Raises ValueError with the reason if `text` is no YAML."""
     import yaml
 
     if _TOO_DEEP.search(text):

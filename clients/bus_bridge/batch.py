@@ -16,7 +16,7 @@ class Sample(NamedTuple):
     payload: bytes
     """MessagePack, as on every bus."""
     number: int
-    """Which of its publisher's messages it is, from 1; 0 where the engine does not know."""
+    """The number of this message among its publisher's, from 1; 0 if the engine does not know it."""
     source_time_ns: int
     """When it was published: wall clock of the publisher's machine."""
 

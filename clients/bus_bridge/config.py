@@ -1,4 +1,4 @@
-"""`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, and what the command line says besides."""
+"""`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, with the options of the command line."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -33,14 +33,14 @@ _CHECKS: Mapping[str, Callable[[str], object]] = {
     "connect": parse_address,
     "router": parse_address,
 }
-"""What each text of a key has to pass, where a table has that key."""
+"""The check for each text of a key, if a table has that key."""
 
 
 def load(path: Path, kind: type[T]) -> T:
-    """What the file says of bridges of one kind; the defaults where it says nothing.
+    """The file's settings for bridges of one kind, with defaults for missing ones.
 
-    Raises ConfigurationError, naming the file and the key, for everything that is wrong with the table. What
-    else stands in the file is busd's, and not looked at.
+    Raises ConfigurationError, naming the file and the key, for everything that is wrong with the table.
+    Everything else in the file belongs to busd and is not checked here.
     """
     content = read_file(path)
     try:
@@ -73,7 +73,7 @@ def check_values(table: BridgeTable, called: Callable[[str], str]) -> None:
 
 
 def merged(file: T, flags: T) -> T:
-    """`flags` go before what `file` says; what there may be several of is added to it."""
+    """`flags` win over `file`; for options that may be given several times, both are joined."""
     merged: T = _both(file, flags)
     return merged
 
@@ -92,7 +92,7 @@ def _both(ours: Any, theirs: Any) -> Any:
 
 
 def _table(name: str, table: object, kind: type[T], folder: Path) -> T:
-    """What lies one table deeper is filled first, so that its keys are told from this one's."""
+    """Deeper tables are filled first, so that their keys are told from this table's."""
     fields = {field.name: field for field in structs.fields(kind)}
     entries = dict(check_keys(f"{name}.", table, {key: key for key in fields}))
     topics, tls = entries.pop("topics", []), entries.pop("tls", {})

@@ -1,8 +1,8 @@
 """The interface between the bridge and what carries its messages: zenoh, or DDS.
 
 The bridge knows no engine, and an engine knows neither busd nor nodes on this bus. Names are those on the
-engine's wire: the namespace is on them already. Everything here happens on the event loop; an engine that
-hears something in a thread of its own brings it there, bounded. Values and protocols only.
+engine's wire: the namespace is on them already. Everything here happens on the event loop. An engine with
+threads hands their news over to it, bounded. Values and protocols only.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,15 +39,15 @@ Priority = Literal[
 
 
 PACK_BYTES = 47 << 10
-"""What small messages that go together take at most, with what stands in front of each."""
+"""The most that small messages may take together, with the head of each."""
 LONG_BYTES = 16 << 10
-"""From this size on a message does not go with small ones, but with others that are long."""
+"""From this size on, a message goes together with other long ones, not with small ones."""
 LONG_PACK_BYTES = 6 * PACK_BYTES
-"""What long messages that go together take at most. A longer one goes alone."""
+"""The most that long messages may take together. A longer message goes alone."""
 
 
 class RouteRule(msgspec.Struct, frozen=True):
-    """What the rules say of one topic."""
+    """The decision of the rules about one topic."""
 
     depth: int | None = None
     """How many messages may wait in the bridge; None: 1,000, or fewer of large types."""
@@ -88,8 +88,8 @@ class Writer(Protocol):
 
     @property
     def is_wanted(self) -> bool:
-        """Whether a subscription on the far side is matched with it. Of a transient local publisher it may
-        always be so: what it has written serves late joiners."""
+        """Whether a subscription on the far side is matched with it. For a transient local publisher it may
+        always be True: its written messages serve late joiners."""
 
     @property
     def lost(self) -> dict[str, int]:
@@ -123,7 +123,7 @@ class FarNode(msgspec.Struct, frozen=True):
     name: str
     namespace: str
     via: tuple[str, ...] = ()
-    """Ids of the buses that it came through, its own first, where that is not `bus`: in transit only."""
+    """Ids of the buses that it came through, its own first, if that is not `bus`: in transit only."""
     announcer: str = ""
     """Who of its bus tells of it, where several do, each for itself; in words, shown to users. What is wrong
     is held against that one alone."""
@@ -144,9 +144,9 @@ class FarEndpoint(msgspec.Struct, frozen=True):
 
 
 class FarSide(Protocol):
-    """Who is told what the engine finds: the bridge. Calls never raise, and may come in any order; what is
-    said of an unknown bus, node or gid is ignored. Of a bus that has gone all nodes and endpoints have gone,
-    of a node all endpoints.
+    """The receiver of what the engine finds: the bridge. Calls never raise, and may come in any order; news
+    about an unknown bus, node or gid is ignored. If a bus has gone, so have all its nodes and endpoints; if a
+    node has gone, so have all its endpoints.
     """
 
     def bus_added(self, bus: FarBus) -> None: ...
@@ -170,7 +170,7 @@ class Reader(Protocol):
         """Messages that the engine had and lost, by reason."""
 
     def taken(self, size: int) -> None:
-        """So many bytes of payload have gone on: for lossless ways, whose writer waits for that."""
+        """So many bytes of payload were published here. For lossless ways, whose writer waits for that."""
 
     def close(self) -> None:
         """No subscription is matched any more."""
@@ -195,8 +195,8 @@ class Engine(Protocol):
     has_numbers: bool
     """Whether the messages of far publishers have numbers, by which losses on the way are counted."""
     only_bus: str
-    """The id of the far bus where it reaches one only, whatever happens; "" otherwise. What was brought from
-    there never goes back there."""
+    """The id of the far bus, if it never reaches more than one; "" otherwise. Messages from there never go
+    back there."""
 
     async def open(self, far: FarSide) -> None:
         """Begin; what is found is told `far`. Raises BridgeError. Cancellation: closed."""
@@ -217,7 +217,7 @@ class Engine(Protocol):
         """Show it to the far side. `on_change` is called when `is_wanted` has changed, and when `write` may
         go on.
 
-        Raises BridgeError where the engine can't carry the type or the QoS, NotCarried where it carries
+        Raises BridgeError if the engine can't carry the type or the QoS, NotCarried if it carries
         nothing of the kind.
         """
 
@@ -225,8 +225,8 @@ class Engine(Protocol):
         """Show it to the far side; the result withdraws it. Raises as `announce_publisher`."""
 
     async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
-        """What the far side says of an endpoint's type; the bridge checks it. Raises BridgeError where nobody
-        knows. Cancellation leaves nothing behind.
+        """The far side's description of an endpoint's type; the bridge checks it. Raises BridgeError if it
+        can't be had. Cancellation leaves nothing behind.
         """
 
     def read(

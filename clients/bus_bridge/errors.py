@@ -1,4 +1,4 @@
-"""What can be wrong with a bridge, as errors whose text is for the user."""
+"""Errors of a bridge. Their texts are for the user."""
 
 from bus.errors import BusError
 
@@ -10,7 +10,7 @@ class BridgeError(BusError):
 
 
 class NotCarried(BridgeError):
-    """The engine carries no such thing at all; where the user should know, it has told him."""
+    """The engine carries no such thing at all. If the user should know, the engine has said so."""
 
 
 def in_words(error: Exception) -> str:

@@ -14,7 +14,7 @@ _FIRST_WITHOUT = (3, 14)
 
 
 class Extra(NamedTuple):
-    """What one engine needs."""
+    """The requirements of one engine."""
 
     module: str
     distribution: str
@@ -26,11 +26,11 @@ EXTRAS = {
     "zenoh": Extra("zenoh", "eclipse-zenoh"),
     "ros2": Extra("cyclonedds", "cyclonedds", is_limited=True),
 }
-"""By the name of the engine."""
+"""Requirements by the name of the engine."""
 
 
 def why_missing(engine: str, machine: str | None = None, python: tuple[int, int] | None = None) -> str:
-    """What is missing for the engine and what to do, as a sentence; "" where all is there.
+    """A sentence that says what is missing for the engine and what to do; "" if nothing is missing.
 
     `machine` and `python`: another kind of computer and version than these.
     """

@@ -1,6 +1,6 @@
-"""What can be set of a bridge, on the command line and in busd.toml: as values, with their types and ranges.
+"""The settings of a bridge, from the command line and busd.toml: as values, with types and ranges.
 
-What addresses and certificates mean is known by the engines, which look at them when the bridge begins.
+Engines know the meaning of addresses and certificates, and check them when the bridge begins.
 """
 
 from typing import Annotated, Literal
@@ -17,7 +17,7 @@ class TlsTable(msgspec.Struct, frozen=True, kw_only=True):
     """`[bridge.zenoh.tls]`: files, in PEM format; paths are relative to the configuration's folder."""
 
     ca: str | None = None
-    """The certificate of who has signed those of both sides."""
+    """The certificate of the authority that has signed those of both sides."""
     certificate: str | None = None
     """This side's own."""
     key: str | None = None
@@ -25,14 +25,14 @@ class TlsTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BridgeTable(msgspec.Struct, frozen=True, kw_only=True):
-    """What every bridge has; empty or None where it is not set. In TOML one text is as good as an array."""
+    """Settings of every bridge; empty or None if not set. In TOML one text is as good as an array."""
 
     id: str | None = None
-    """What other buses call this one; by default made of the machine's name."""
+    """The name of this bus on other buses; by default made of the machine's name."""
     namespace: str | None = None
     """Goes in front of every name on the far side, and off every name that comes from there."""
     allow: tuple[str, ...] = ()
-    """Patterns of topics that may cross; empty: all but those that never do by themselves."""
+    """Patterns of topics that may cross; empty: all except those that never cross by default."""
     deny: tuple[str, ...] = ()
     """Patterns of topics that may not, whatever `allow` says."""
     topics: tuple[TopicRule, ...] = ()

@@ -1,7 +1,7 @@
 """Many small messages of one publisher in one buffer, as they are taken, sent and published. Pure.
 
-What would cost more than all else is to make an object of each message: so they stay together from the tap to
-zenoh and from zenoh to the mirror, as long as nothing has to be done with single ones.
+To make an object of each message would cost more than everything else. So messages stay together from the tap
+to zenoh and from zenoh to the mirror, unless single messages must be handled.
 """
 
 from collections.abc import Iterator
@@ -22,18 +22,18 @@ _LARGEST = (1 << 64) - 1
 
 
 class Scan(NamedTuple):
-    """What stands in a buffer of records."""
+    """The contents of a buffer of records."""
 
     records: int
     stop: int
-    """Where the last one ends."""
+    """The end of the last one."""
     payload_bytes: int
     highest: int
     """Number."""
     last_at: int
-    """Where the last one begins."""
+    """The beginning of the last one."""
     is_consecutive: bool
-    """Whether each has the number behind that of the one before it."""
+    """Whether the numbers are consecutive."""
 
 
 class Packed(Batch):
@@ -62,7 +62,7 @@ class Packed(Batch):
 
     @classmethod
     def read(cls, data: bytes, most_number: int) -> "Packed | None":
-        """None where that is not records and nothing else, or a number is higher."""
+        """None if the buffer has anything but records, or if a number is higher."""
         records, stop, payload_bytes, highest, last_at, is_consecutive = _scan(data, 0, _ALL)
         if not records or stop != len(data) or highest > most_number:
             return None

@@ -1,4 +1,4 @@
-"""What runs a bridge until it is told to stop: `bus bridge zenoh`, `bus bridge ros2`."""
+"""Runs a bridge until it is told to stop: `bus bridge zenoh`, `bus bridge ros2`."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +35,7 @@ class Plan:
     async def run(self, path: Path, log_level: str = "info") -> None:
         """Join the bus of the busd at `path`, which runs, with the far side, for ever.
 
-        Raises BridgeError where the engine can't begin. Cancellation is the way to end it: then each side
+        Raises BridgeError if the engine can't begin. Cancellation is the way to end it: then each side
         sees nothing of the other any more.
         """
         bus = self._id or _default_id(path)
@@ -57,7 +57,7 @@ def _default_id(path: Path) -> str:
 
 
 def _plan_engine(table: BridgeTable) -> tuple[_MakeEngine, list[str]]:
-    """What makes the engine, and what the log says once that has begun."""
+    """The function that makes the engine, and the lines to log once it has begun."""
     if isinstance(table, ZenohTable):
         return _plan_zenoh(table)
     assert isinstance(table, Ros2Table)

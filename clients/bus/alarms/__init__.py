@@ -3,8 +3,16 @@
 Timers and rates of a node use this, and a bag's player. The timers of asyncio and uvloop count whole
 milliseconds: periods below one miss calls, or poll without sleep.
 
-Pure: which call comes next (`schedule`). Shells: one timer of the kernel for each event loop (`wake_up`), and
-both put together (`loop_alarms`).
+    `loop_alarms.py` (Alarms) --+-- `schedule.py`   which call comes next; pure
+                                +-- `wake_up.py`    a timerfd of the kernel, or the loop's timers without one
+
+Invariants:
+
+- All users of an event loop share one `Alarms`, got with `acquire` and given back with `release`. So a
+  process has one timer of the kernel for each loop.
+- `schedule.py` knows no clock and no event loop. Adding costs O(log n), cancelling O(1).
+
+Read first: `schedule.py`. Tests: `tests/unit/bus/alarms/`, `tests/unit/bus/test_timer.py`.
 """
 
 from bus.alarms.loop_alarms import Alarms

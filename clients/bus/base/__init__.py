@@ -1,1 +1,18 @@
-"""Small things that know nothing of the bus, nor of its errors."""
+"""Small helpers that know nothing of the bus and of its errors. Everything else may import them.
+
+Each module stands alone: descriptors (`descriptor.py`), memory by the page (`buffers.py`), kinds of callbacks
+(`callbacks.py`), warnings about a forgotten `await` (`awaited.py`), texts that are safe to print
+(`printable.py`), "did you mean ...?" (`suggest.py`, `missing_names.py`), Ctrl-C during imports
+(`loading.py`), a smaller asyncio (`lean_asyncio.py`) and so on.
+
+Invariants:
+
+- Nothing here imports another package of `bus`. import-linter checks this.
+- `loading.py` loads no module at all: a Ctrl-C could interrupt that import.
+- `suggest.py` and `missing_names.py` serve mistakes only, so they are imported late.
+- `printable.py` decides for all tools which characters of other processes are escaped.
+
+Read first: the docstring of the module in question.
+
+Tests: `tests/unit/bus/base/`, `tests/system/test_awaited.py`, `tests/system/test_early_signals.py`.
+"""

@@ -1,1 +1,24 @@
-"""What a process has, bus or not: arguments, signals, a log file, the loop that threads share."""
+"""Things of a process, on the bus or not: arguments, signals, a log file, loops that threads share.
+
+- Where busd's socket is: `address.py` (pure: computes a path, touches no file).
+- Command line and files: `ros_args.py` (ROS arguments), `tables.py` (tables of busd.toml).
+- Ends: `termination.py` (a program dies by the signal that ended it), `start_errors.py` (errors of the start
+  in one line), `mistakes.py` (texts for common mistakes).
+- Event loops: `shared_loop.py` (a loop with a lock, the guard, for several threads), `foreground.py` (a loop
+  that runs only while a call waits), `waiters.py` (tasks that wait for a change).
+- `logfile.py`: the log of a busd in the background.
+
+Invariants:
+
+- No module here talks to busd, or knows nodes and messages.
+- A caller of the shared loop holds the guard whenever it touches the loop or anything on it. The thread that
+  runs the loop releases the guard only while it waits for events.
+- Only a file that begins with busd's mark and belongs to this user is renamed or emptied as a log.
+- `tables.py` and `mistakes.py` are slow to import, so they are imported late.
+
+Read first: the docstring of the module in question; the modules are independent. For threads:
+`shared_loop.py`.
+
+Tests: `tests/unit/bus/process/`, `tests/system/test_early_signals.py`, `tests/system/test_endings.py`,
+`tests/system/test_background_log.py`.
+"""

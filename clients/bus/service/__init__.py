@@ -1,1 +1,23 @@
-"""Services: the two ends, each loaded only by programs that have one, and what both have in common."""
+"""Services: a server and a client, each loaded only by programs that use it.
+
+    client                                      server
+    publisher  of <service>_request  -------->  subscription
+    subscription to <service>_reply  <--------  publisher
+
+Both topics are hidden. `base.py` makes and closes the two endpoints of either end. The envelopes, which say
+which call a reply answers, are in `bus.types.service`.
+
+Invariants:
+
+- A client declares its subscription before its publisher, a server its publisher before its subscription. So
+  when a request arrives, its client can already receive the reply.
+- A call ends with one reply or one error. If its server leaves, or busd loses the call, that is an error.
+  There is no limit of time: a server may take as long as it likes.
+- The types of both topics carry a digest of the whole definition, so a client never matches a server with a
+  different definition.
+
+Read first: `base.py`, then `client.py`.
+
+Tests: `tests/system/test_services.py`, `tests/system/test_service_faults.py`,
+`tests/system/test_hostile_services.py`, `tests/unit/bus/types/test_service.py`.
+"""

@@ -1,7 +1,29 @@
 """The shared-memory route's own part: rings, readers' segments, doorbells. See docs/ring.md.
 
-Owns the segments and the native core, which is imported when `shm.native` is first used: ImportError where
-it was not built. Must not know the wire, the loop, or which endpoints match.
+Owns the segments and the native core, which is imported when `shm.native` is first used: ImportError where it
+was not built. Must not know the wire, the loop, or which endpoints match.
+
+    Python   `segments.py` (make), `descriptors.py` (check those of others), `headroom.py` (memory left),
+             `openfiles.py` (numbers of descriptors)
+    binding  `py.h`, py_*.c: one file for each type; `_core.pyi` has their types
+    C        `ring.h`, `writer.h`, `reader.h`, `feed.h`, `gates.h`, `doorbell.h`: the algorithm, no Python
+
+Invariants:
+
+- Python never reads or writes words that another process may change; only the C core does, with atomics.
+- No lock, and no wait for another process. A process that is killed at any instruction leaves the others
+  running.
+- Bytes that may change are copied and then validated, or their record is pinned first.
+- A segment has no name, is reserved when it is made, and is sealed before another process gets it. Only its
+  maker can write it.
+- A descriptor of another process is checked by `descriptors.py` before it is mapped, its contents by the
+  core.
+- Without the core everything works by socket.
+
+Read first: docs/ring.md, then `layout.h` and `ring.h`.
+
+Tests: `tests/unit/bus/shm/`, `tests/native/` (`make native`, `make sanitize`),
+`tests/property/test_ring_gates.py`, `tests/fuzz/`.
 """
 
 import os

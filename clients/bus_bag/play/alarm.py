@@ -19,7 +19,7 @@ class Alarm:
     async def wait(self, due_ns: int | None) -> None:
         """Until `due_ns` of the monotonic clock, or `wake`; None: until `wake` alone.
 
-        A `wake` while nobody waits ends the next wait at once. Cancellation leaves nothing behind.
+        A `wake` without a waiter ends the next wait at once. Cancellation leaves nothing behind.
         """
         if self._is_woken:
             self._is_woken = False

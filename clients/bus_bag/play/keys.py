@@ -1,4 +1,4 @@
-"""What keys mean to a player. Pure."""
+"""The meaning of keys to a player. Pure."""
 
 from enum import Enum
 

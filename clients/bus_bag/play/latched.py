@@ -1,8 +1,8 @@
 """The latched state of a moment: what a late joiner of transient local topics would have got then. Pure.
 
-A player that begins in the middle of a bag publishes it first: a map, the fixed transforms. It also tells
-what a bag of several files repeats: each further file begins with the state of the moment, so that it can be
-played by itself.
+A player that begins in the middle of a bag publishes it first: a map, the fixed transforms. It also
+recognizes repetitions in a bag of several files: each further file begins with the state of that moment and
+can be played alone.
 """
 
 from collections import OrderedDict
@@ -15,12 +15,13 @@ M = TypeVar("M")
 
 
 class Identity(NamedTuple):
-    """What tells the messages of a topic apart: one that is recorded once more has the same."""
+    """The identity of a message within its topic: a message that was recorded twice has the same one both
+    times."""
 
     publish_time: int
     """Nanoseconds since 1970."""
     sequence: int
-    """The publisher's number; 0 where the file has none, which is why the content counts, too."""
+    """The publisher's number; 0 if the file has none. That is why the content counts, too."""
     data: bytes
     """As it is encoded."""
 
@@ -38,7 +39,7 @@ class LatchedState(Generic[M]):
             yield from kept.values()
 
     def add(self, topic: str, identity: Identity, message: M) -> bool:
-        """Keep the next message of a topic; False where it is one of those kept, hence a repeated one."""
+        """Keep the next message of a topic. False if it is kept already: then it is a repetition."""
         kept = self._kept[topic]
         if identity in kept:
             return False

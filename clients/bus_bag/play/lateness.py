@@ -23,7 +23,7 @@ class Lateness:
         self._counts[late_ns >> coarse << coarse] += 1
 
     def percentile(self, percent: float) -> int:
-        """In nanoseconds; 0 where there were no messages."""
+        """In nanoseconds; 0 if there were no messages."""
         left = self.count * percent / 100
         for late_ns in sorted(self._counts):
             left -= self._counts[late_ns]

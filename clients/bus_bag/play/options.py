@@ -25,7 +25,7 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     start_offset: int = 0
     duration: int | None = None
     until: int | None = None
-    """Of the bag's time; where there is a duration, too, the later end counts."""
+    """A time of the bag. If there is a duration, too, the later end counts."""
     delay: int = 0
     clock_hz: float = 0.0
     clock_topics: frozenset[str] | None = None

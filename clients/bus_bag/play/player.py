@@ -2,7 +2,7 @@
 
 Owns: what happens in which order. Must not know: files, types, terminals, services. Everything here runs on
 the event loop, so no lock is needed to read or change a state; `play` is the one that waits. The states of a
-replay, and what leads from one to the next, are in `play/state.py`.
+replay, and their events, are in `play/state.py`.
 """
 
 import asyncio
@@ -47,7 +47,7 @@ class Span(NamedTuple):
     end: int
     """When the last message was received."""
     is_whole: bool
-    """Whether `start` is the bag's beginning, so that no state comes before it."""
+    """Whether `start` is the bag's beginning. Then no state comes before it."""
     until: int = -1
     """What is later is not played; -1: there is no such bound, 0: nothing is played."""
 
@@ -170,9 +170,9 @@ class Player:
             self._alarm.wake()
 
     async def seek(self, time_ns: int) -> bool:
-        """Go on from that moment of the bag, with its latched state first; False where nothing is played.
+        """Go on from that moment of the bag, with its latched state first; False if nothing is played.
 
-        What lies before the beginning is the beginning. Cancellation: it goes there all the same.
+        A time before the beginning counts as the beginning. Cancellation: it goes there all the same.
         """
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called seek, but player is not playing.")
@@ -186,7 +186,7 @@ class Player:
         return await self._seek.wait()
 
     async def play_next(self) -> bool:
-        """Publish the next message, in a pause; False where there is no pause, or no message."""
+        """Publish the next message, in a pause; False if there is no pause, or no message."""
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called play next, but player is not playing.")
             return False
@@ -198,7 +198,7 @@ class Player:
             return await self._play_next()
 
     async def burst(self, count: int) -> int:
-        """Publish so many messages at once, in a pause, or with 0 all that are left; returns how many."""
+        """Publish so many messages at once, in a pause; 0: all that are left. Returns how many."""
         if not self.is_paused:
             self._logger.warning("Burst can only be used when in the paused state.")
             return 0
@@ -217,9 +217,9 @@ class Player:
     # --- playing
 
     async def play(self) -> bool:
-        """Play from the beginning to the end, or over and over; False where it has been called before.
+        """Play from the beginning to the end, or over and over; False if it has been called before.
 
-        Raises BagError where the bag can't be read on. Cancellation ends it between two messages.
+        Raises BagError if the bag can't be read on. Cancellation ends it between two messages.
         """
         if self._life.has_begun:
             self._logger.warning("Trying to play() while in playback, dismissing request.")

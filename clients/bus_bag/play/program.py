@@ -47,9 +47,9 @@ async def run(
 ) -> None:
     """Play the bag at `path` to its end, or until it is told to stop.
 
-    `burst`: so many messages come at once, before all else (0: all); for a replay that begins paused.
-    Raises BagError for what is no bag, CommandLineError for remappings that are none. Cancellation ends the
-    replay, and leaves the terminal as it was.
+    `burst`: so many messages are published at once, before everything else (0: all). For a replay that begins
+    paused. Raises BagError for what is no bag, CommandLineError for remappings that are none. Cancellation
+    ends the replay, and leaves the terminal as it was.
     """
     arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
     with open_bag(path) as reader:
@@ -85,7 +85,7 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
 
 
 def _report_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:
-    """What could not be read until now, each once."""
+    """Problems found until now, each once."""
     for problem in reader.problems:
         if problem not in told:
             told.add(problem)
@@ -125,7 +125,7 @@ def _reading_ahead(reader: BagReader, topics: Topics, options: PlayOptions) -> I
 
 
 async def _clock(node: Node, options: PlayOptions) -> Callable[[int], None] | None:
-    """What publishes a time of the bag."""
+    """A function that publishes a time of the bag; None without the option for it."""
     if not options.has_clock:
         return None
     message_type: Any = message_class("rosgraph_msgs/msg/Clock")

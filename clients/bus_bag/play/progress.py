@@ -11,7 +11,7 @@ _S = 1_000_000_000
 
 
 class Status(Enum):
-    """What the player is doing, by its letter in the line."""
+    """The activity of the player, by its letter in the line."""
 
     RUNNING = "R"
     PAUSED = "P"

@@ -1,4 +1,4 @@
-"""With which QoS a topic is played: one publisher stands for all that were recorded. Pure."""
+"""The QoS with which a topic is played: one publisher stands for all recorded ones. Pure."""
 
 from collections.abc import Iterable, Sequence
 
@@ -18,9 +18,9 @@ MIXED = (
 def offered_profile(profiles: Sequence[QoSProfile]) -> tuple[QoSProfile, bool]:
     """The profile to offer, and whether the recorded ones differ so that it is none of them.
 
-    As in rosbag2 history and lifespan don't count as a difference, and what differs is played with the
-    default. Of transient local publishers each had its own messages for late joiners: the depth is enough
-    for all of them.
+    As in rosbag2, differences of history and lifespan don't count, and a policy that differs gets its
+    default. Each transient local publisher kept its own messages for late joiners: the depth is enough for
+    all of them.
     """
     if not profiles:
         return QoSProfile(), False
@@ -43,5 +43,5 @@ def kept_for_late_joiners(profiles: Iterable[QoSProfile]) -> int:
 
 
 def _matching(profile: QoSProfile) -> QoSProfile:
-    """What says whether a subscription matches."""
+    """The policies that decide whether a subscription matches."""
     return replace(profile, history=History.KEEP_LAST, depth=1, lifespan=None)

@@ -15,7 +15,7 @@ from bus_bag.storage import BagMessage, BagReader, Order
 __all__ = ["Entry", "ReadAheadQueue"]
 
 _MOST_BYTES = 128 << 20
-"""Of payloads that wait, whatever their number; one message may be longer."""
+"""The most that waiting payloads may take, whatever their number; one message may be longer."""
 _LOW = 0.9
 """The thread goes on when the queue is no fuller than this part of its bound."""
 
@@ -27,7 +27,7 @@ class Entry(NamedTuple):
 
     topic: str
     time: int
-    """Of the bag, by the order in which it is played: when the message is due."""
+    """The time in the bag at which the message is due, by the order in which the bag is played."""
     publish_time: int
     payload: bytes
     is_state: bool
@@ -35,7 +35,7 @@ class Entry(NamedTuple):
 
 
 class _Run:
-    """What was read since the last `start_at`."""
+    """Messages read since the last `start_at`."""
 
     def __init__(self, start_ns: int | None) -> None:
         self.start_ns = start_ns
@@ -93,9 +93,9 @@ class ReadAheadQueue:
         self._pass_on(self._run)
 
     def peek(self) -> Entry | None:
-        """The next message; None where none has been read yet, or, with `has_ended`, where there is none.
+        """The next message; None if none has been read yet. With `has_ended`, None means that there is none.
 
-        Raises what reading has raised.
+        Raises the error that reading has raised.
         """
         run = self._run
         if run.entries:
@@ -185,7 +185,7 @@ class ReadAheadQueue:
         run.room.clear()
         run.is_full = True
         self._notify(run)
-        # What the loop has taken before it saw `is_full` rings for nothing.
+        # Entries that the loop took before it saw `is_full` have not set `room`.
         if self._has(run, self._low, _MOST_BYTES * _LOW) and not run.is_given_up:
             run.room.wait()
         run.is_full = False
@@ -194,7 +194,7 @@ class ReadAheadQueue:
         if run.wanted:
             try:
                 self._loop.call_soon_threadsafe(self._news.set)
-            except RuntimeError:  # the loop is closed: nobody waits any more
+            except RuntimeError:  # the loop is closed: no task waits any more
                 pass
 
     def _entries(self, run: _Run) -> Iterator[Entry]:

@@ -1,7 +1,8 @@
 """Which topics of a bag are played. Pure.
 
-As rosbag2's player: excluding comes first; topics and the regular expression add up; what is named of topics
-says nothing of services, whose events stand on topics of their own; a regular expression fits a whole name.
+The rules of rosbag2's player: excluding comes first. Topics and the regular expression add up. Options for
+topics don't choose services, whose events are on other topics. A regular expression must match the whole
+name.
 """
 
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ __all__ = ["Selection"]
 class Selection:
     """What `--topics`, `--services`, `--regex` and their opposites choose; nothing given: all.
 
-    Names without a slash in front are those of the root namespace. Raises ConfigurationError for what is no
+    Names without a slash in front belong to the root namespace. Raises ConfigurationError for what is no
     regular expression.
     """
 

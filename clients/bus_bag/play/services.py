@@ -1,4 +1,4 @@
-"""The services of a player's node: those of rosbag2's."""
+"""The services of a player's node: the same as rosbag2's."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The life of a replay: its states, what can happen to it, and which state follows. Pure.
+"""The life of a replay as a table: its states, the events, and which state follows. Pure.
 
 Whether the time of the bag stands still is no state here: it can be paused in each of them (`TimeLine`).
 """

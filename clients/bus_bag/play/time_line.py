@@ -1,10 +1,10 @@
 """The time of a bag while it is played: when each moment of it is due on the monotonic clock.
 
-Pure: what time it is, is an argument. All times are nanoseconds: those of the bag as its messages have them,
-those of the machine as `time.monotonic_ns` counts them.
+Pure: the present time is an argument. All times are nanoseconds. Times of the bag are those of its messages;
+times of the machine are those of `time.monotonic_ns`.
 
-The line is held by one point that both clocks share, and a rate. What is due is worked out from that point
-alone, so that the replay doesn't drift, however late single messages are. Each change of the rate, and each
+The line is held by one point that both clocks share, and a rate. The due time of a message follows from that
+point alone. So the replay doesn't drift, however late single messages are. Each change of the rate, and each
 end of a pause, moves the point; the time of the bag never jumps but by `jump`.
 """
 

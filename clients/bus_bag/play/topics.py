@@ -26,7 +26,7 @@ _CLOCK = "/clock"
 
 
 class Topics:
-    """Those that `options` choose, of all that `reader` has."""
+    """The topics of `reader` that `options` choose."""
 
     def __init__(self, reader: BagReader, options: PlayOptions, logger: Logger) -> None:
         self._reader = reader
@@ -40,7 +40,7 @@ class Topics:
 
     @property
     def names(self) -> frozenset[str]:
-        """Of all that can be played."""
+        """Names of all topics that can be played."""
         return frozenset(self._codecs)
 
     async def publish_on(self, node: Node) -> dict[str, Publisher[Any]]:
@@ -74,7 +74,7 @@ class Topics:
         return publishers
 
     def decode(self, message: BagMessage) -> bytes | None:
-        """The payload of a message; None where it is no message of its type. In any one thread."""
+        """The payload of a message; None if it is no message of its type. In any one thread."""
         try:
             return self._codecs[message.topic].decode(message.data)
         except CdrError as error:

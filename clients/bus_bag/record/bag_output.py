@@ -1,7 +1,7 @@
 """Messages of topics into the files of a bag: encoded, in files of the length that is asked for.
 
-Each further file begins with the state of the latched topics, so that it can be played by itself. While a
-recording is paused only that state is kept; it is written once the recording goes on.
+Each further file begins with the state of the latched topics, so it can be played alone. While a recording is
+paused only that state is kept; it is written once the recording goes on.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -60,7 +60,7 @@ class BagOutput:
             self._writer.update_topic(topic.channel, topic.metadata)
 
     def describe_topics(self) -> None:
-        """Have all topics in the bag, also those of which nothing has come."""
+        """Add all topics to the bag, also those without messages."""
         for topic in self.topics.values():
             if topic.channel is None:
                 self._add_channel(topic)

@@ -1,4 +1,4 @@
-"""What was taken and is yet to be written, by topic. Pure.
+"""Messages that were taken and are yet to be written, by topic. Pure.
 
 When there is no room, the topic with most bytes waiting loses its oldest: a camera, not the transforms.
 """
@@ -41,12 +41,12 @@ class Cache(Generic[T]):
         self.waiting = 0
         """Batches that wait. `_order` also has those that were lost meanwhile."""
         self.bytes = 0
-        """Of all batches that wait."""
+        """Bytes of all waiting batches."""
         self.lost: dict[str, int] = {}
         """Topic -> messages that were lost here."""
 
     def put(self, topic: str, batch: T, count: int, size: int) -> None:
-        """Add a batch of `count` messages with `size` bytes in all; where there is no room, lose others."""
+        """Add a batch of `count` messages with `size` bytes in all; if there is no room, drop others."""
         entry = _Entry(topic, batch, count, size)
         self._order.append(entry)
         entries = self._topics.get(topic)
@@ -72,7 +72,7 @@ class Cache(Generic[T]):
         return topic, batch, entry.count
 
     def clear(self) -> dict[str, int]:
-        """Throw away all that waits; returns topic -> messages."""
+        """Drop all waiting messages; returns topic -> messages."""
         thrown: dict[str, int] = {}
         while self.waiting:
             topic, _, count = self.take()

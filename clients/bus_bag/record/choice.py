@@ -1,8 +1,8 @@
-"""Which topics are recorded: what the options say, held against a graph. Pure.
+"""Which topics are recorded: the options, applied to a graph. Pure.
 
-The rules are those of rosbag2's topic filter: names, types and the regular expression add up; what is
-excluded is left out of all that, and so are hidden topics. Events of services stand on topics of their own,
-which options for topics don't choose. The topics by which services are called are none to a user.
+The rules are those of rosbag2's topic filter: names, types and the regular expression add up; excluded topics
+and hidden topics are left out of the result. Events of services are on other topics, which options for topics
+don't choose. The topics by which services are called are none to a user.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ __all__ = ["Choice", "Found", "Wanted"]
 
 
 class Wanted(msgspec.Struct, frozen=True, kw_only=True):
-    """What the options of `bus bag record` choose. Names have a slash in front."""
+    """The choice by the options of `bus bag record`. Names have a slash in front."""
 
     topics: frozenset[str] = frozenset()
     services: frozenset[str] = frozenset()
@@ -35,7 +35,7 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_by_name(self) -> bool:
-        """Whether there is nothing more to be found once all that is named is there."""
+        """Whether there is nothing more to find once all named topics are there."""
         return not (self.topic_types or self.regex or self.all_topics or self.all_services)
 
 
@@ -99,7 +99,7 @@ class Choice:
         return found, reasons
 
     def is_complete(self, recorded: Iterable[str]) -> bool:
-        """Whether all that was named is recorded, and nothing else is wanted."""
+        """Whether all named topics are recorded, and no others are wanted."""
         return self._wanted.is_by_name and (self._wanted.topics | self._events) <= set(recorded)
 
     def takes(self, topic: str, types: set[str]) -> bool:

@@ -1,4 +1,4 @@
-"""The time of log times: the system's, or that of the topic /clock."""
+"""The clock of log times: the system's, or the topic /clock."""
 
 import asyncio
 from time import time_ns

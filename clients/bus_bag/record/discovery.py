@@ -1,7 +1,7 @@
 """Finding the topics that a recording wants, and subscribing to them.
 
 Owns the topics of a recording: each is there from the moment at which its subscription is asked for. A topic
-keeps the type that it had first; publishers of another type are named in the log, once, and not recorded.
+keeps its first type. Publishers of another type are named in the log, once, and not recorded.
 """
 
 import asyncio

@@ -1,6 +1,6 @@
-"""How messages of a type are encoded in a bag: as CDR, or where the type has none, as a text of JSON.
+"""The encoding of messages in a bag: as CDR, or, for a type that CDR can't have, as a text of JSON.
 
-A bag has one serialization format, so that the text is CDR too: of `busd/msg/Json`, which has one field.
+A bag has one serialization format, so the text is also CDR: of `busd/msg/Json`, which has one field.
 """
 
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ class Encoder(Protocol):
 
 
 def encoder_of(schema: MessageSchema) -> tuple[Encoder, str]:
-    """The encoder of a type; and, where it makes texts of JSON, the reason.
+    """The encoder of a type, and the reason if it makes texts of JSON.
 
     Raises ConfigurationError for a schema that is malformed or too large.
     """

@@ -1,7 +1,7 @@
 """Messages out of the subscriptions and into the pipeline.
 
-Taking goes before writing: the time of receipt is the time at which a message is taken, so what has come is
-taken at once, and the pipeline goes on behind whatever else the event loop has to do now.
+Taking goes before writing. The time of receipt is the time at which a message is taken, so messages are taken
+at once. The pipeline goes on after everything else that the event loop has to do now.
 """
 
 import asyncio
@@ -20,8 +20,8 @@ _BATCH = 256
 class Intake:
     """Takes the messages of one recording. To be made on the event loop.
 
-    While the pipeline is crowded, messages of lossless topics stay where they are, so that their publishers
-    wait; but not once the recording ends: then all that has come is taken.
+    While the pipeline is crowded, messages of lossless topics are not taken, so their publishers wait. Once
+    the recording ends, all messages that have come are taken.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Intake:
             self._pumping = self._loop.call_soon(self._pump_now)
 
     def take_all(self, topics: Iterable[RecordedTopic]) -> None:
-        """Take all that has come until now."""
+        """Take all messages that have come until now."""
         for topic in topics:
             if topic.subscription is not None:
                 for _ in range(topic.subscription.statistics().queued // _BATCH + 1):

@@ -1,7 +1,7 @@
 """The transient local history of each publisher, as the recorder has seen it. Pure.
 
-A file of a split begins with it, so that it can be played by itself; a recording that was paused takes up
-what came meanwhile.
+Each further file of a split begins with it, so that the file can be played alone. A recording that was paused
+writes the state that changed meanwhile.
 """
 
 from collections import deque
@@ -29,7 +29,7 @@ class Latched(NamedTuple, Generic[T]):
 
 
 class _Kept(Generic[T]):
-    """What one publisher keeps: each message with its bytes, and whether it was written."""
+    """The messages that one publisher keeps, each with its bytes, and whether it was written."""
 
     __slots__ = ("bytes", "depth", "gone_ns", "messages")
 
@@ -61,8 +61,7 @@ class LatchedState(Generic[T]):
     def set_publishers(self, topic: str, depths: Mapping[bytes, int], now_ns: int) -> None:
         """The publishers of `topic` that are there and keep some: gid -> depth (0: all). Others are gone.
 
-        A publisher that is gone only for a moment, because busd restarts, is as one that was there all the
-        time.
+        A publisher that is gone for a moment only, because busd restarts, counts as present all the time.
         """
         for publisher, depth in depths.items():
             kept = self._kept.setdefault((topic, publisher), _Kept())
@@ -96,7 +95,7 @@ class LatchedState(Generic[T]):
         return found
 
     def take_unwritten(self) -> list[Latched[T]]:
-        """What was not written until now, and counts as written from now on."""
+        """Messages not written until now. From now on they count as written."""
         found: list[Latched[T]] = []
         for (topic, publisher), kept in self._kept.items():
             found += [Latched(topic, publisher, message) for message, _, done in kept.messages if not done]

@@ -1,7 +1,7 @@
 """From what was taken to the file: the cache, encoding, chunks, further files, and the thread that writes.
 
-Everything here runs on the event loop but the jobs, which run in the thread one after the other. The loop
-never waits for the disk: what it can't hand over waits in the cache.
+Everything here runs on the event loop, except the jobs, which run in the thread one after the other. The loop
+never waits for the disk: messages that it can't hand over wait in the cache.
 """
 
 from collections.abc import Callable, Mapping
@@ -44,7 +44,7 @@ class Pipeline:
     loop `on_reject(topic, error)` for what is no message of its type. Without a thread (a cache of no size)
     `on_progress` is called on the event loop, and only when a job has failed.
 
-    Raises BagError or OSError where the bag can't be begun.
+    Raises BagError or OSError if the bag can't be begun.
     """
 
     def __init__(
@@ -191,7 +191,7 @@ class Pipeline:
             self._writer.flush()
 
     def snapshot(self) -> None:
-        """Write all that the memory has, after the state of latched topics that has left it."""
+        """Write everything in the memory, after the state of latched topics that has left it."""
         self._settle_cache()
         batches = []
         while self._cache.waiting:
@@ -212,7 +212,7 @@ class Pipeline:
     # --- the end
 
     def drop(self) -> None:
-        """Give up what is on its way to the file, but for what is being written."""
+        """Drop all messages on their way to the file, except those that are being written."""
         self._settle_cache()
         self._count_lost(self._cache.clear(), DropReason.NOT_WRITTEN)
         if self._thread is not None:
@@ -221,7 +221,8 @@ class Pipeline:
     def close(self, patience_s: float | None = None) -> dict[str, TopicLosses]:
         """End the bag, once it is idle, has failed, or was dropped; returns the accounts.
 
-        Raises BagError or OSError where that can't be done, as where the disk takes longer than `patience_s`.
+        Raises BagError or OSError if that can't be done, for example if the disk takes longer than
+        `patience_s`.
         """
         self.drop()
         if self._thread is not None:
@@ -246,12 +247,13 @@ class Pipeline:
         return losses
 
     def _settle_cache(self) -> None:
-        """What the cache has lost since the last call goes to the accounts."""
+        """Add the messages that the cache has lost since the last call to the accounts."""
         lost, self._cache.lost = self._cache.lost, {}
         self._count_lost(lost, DropReason.RECORDER_CACHE)
 
     def _count_lost(self, counts: Mapping[str, int], reason: DropReason) -> None:
-        """Messages that left the cache, by topic: what leaves the memory of a snapshot is no loss."""
+        """Messages that left the cache, by topic. Messages that leave the memory of a snapshot are no
+        loss."""
         for name, count in counts.items():
             topic = self._output.topics[name]
             if self._is_snapshot:

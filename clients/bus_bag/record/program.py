@@ -31,8 +31,9 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
     """Record until Ctrl-C, SIGTERM, or a full disk; returns the exit code.
 
-    A second Ctrl-C gives up what still waits for the file. Raises BagError, OSError and ConfigurationError
-    where the recording can't begin, BagError where it has failed, with what is in the bag.
+    A second Ctrl-C drops messages that still wait for the file. Raises BagError, OSError and
+    ConfigurationError if the recording can't begin, and BagError if it has failed; its text says what is in
+    the bag.
     """
     settle_process()
     try:
@@ -53,7 +54,7 @@ def settle_process() -> None:
 
 
 def _set_policy(name: str) -> None:
-    """How the kernel shares out CPU time to this thread and those that it starts (Linux only)."""
+    """Set the kernel's scheduling policy for this thread and those that it starts (Linux only)."""
     if sys.platform == "linux":
         with suppress(OSError):
             os.sched_setscheduler(0, getattr(os, name), os.sched_param(0))
@@ -86,8 +87,8 @@ async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
 def _ended_by_signals(end: Callable[[], None]) -> Iterator[None]:
     """A terminal that is closed ends a recording as Ctrl-C does, unless nohup was asked to prevent that.
 
-    A shell script has the programs in its background ignore SIGINT; `kill -INT` ends a recorder there all the
-    same, as it ends that of ROS 2.
+    A shell script has the programs in its background ignore SIGINT; `kill -INT` still ends a recorder there,
+    as it ends the recorder of ROS 2.
     """
     loop = asyncio.get_running_loop()
     is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN

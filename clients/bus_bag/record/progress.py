@@ -10,7 +10,7 @@ _WINDOW_NS = 2_000_000_000
 
 
 class Progress:
-    """What it says: time, messages, MB/s over the last two seconds, the cache, what was lost."""
+    """The line shows: time, messages, MB/s over the last two seconds, the cache, lost messages."""
 
     def __init__(self, began_ns: int) -> None:
         self._began_ns = began_ns

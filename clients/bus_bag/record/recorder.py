@@ -1,4 +1,4 @@
-"""The recorder: what a recording consists of, what it is asked to do, and how the bag ends whatever happens.
+"""The recorder: the parts of a recording, the requests to it, and the end of the bag, whatever happens.
 
 Its states and what leads from one to the next are in `record/state.py`.
 """

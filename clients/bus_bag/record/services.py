@@ -1,4 +1,4 @@
-"""The services of a recorder's node: those of rosbag2's."""
+"""The services of a recorder's node: the same as rosbag2's."""
 
 from typing import Protocol
 
@@ -9,7 +9,7 @@ __all__ = ["Served", "serve"]
 
 
 class Served(Protocol):
-    """What the services steer: a recorder."""
+    """The recorder that the services control."""
 
     @property
     def is_paused(self) -> bool: ...

@@ -19,7 +19,7 @@ class Splitting:
         return bool(self._most_bytes or self._most_ns)
 
     def is_due(self, size: int, log_time: int) -> bool:
-        """Whether a message of that time belongs into the next file, where the files have `size` bytes in
+        """Whether a message of that time belongs into the next file, if the files have `size` bytes in
         all."""
         if self._start_ns is None:
             self._start_ns = log_time

@@ -1,4 +1,4 @@
-"""The life of a recording: its states, what can happen to it, and which state follows. Pure.
+"""The life of a recording as a table: its states, the events, and which state follows. Pure.
 
 A recording can end in three ways: on request, because it can't go on, and at once. Only the last gives up
 messages. All end with CLOSED. Whether a recording is paused is no state here: it can be paused in each of

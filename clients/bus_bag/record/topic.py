@@ -1,4 +1,4 @@
-"""One topic that is recorded: its subscription, how its messages become CDR, what was counted."""
+"""One recorded topic: its subscription, the encoding of its messages as CDR, its counters."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -18,8 +18,8 @@ __all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
 
 
 def profile_for(schema: MessageSchema) -> QoSProfile:
-    """What a recorder subscribes with: it matches every offer, holds nobody up, and gets what publishers
-    keep."""
+    """The QoS of a recorder's subscription: it matches every offer, blocks no publisher, and gets the
+    messages that publishers keep."""
     return QoSProfile(
         depth_for(schema),
         reliability=Reliability.BEST_EFFORT,
@@ -56,7 +56,7 @@ class RecordedTopic:
         self.passed_over = 0
         """Messages that came while the recording was paused, or left a snapshot's memory."""
         self.lost: dict[str, int] = {}
-        """By reason, what was lost after it was taken."""
+        """Messages lost after they were taken, by reason."""
         self._profiles: Counter[QoSProfile] = Counter()
 
     def subscribed(self, subscription: Subscription[Any]) -> None:
@@ -87,7 +87,7 @@ class RecordedTopic:
 
     @property
     def extra(self) -> dict[str, str]:
-        """What the channel says besides: the type as it is on the bus."""
+        """Further metadata of the channel: the type as it is on the bus."""
         return {
             TYPE_HASH: self.schema.type_hash,
             SCHEMA: schema_to_text(self.schema),
@@ -98,14 +98,14 @@ class RecordedTopic:
 
     @property
     def is_settled(self) -> bool:
-        """Whether all that was published until now was taken, or is known to be lost."""
+        """Whether each message published until now was taken or is known to be lost."""
         if self.subscription is None:
             return True
         counters = self.subscription.statistics()
         return counters.expected == counters.delivered + counters.queued + sum(counters.dropped.values())
 
     def finish(self) -> None:
-        """What comes from now on is not recorded, nor expected."""
+        """Messages that come from now on are neither recorded nor expected."""
         if self.subscription is not None:
             self.final = self.subscription.statistics()
 

@@ -12,7 +12,7 @@ __all__ = ["WritingThread"]
 class WritingThread:
     """Runs jobs in order. `on_progress` is called in the thread after each.
 
-    Once a job has raised, what stands behind it is not run any more, and `failure` is what it raised.
+    Once a job has raised, later jobs are not run, and `failure` is what it raised.
     """
 
     def __init__(self, on_progress: Callable[[], object]) -> None:
@@ -22,7 +22,7 @@ class WritingThread:
         self._is_ended = False
         self.failure: BaseException | None = None
         self.waiting_bytes = 0
-        """Of the jobs that are yet to be run, or are running."""
+        """Bytes of the jobs that wait or run."""
         self._is_busy = False
         self._thread = threading.Thread(target=self._work, name="write the bag", daemon=True)
         self._thread.start()
@@ -37,18 +37,19 @@ class WritingThread:
 
     @property
     def is_idle(self) -> bool:
-        """Whether all has run, or nothing will any more."""
+        """Whether all jobs have run, or no job will run any more."""
         with self._condition:
             return not self._jobs and not self._is_busy
 
     def drop(self) -> None:
-        """What waits will not be run, but for jobs of no size: what comes later needs topics and files."""
+        """Drop waiting jobs. Jobs of no size stay, because later jobs need the topics and files that they
+        make."""
         with self._condition:
             self.waiting_bytes -= sum(size for _, size in self._jobs)
             self._jobs = deque(one for one in self._jobs if not one[1])
 
     def end(self, timeout_s: float | None = None) -> bool:
-        """Wait until all has run, and end the thread; returns False where that takes too long."""
+        """Wait until all jobs have run, and end the thread; returns False if that takes too long."""
         with self._condition:
             self._is_ended = True
             self._condition.notify()

@@ -1,4 +1,24 @@
-"""Bags on disk: folders of MCAP files that are written, and of MCAP or SQLite files that are read."""
+"""Bags on disk: folders of MCAP files that are written, and of MCAP or SQLite files that are read.
+
+    write   `writer.py` -> `bag_files.py` -> `mcap_writer.py` (`chunk.py`, `mcap_summary.py`, `reserve.py`)
+    read    `reader.py` -> `mcap_reader.py` (`mcap_bytes.py`) or `sqlite_reader.py`, in order by `merge.py`
+    which   `registry.py` -> `mcap_storage.py`, `sqlite_storage.py`;  `compressed.py`, `decompression.py`
+
+Invariants:
+
+- Only the storages know a format. Everything else uses `bag_file.py` and `registry.py`.
+- Whatever bytes a file has, reading it ends, raises only BagError, and holds one chunk and the index in
+  memory. Unreadable parts become a Problem and are skipped. Decompression is bounded.
+- Writing only appends. A part of the disk is reserved, so that a full disk still allows a proper end.
+- `chunk.py` is the hot path of recording: long payloads are never joined or copied.
+- Heavy packages are imported inside methods: `bus bag record --help` loads the registry.
+
+docs/architecture.md, "How to add", says how to add a storage.
+
+Read first: `bag_file.py`, then `registry.py`.
+
+Tests: `tests/unit/bus_bag/storage/`, `tests/property/test_bag_damage.py`.
+"""
 
 from bus_bag.storage.bag_file import BagMessage, Order, Problem
 from bus_bag.storage.reader import BagReader, open_bag

@@ -1,4 +1,5 @@
-"""Files of bags, whatever their format: what they offer for reading and writing, and what reading gives."""
+"""Files of bags, whatever their format: their methods for reading and writing, and the values that reading
+gives."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -77,7 +78,8 @@ class BagFile(Protocol):
     extra: dict[str, dict[str, str]]
     """Topic -> what else the file says of it."""
     definitions: dict[str, str]
-    """Type -> its definition, in the language of .msg files, with those of all that it needs."""
+    """Type -> its definition, in the language of .msg files, with the definitions of all types that it needs.
+    """
     problems: list[Problem]
     is_cut: bool
     """Whether it was not closed: its recorder was killed, or its end is missing."""
@@ -117,7 +119,8 @@ class Gatherer(Protocol):
         ...
 
     def close(self) -> Any:
-        """What was gathered, for `write_chunk`: it has a `size`; None if nothing was. Then it begins anew."""
+        """The gathered messages, for `write_chunk`: they have a `size`; None if nothing was. Then it begins
+        anew."""
         ...
 
 

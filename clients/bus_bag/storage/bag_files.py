@@ -12,8 +12,8 @@ __all__ = ["BagFiles"]
 
 
 class BagFiles:
-    """Files of `storage` in `folder`: `<folder>_0.mcap` and so on. Of more than `most_files` the oldest is
-    deleted; 0: none is.
+    """Files of `storage` in `folder`: `<folder>_0.mcap` and so on. If there are more than `most_files`, the
+    oldest is deleted; 0: no limit.
 
     Not for several threads at a time; but `size` and `counts` may be read from any. Raises BagError or
     OSError if the first file can't be made.
@@ -25,7 +25,7 @@ class BagFiles:
         self._preset = preset
         self._most_files = most_files
         self._closed: list[tuple[FileInformation, Mapping[int, int]]] = []
-        """Of each closed file that is still there: what it is, and channel -> messages in it."""
+        """For each closed file that still exists: its information, and channel -> messages in it."""
         self._number = 0
         self._past: Counter[int] = Counter()
         """Channel -> messages in all closed files, also in those deleted since."""
@@ -53,7 +53,7 @@ class BagFiles:
         return counts
 
     def information(self) -> list[FileInformation]:
-        """Of each file that is still there."""
+        """For each file that still exists."""
         closed = [one for one, _ in self._closed]
         return [*closed, self._describe_present()] if self.present.is_open else closed
 

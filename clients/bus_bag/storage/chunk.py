@@ -15,7 +15,8 @@ from bus_bag.storage.mcap_format import CHUNK_HEAD, MESSAGE, RECORD, Opcode
 __all__ = ["Chunk", "ChunkBuilder"]
 
 LONG = 16 * 1024
-"""Parts from here on stay where they are; shorter ones are joined, because each costs a look of writev."""
+"""Parts of this size or more stay where they are. Shorter ones are joined, because each part costs writev
+some time."""
 _HEAD = MESSAGE.size
 _BEFORE = _HEAD - 9
 """Bytes of a record's content before the message's."""
@@ -52,7 +53,7 @@ class Chunk:
         return value
 
     def head(self, compression: str, stored: int, crc: int) -> bytes:
-        """The beginning of the chunk's record, where the records behind it take `stored` bytes."""
+        """The beginning of the chunk's record, if the records behind it take `stored` bytes."""
         name = compression.encode()
         length = CHUNK_HEAD.size + 4 + len(name) + 8 + stored
         return b"".join(
@@ -129,7 +130,7 @@ class ChunkBuilder:
     def add_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
         """Add short messages of one part, as `add` does it one by one; returns how many bytes they take.
 
-        Each step goes over all of them, in C: a turn of a loop here costs as much as all that it does.
+        Each step handles all of them, in C: a turn of a Python loop would cost as much as all its work.
         """
         count = len(messages)
         if not count:

@@ -50,7 +50,7 @@ def _decompress_file(path: Path, target: int) -> None:
 def decompress_messages(
     messages: Iterator[BagMessage], path: Path, problems: list[Problem]
 ) -> Iterator[BagMessage]:
-    """Messages that are packed each for itself; those that can't be unpacked are counted and left out."""
+    """Messages that are compressed one by one; those that can't be decompressed are counted and left out."""
     passed_over, why = 0, ""
     for message in messages:
         try:

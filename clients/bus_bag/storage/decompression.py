@@ -6,11 +6,11 @@ from bus_bag.storage.mcap_format import package
 __all__ = ["MAX_SIZE", "decompress", "decompress_frame"]
 
 MAX_SIZE = 256 << 20
-"""What claims to be larger is not unpacked."""
+"""Data that claims to be larger is not decompressed."""
 
 
 def decompress(compression: str, data: Buffer, size: int) -> Buffer:
-    """`data` as it was, which is `size` bytes. Raises ValueError where it is not."""
+    """`data` as it was, which is `size` bytes. Raises ValueError if it is not."""
     if not compression:
         unpacked: Buffer = data
     elif size > MAX_SIZE:

@@ -44,7 +44,7 @@ class Segment(msgspec.Struct):
 class McapBytes:
     """A file that is open for reading; `content`: where its bytes are, if not at `path`.
 
-    Raises OSError where it can't be opened.
+    Raises OSError if it can't be opened.
     """
 
     def __init__(self, path: Path, content: Path | None) -> None:
@@ -89,7 +89,7 @@ class McapBytes:
         self._loaded.clear()
 
     def _walk(self, segment: Segment) -> Iterator[tuple[int, int, Buffer]]:
-        """The records of a segment: opcode, where it begins, and in what."""
+        """The records of a segment: opcode, the position of the beginning, and the buffer."""
         data = self._load(segment)
         position, size = 0, len(data)
         unpack_record = RECORD.unpack_from
@@ -104,7 +104,7 @@ class McapBytes:
             self._problem(segment.offset, f"a record in it, at {position}, does not end within it")
 
     def _load(self, segment: Segment) -> Buffer:
-        """The records of a segment; empty where they can't be read."""
+        """The records of a segment; empty if they can't be read."""
         data = self._loaded.get(segment.offset)
         if data is not None:
             return data

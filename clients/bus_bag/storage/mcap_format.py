@@ -1,6 +1,6 @@
 """Records of MCAP files: their layout, and the package `mcap`, which knows all but messages.
 
-Messages have a layout of their own here because there are so many of them: both ends handle whole chunks.
+Messages have a separate layout here because there are so many of them: both ends handle whole chunks.
 """
 
 import struct
@@ -53,7 +53,7 @@ class Opcode:
 
 
 def package(module: str = "mcap.records") -> Any:
-    """A module of the package `mcap` or of one that comes with it. Raises BagError where that is missing."""
+    """A module of the package `mcap` or of one that comes with it. Raises BagError if that is missing."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -72,12 +72,12 @@ def encode(*records: Any) -> bytes:
 
 
 def decode(kind: str, content: bytes) -> Any:
-    """The record of `mcap.records` called `kind`. Raises ValueError where `content` is none."""
+    """The record of `mcap.records` called `kind`. Raises ValueError if `content` is none."""
     import io
 
     try:
         return getattr(package(), kind).read(package("mcap.data_stream").ReadDataStream(io.BytesIO(content)))
     except BagError:
         raise
-    except Exception as error:  # whatever a parser meets in bytes of anybody
+    except Exception as error:  # errors of a parser in bytes of unknown origin
         raise ValueError(f"no valid {kind} record ({error or type(error).__name__})") from None

@@ -1,4 +1,4 @@
-"""One MCAP file, read: by its index, or where it has none or is cut off, by going through its records once.
+"""Reads one MCAP file: by its index, or, if it has none or is cut off, in one pass through its records.
 
 Whatever bytes a file has, reading it ends, raises nothing but BagError, and holds one chunk and what the
 index says in memory. What can't be read is a Problem, and is passed over.
@@ -26,7 +26,7 @@ from bus_bag.storage.merge import Place, merge
 __all__ = ["McapFile"]
 
 _MAX_RECORD = 64 << 20
-"""Of records that are neither messages nor chunks: more is not believed."""
+"""The largest size of records that are neither messages nor chunks; a larger one counts as damage."""
 _RUN = 1 << 20
 """Messages outside of chunks are read together up to so many bytes."""
 _MOST_WAITING = 20_000_000
@@ -40,7 +40,7 @@ _INDEX_ENTRY = struct.Struct("<HQ")
 
 
 class McapFile(McapBytes):
-    """See `BagFile`. Raises BagError for what is no MCAP file, OSError where it can't be opened."""
+    """See `BagFile`. Raises BagError for what is no MCAP file, OSError if it can't be opened."""
 
     storage = "mcap"
 
@@ -57,10 +57,10 @@ class McapFile(McapBytes):
         self.is_cut = False
         self.has_index = False
         self.schemas: dict[int, Any] = {}
-        """By their numbers, as records of `mcap.records`, and so are channels."""
+        """By their numbers, as records of `mcap.records`. Channels are kept in the same way."""
         self.channels: dict[int, Any] = {}
         self._channels: dict[int, str] = {}
-        """Channel -> topic; those that can be read."""
+        """Channel -> topic, for topics that can be read."""
         self._refused: set[int] = set()
         self._waiting = 0
         try:
@@ -75,7 +75,7 @@ class McapFile(McapBytes):
         return self.has_index and all(one.channels is not None for one in self._segments)
 
     def metadata(self) -> BagMetadata | None:
-        """What the last `rosbag2` record says of the whole bag."""
+        """The last `rosbag2` record, about the whole bag."""
         for name, texts in reversed(self.records):
             if name == "rosbag2" and texts.get("serialized_metadata"):
                 try:
@@ -163,7 +163,7 @@ class McapFile(McapBytes):
     def _entries(
         self, segment: Segment, wanted: dict[int, str], at: int
     ) -> tuple["array[int]", "array[int]"]:
-        """Times and positions of the messages that are wanted; `at`: where the time stands in heads."""
+        """Times and positions of the messages that are wanted; `at`: the offset of the time in heads."""
         times, positions = array("Q"), array("Q")
         unpack_head = MESSAGE.unpack_from
         for opcode, position, data in self._walk(segment):
@@ -200,7 +200,8 @@ class McapFile(McapBytes):
         self._segments.clear()
 
     def _read_index(self) -> None:
-        """Raises ValueError where no index can be used; without a text where the file is meant so."""
+        """Raises ValueError if no index can be used; without a text if there is nothing to report about
+        that."""
         begin = self._size - len(MAGIC) - FOOTER_SIZE
         footer = self._read(begin, FOOTER_SIZE + len(MAGIC))
         if (
@@ -266,7 +267,8 @@ class McapFile(McapBytes):
             position += 9 + length
 
     def _add_index(self, content: bytes) -> None:
-        """Of a chunk; read here, and not by `mcap.records`, because a long recording has 100,000 of them."""
+        """The index of a chunk. It is not read by `mcap.records`, because a long recording has 100,000 of
+        them."""
         if len(content) < _CHUNK_INDEX.size:
             raise ValueError("no valid ChunkIndex record")
         start, end, offset, length, size = _CHUNK_INDEX.unpack_from(content)
@@ -290,7 +292,7 @@ class McapFile(McapBytes):
             self._problem(offset, str(error))
 
     def _describe(self, opcode: int, content: bytes) -> None:
-        """Take in a schema, a channel or a metadata record. Raises ValueError for one that is none."""
+        """Take in a schema, a channel or a metadata record. Raises ValueError if it is no such record."""
         if opcode == Opcode.SCHEMA:
             schema = decode("Schema", content)
             self.schemas[schema.id] = schema
@@ -398,10 +400,10 @@ class McapFile(McapBytes):
             last.start, last.end = min(last.start, log_time), max(last.end, log_time)
 
     def _settle(self, chunk: Segment | None, scan: "_Scan") -> None:
-        """Count the messages of a chunk: by its message indexes, or where there are none by what is in it.
+        """Count the messages of a chunk: by its message indexes, or, without these, by its contents.
 
-        It is looked into also where it has messages of a channel that was not described: that may stand in
-        it.
+        Its contents are also read if it has messages of an unknown channel, whose description may be in the
+        chunk.
         """
         if chunk is None:
             return
@@ -435,7 +437,7 @@ class McapFile(McapBytes):
 
 
 class _Scan:
-    """What was counted while a file was gone through."""
+    """Counters of one pass through a file."""
 
     def __init__(self) -> None:
         self.counts: Counter[int] = Counter()

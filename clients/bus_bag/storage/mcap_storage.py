@@ -1,4 +1,4 @@
-"""MCAP as a storage: what bags are written to, and read from."""
+"""MCAP as a storage: bags are written to it and read from it."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,9 +1,8 @@
 """One MCAP file, written from its header to its footer.
 
-Everything is appended, so a file that was cut off anywhere is readable up to its last whole chunk. Where
-nothing more fits, the file ends behind its last whole record, and can still be closed: a part of the disk
-is kept for that (`Reserve`), and where a limit of the file's size is the reason, its last chunks make
-room.
+Everything is appended, so a file that was cut off anywhere is readable up to its last whole chunk. If nothing
+more fits, the file ends behind its last whole record, and can still be closed. A part of the disk is kept for
+that (`Reserve`). If the limit is one of the file's size, its last chunks make room.
 """
 
 import errno
@@ -51,13 +50,13 @@ PRESETS: Mapping[str, Preset] = {
     "zstd_fast": Preset(compression="zstd", level=-5),
     "zstd_small": Preset(chunk_bytes=4 << 20, compression="zstd", level=19),
 }
-"""By rosbag2's names (`--storage-preset-profile`)."""
+"""Presets by rosbag2's names (`--storage-preset-profile`)."""
 
 
 class McapWriter:
     """A file that is being written. Not for several threads at a time; but counters may be read from any.
 
-    Raises BagFull where nothing more fits: `write_metadata` and `close` still do then. OSError for other
+    Raises BagFull if nothing more fits: `write_metadata` and `close` still do then. OSError for other
     faults.
     """
 
@@ -128,7 +127,8 @@ class McapWriter:
         self._append([record])
 
     def write_chunk(self, chunk: Chunk) -> None:
-        """Messages whose channels were written before; without these, or once the file is full, none is."""
+        """Write messages whose channels were written before. Without these, or once the file is full, nothing
+        is written."""
         if self._is_full or not self._summary.has_channels(chunk.index.keys()):
             return
         before = self.size
@@ -193,7 +193,7 @@ class McapWriter:
         self._summary.add_metadata(offset, len(record), name)
 
     def close(self) -> None:
-        """Write the summary, so that the file is whole. The file is closed even if that fails."""
+        """Write the summary, which completes the file. The file is closed even if that fails."""
         try:
             self._reserve.give_back()
             self._append_surely([], is_end=True)
@@ -212,7 +212,8 @@ class McapWriter:
         return self._summary.encode(self.size, self.counts, self.starting_time, self.end_time)
 
     def _append_surely(self, pieces: Sequence[Buffer], *, is_end: bool = False) -> int:
-        """Append what must be there, and give up what would be nice to have; returns where it begins."""
+        """Append a part that the file needs. If there is no room, give back the reserve, then drop the last
+        chunks. Returns the position of its beginning."""
         while True:
             try:
                 before = self.size

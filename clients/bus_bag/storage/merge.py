@@ -1,7 +1,7 @@
 """What is at several places in the order of time. Pure.
 
-A place (a chunk of a file, a file of a bag) is opened when the order comes to where it begins, so that of
-places that don't overlap only one is in memory.
+A place (a chunk of a file, a file of a bag) is opened when its first time is reached. So only one place is in
+memory if places don't overlap.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -23,7 +23,8 @@ class Place(NamedTuple, Generic[T]):
 
 
 def merge(places: Iterable[Place[T]]) -> Iterator[T]:
-    """All by time; those of one time as their places stand, and within a place as they come."""
+    """Everything in the order of time. Items of one time are in the order of their places, and within a place
+    in its order."""
     waiting = sorted(enumerate(places), key=lambda one: (one[1].start, one[0]), reverse=True)
     heads: list[tuple[int, int, T, Iterator[tuple[int, T]]]] = []
 

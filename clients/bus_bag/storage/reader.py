@@ -31,8 +31,8 @@ _MAX_METADATA = 64 << 20
 def open_bag(path: Path) -> "BagReader":
     """The bag in a folder, or of a lone file, complete or cut.
 
-    Its files are opened, and what they say of themselves is read; messages are not. Raises BagError with
-    one sentence where there is no bag, or nothing of it can be read; OSError where that can't be opened.
+    Opens its files and reads their descriptions, but no messages. Raises BagError with one sentence if there
+    is no bag, or if nothing of it can be read; OSError if it can't be opened.
     """
     if not path.exists():
         raise BagError(f"Bag path '{path}' does not exist!")
@@ -42,8 +42,8 @@ def open_bag(path: Path) -> "BagReader":
 class BagReader:
     """An open bag, made by `open_bag`.
 
-    What can't be read is passed over, and is in `problems`. With `all_files` a folder's files are all those
-    that are there, whatever metadata.yaml says.
+    What can't be read is passed over, and is in `problems`. With `all_files`, all files of the folder count,
+    whatever metadata.yaml says.
     """
 
     def __init__(self, path: Path, *, all_files: bool = False) -> None:
@@ -51,11 +51,12 @@ class BagReader:
         self._takes_all = all_files
         self.files: list[BagFile] = []
         self.topics: dict[str, TopicMetadata] = {}
-        """By name, in the order of their names."""
+        """Topics by name, in the order of their names."""
         self.extra: dict[str, dict[str, str]] = {}
         """Topic -> what else the files say of it: `busd.type_hash`, `busd.schema`."""
         self.definitions: dict[str, str] = {}
-        """Type -> its definition, in the language of .msg files, with those of all that it needs."""
+        """Type -> its definition, in the language of .msg files, with the definitions of all types that it
+        needs."""
         self._problems: list[Problem] = []
         self._said: BagMetadata | None = None
         try:
@@ -64,7 +65,8 @@ class BagReader:
             self.close()
             raise
         self.metadata = self._metadata()
-        """Of the files as they are; custom data and the like as metadata.yaml or the files say."""
+        """The metadata of the files as they are, with custom data and the like from metadata.yaml or the
+        files."""
 
     @property
     def is_cut(self) -> bool:
@@ -115,7 +117,8 @@ class BagReader:
         self.close()
 
     def _find_files(self) -> list[Path]:
-        """The files of a folder: those that metadata.yaml names, or all that may be meant."""
+        """The files of a folder: those that metadata.yaml names, or, without it, all files that may be a
+        bag's."""
         self._said = self._read_metadata(self.path / NAME)
         if self._said is not None and self._said.relative_file_paths and not self._takes_all:
             return [self._inside(name) for name in self._said.relative_file_paths]
@@ -203,7 +206,8 @@ class BagReader:
 
 
 def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
-    """With what only metadata.yaml says: files of older versions and of others lack some."""
+    """With everything that only metadata.yaml has: files of older versions and of other tools lack some of
+    it."""
     if said is None or said.type != topic.type:
         return topic
     return msgspec.structs.replace(

@@ -89,7 +89,7 @@ class WritableStorage(Storage, Protocol):
 
 
 DEFAULT = McapStorage()
-"""What bags are written to, unless something else is asked for."""
+"""The storage for new bags, unless the user asks for another."""
 
 _storages: dict[str, Storage] = {one.suffix: one for one in (DEFAULT, SqliteStorage())}
 """By suffix."""

@@ -37,7 +37,7 @@ class Reserve:
         self._size = wanted
 
     def give_back(self) -> bool:
-        """Free it; False where there was none."""
+        """Free it; False if there was none."""
         if self._descriptor < 0:
             return False
         os.close(self._descriptor)

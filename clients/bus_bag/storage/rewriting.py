@@ -15,8 +15,8 @@ __all__ = ["rewrite"]
 def rewrite(file: McapFile, metadata: BagMetadata) -> None:
     """All that can be read of `file`, and what is known of its bag.
 
-    The old file is there until the new one is on the disk. Raises BagError or OSError where that can't be
-    written; then the old file is as it was.
+    The old file is there until the new one is on the disk. Raises BagError or OSError if the new file can't
+    be written; then the old file is unchanged.
     """
     if file.is_being_written:
         raise BagError(f"'{file.path}' is still being written")

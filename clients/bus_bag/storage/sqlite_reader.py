@@ -19,14 +19,14 @@ from bus_bag.storage.decompression import MAX_SIZE
 __all__ = ["SqliteFile"]
 
 _FAULTS = (sqlite3.Error, UnicodeError, OverflowError, MemoryError)
-"""What reading a damaged file may raise; UnicodeError where the text of the error is damaged, too."""
+"""Errors that reading a damaged file may raise; UnicodeError if the text of the error is damaged, too."""
 _MAGIC = b"SQLite format 3\0"
 
 
 class SqliteFile:
     """See `BagFile`. `path` is what problems name; its bytes may be at another place, `content`.
 
-    Raises BagError for what is no such file of a bag, OSError where it can't be opened.
+    Raises BagError for what is no such file of a bag, OSError if it can't be opened.
     """
 
     storage = "sqlite3"
@@ -63,7 +63,7 @@ class SqliteFile:
             self._database.close()
 
     def metadata(self) -> BagMetadata | None:
-        """What the file says of the whole bag."""
+        """The file's description of the whole bag."""
         if "metadata" not in self._tables:
             return None
         try:
@@ -131,7 +131,7 @@ class SqliteFile:
         return found
 
     def _rows(self, table: str, *columns: str) -> list[tuple[Any, ...]]:
-        """Some columns, an empty text for those that the file's version does not have."""
+        """Some columns, with an empty text for columns that the file's version does not have."""
         chosen = [column if column in self._tables[table] else f"'' AS {column}" for column in columns]
         return self._database.execute(f"SELECT {', '.join(chosen)} FROM {table} ORDER BY id").fetchall()
 
@@ -190,7 +190,8 @@ class SqliteFile:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """For reading only. Where nothing may be written, changes that wait in a file beside it are not seen."""
+    """For reading only. If nothing can be written there, changes that wait in a file beside it are not
+    seen."""
     place = f"file:{quote(str(path.absolute()))}"
     for options in ("mode=ro", "immutable=1"):
         database = sqlite3.connect(f"{place}?{options}", uri=True, check_same_thread=False)

@@ -28,15 +28,15 @@ _MAX_CHANNELS = 1 << 16
 class BagWriter:
     """Writes a bag: `<folder>/<folder>_0.mcap` and so on, as files of `storage`, then metadata.yaml.
 
-    Messages are gathered in the caller's thread. What touches files are jobs, which are given to `run`, each
-    with the bytes of messages that it writes: by default they run at once; a recorder hands them to a thread,
-    which must run them one at a time, in order. A job raises BagFull where nothing more fits, and OSError for
-    other faults; after both `write_metadata` and `close` are still to be called, so that what was written
-    becomes a readable bag. Jobs call `on_split(closed, opened)` when a further file was begun.
+    Messages are gathered in the caller's thread. Everything that touches files is a job. `run` gets each job
+    with the bytes of messages that it writes. By default a job runs at once. A recorder hands jobs to a
+    thread, which must run them one at a time, in order. A job raises BagFull if nothing more fits, and
+    OSError for other faults. After both, `write_metadata` and `close` must still be called, which make a
+    readable bag of the written part. Jobs call `on_split(closed, opened)` when a further file was begun.
 
-    `preset` is one of the storage's. Of more than `most_files` files the oldest is deleted; 0: none is.
-    Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is missing;
-    OSError if the folder can't be made.
+    `preset` is one of the storage's. If there are more than `most_files` files, the oldest is deleted; 0: no
+    limit. Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is
+    missing; OSError if the folder can't be made.
     """
 
     def __init__(
@@ -77,8 +77,8 @@ class BagWriter:
     def add_topic(self, topic: TopicMetadata, definition: str, extra: Mapping[str, str] | None = None) -> int:
         """A topic to be recorded; returns its channel, for `write`.
 
-        `definition` is of its type, in the language of .msg files, with those of all that it needs. `extra`
-        is kept with the topic.
+        `definition` describes its type, in the language of .msg files, with the definitions of all types that
+        it needs. `extra` is kept with the topic.
         """
         if len(self._topics) == _MAX_CHANNELS:
             raise BagError(f"a bag has {_MAX_CHANNELS} topics at most")
@@ -177,8 +177,7 @@ class BagWriter:
         return self._files.size
 
     def counts(self) -> dict[str, int]:
-        """Topic -> messages in the files, also in those deleted since; what waits or was lost is not in
-        it."""
+        """Topic -> messages in the files, also in those deleted since, without waiting and lost messages."""
         return dict(self._by_topic(self._files.counts()))
 
     def _by_topic(self, counts: Mapping[int, int]) -> Counter[str]:
@@ -189,7 +188,7 @@ class BagWriter:
         return found
 
     def metadata(self) -> BagMetadata:
-        """Of all that is in the files. For jobs, or once all jobs have run."""
+        """The metadata of everything in the files. For jobs, or once all jobs have run."""
         files = self._files.information()
         start, duration = time_span(files)
         counts = self._by_topic(self._files.counts_there())

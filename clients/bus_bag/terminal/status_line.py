@@ -13,7 +13,7 @@ _ERASE: Final = "\r\x1b[K"
 
 
 class StatusLine(logging.Filter):
-    """On the standard output, where that is a terminal; else nothing is written."""
+    """Writes to the standard output if that is a terminal; else writes nothing."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -38,7 +38,7 @@ class StatusLine(logging.Filter):
             self._is_written = False
 
     def close(self) -> None:
-        """Leave the last text standing, and what comes next below it."""
+        """Leave the last text on the screen; later output goes below it."""
         if self._is_written:
             self._write("\n")
             self._is_written = False

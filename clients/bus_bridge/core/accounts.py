@@ -1,4 +1,4 @@
-"""What became of each message of one route: taken is sent, waiting, and dropped by reason. Pure."""
+"""The account of each message of one route: taken = sent + waiting + dropped, by reason. Pure."""
 
 from bus.vocabulary import DropReason
 
@@ -14,9 +14,9 @@ class Account:
         self.taken = 0
         self.sent = 0
         self.bytes = 0
-        """Of payload, of what was sent."""
+        """Bytes of payload in sent messages."""
         self.dropped: dict[str, int] = {}
-        """By reason; of what was taken."""
+        """Taken messages that were dropped, by reason."""
         self.lost = 0
         """Lost before it came here."""
 
@@ -26,7 +26,7 @@ class Account:
 
     @property
     def waiting(self) -> int:
-        """What has neither gone on nor been dropped."""
+        """Messages that were neither sent nor dropped."""
         return self.taken - self.sent - sum(self.dropped.values())
 
     @property

@@ -108,8 +108,8 @@ class Announcing:
             self._show(shown)
 
     async def _learn(self, types: set[_Type]) -> None:
-        """Have the schemas of these types; one that has left already has none. A busd that is silent is asked
-        until it answers: nothing is shown twice, so what is unknown now would never cross."""
+        """Fetch the schemas of these types; a type that has left already has none. A busd that is silent is
+        asked until it answers: nothing is shown twice, so what is unknown now would never cross."""
         if len(self._schemas) > _MOST_SCHEMAS:
             self._schemas.clear()
 

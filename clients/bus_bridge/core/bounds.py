@@ -1,6 +1,7 @@
-"""What one far bus may ask of this one, and what is a lie. Pure: times come from the caller.
+"""Limits for what one far bus may ask of this one, and checks that find false claims. Pure: times come from
+the caller.
 
-What a far bridge says is hostile until it was looked at here: names, lengths, numbers of things, and how
+Everything from a far bridge is hostile until it was checked here: names, lengths, numbers of things, and how
 often they change.
 """
 
@@ -26,7 +27,7 @@ _Count = Annotated[int, Meta(ge=1, le=2**20)]
 
 
 class Bounds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How much one far bus may have here; one that asks for more is not heard any longer."""
+    """How much one far bus may have here. The bridge stops listening to a bus that asks for more."""
 
     buses: _Count = 256
     """Far buses at one time, all together."""
@@ -34,7 +35,7 @@ class Bounds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     endpoints: _Count = 10_000
     types: _Count = 1000
     schema_bytes: Annotated[int, Meta(ge=1024, le=2**24)] = 256 * 1024
-    """Of one type's description."""
+    """Bytes of one type's description."""
     news_per_s: _Count = 2000
     """Comings and goings of nodes and endpoints in a second, for long."""
 
@@ -61,7 +62,7 @@ class News:
 
 
 def wrong_bus(bus: FarBus) -> str:
-    """What is wrong with what it says, in words; "" where nothing is."""
+    """The fault in its description, in words; "" if there is none."""
     return _wrong_id("the id of a bus", bus.id)
 
 

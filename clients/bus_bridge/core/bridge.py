@@ -77,7 +77,7 @@ class Bridge:
     async def run(self, on_open: Callable[[], object] = lambda: None) -> None:
         """Join the two, for ever; `on_open` is called once the engine has begun.
 
-        Raises BridgeError where the engine can't begin, and what busd refuses.
+        Raises BridgeError if the engine can't begin, and the error of busd if it refuses something.
 
         Cancellation is the way to end it: then the far side sees nothing of this bus any more, nor this bus
         of the far side, within a second.
@@ -133,7 +133,7 @@ class Bridge:
         )
 
     def status(self) -> GetStatus.Response:
-        """How it is, as the service tells it."""
+        """The state of the bridge, as its service reports it."""
         return self._reporting.status(
             engine=self._engine,
             bus=self._options.bus,

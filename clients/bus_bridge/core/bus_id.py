@@ -22,7 +22,7 @@ _RIGHT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> str:
-    """The id of the bus whose socket is called `socket_name` in the directory `inode` of `device`.
+    """The id of the bus with the socket `socket_name` in the directory `inode` of `device`.
 
     `boot` is new with each start of the machine, and the same in all of its containers.
     """
@@ -32,9 +32,9 @@ def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> 
 
 
 def find_bus_id(path: str) -> str:
-    """The id of the bus at the socket `path`, whose directory is there.
+    """The id of the bus at the socket `path`. Its directory must exist.
 
-    Raises OSError where it is not.
+    Raises OSError if it does not.
     """
     folder, name = os.path.split(path)
     status = os.stat(folder)  # noqa: PTH116
@@ -46,7 +46,7 @@ def find_bus_id(path: str) -> str:
 
 
 def checked_id(text: str) -> str:
-    """`text`, an id that a user has chosen. Raises ConfigurationError where it can't be one."""
+    """`text`, an id that a user has chosen. Raises ConfigurationError if it can't be one."""
     if len(text) > MAX_LENGTH or not _RIGHT.fullmatch(text):
         raise ConfigurationError(
             "the id of a bus has letters, digits, '-', '_' and '.', begins with a letter or digit, and has "

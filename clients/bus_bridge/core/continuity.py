@@ -27,7 +27,7 @@ __all__ = [
 
 
 class ContinuityState(Enum):
-    """What the number of the next message will mean."""
+    """The meaning of the next message's number."""
 
     __hash__ = object.__hash__  # Enum's own is a call in Python
 

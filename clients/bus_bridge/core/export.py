@@ -1,6 +1,6 @@
 """The way out of one publisher's messages: from what a tap has taken to the engine's writer.
 
-Owns what waits, and what became of each message. Must not know nodes, taps or the graph.
+Owns the waiting messages, and the account of each message. Must not know nodes, taps or the graph.
 """
 
 from collections.abc import Callable
@@ -46,7 +46,7 @@ class Export:
         self.account = Account()
         self.writer: Writer | None = None
         self._lost_before: dict[str, int] = {}
-        """By reason, what earlier writers had and lost."""
+        """Messages that earlier writers had and lost, by reason."""
         self._continuity = Continuity()
         self._depth = depth
         self._patience = depth
@@ -74,7 +74,7 @@ class Export:
 
     @property
     def sent(self) -> int:
-        """Messages that have gone, without those that the engine has dropped afterwards."""
+        """Messages that have left, without those that the engine dropped afterwards."""
         return self.account.sent - sum(self._lost_by_engine.values())
 
     @property
@@ -140,9 +140,9 @@ class Export:
             self._on_free(self.gid)
 
     def has_timed_out(self, now_s: float) -> bool:
-        """To be asked from time to time: whether its publisher is held up for a far side that does not read
-        it, and was so all the time for half a minute. Then what waits is given up, and what follows too until
-        somebody reads it."""
+        """To be asked from time to time: whether its publisher has been held up for half a minute by a far
+        side that does not read. If so, waiting messages are dropped, and later ones too, until the far side
+        reads."""
         if self.is_flowing or not self.is_full:
             self._waits_since_s = None
             return False
@@ -163,7 +163,7 @@ class Export:
             writer.close()
 
     def close(self) -> None:
-        """The publisher has gone; what waits is lost."""
+        """The publisher has gone; waiting messages are lost."""
         self.account.drop(DropReason.DISCONNECTED, self._waiting.clear())
         self.detach()
         self._on_free(self.gid)

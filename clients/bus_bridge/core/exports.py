@@ -32,7 +32,7 @@ _SHORT_S = 0.4
 _EARLY_S = 5.0
 """How long messages of a publisher wait that no graph has shown yet."""
 _LINGER_S = 2.0
-"""How long messages wait whose publisher has gone."""
+"""How long messages wait after their publisher has gone."""
 _LOOK_S = 0.02
 _MOST_REMEMBERED = 1000
 _new_sample: Any = tuple.__new__
@@ -66,18 +66,18 @@ class TopicExports:
         self.is_local = is_local
         """Whether only publishers that live on this bus go out, and none that other bridges have brought."""
         self.exports: dict[bytes, Export] = {}
-        """By the publisher's gid."""
+        """Ways by the publisher's gid."""
         self.mirrors: dict[Subscription[Any], None] = {}
         """The far subscriptions, as they are shown here."""
         self.away: dict[bytes, None] = {}
-        """Far subscriptions that have gone; one that comes back was cut off, and has missed what was said
+        """Far subscriptions that have gone. One that comes back was cut off, and has missed the messages
         meanwhile."""
         self.holders = 0
         """How many far subscriptions need the taps."""
         self.taps = Taps(self._put)
         self.depth = depth
         self.early: dict[bytes, float] = {}
-        """Publishers whose messages came before a graph has shown them: when the first did."""
+        """Publishers whose messages came before a graph showed them, with the time of the first message."""
         self.met: dict[bytes, Match] = {}
         """Publishers that no graph has shown yet, as they were when they met a tap."""
         self._knows = knows
@@ -162,7 +162,7 @@ class TopicExports:
 
 class Exports:
     """`node` is the bridge's own; `knows` says whether the last graph had a publisher, `hides` whether it had
-    one that the far side is not to see."""
+    one that the far side must not see."""
 
     def __init__(
         self,
@@ -179,16 +179,16 @@ class Exports:
         self._on_trouble = on_trouble
         self._routes: dict[TypedTopic, TopicExports] = {}
         self._unsure: set[TopicExports] = set()
-        """Those to be swept, so that the many others cost nothing."""
+        """The routes that `sweep` must check; others cost nothing."""
         self._of_gid: dict[bytes, tuple[TopicExports, Export]] = {}
         self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], object]]] = {}
-        """Of publishers that have gone, and whose messages wait: the timer of the next look at them, and what
-        is called at their end."""
+        """Ways whose publisher has gone while messages wait: the timer of the next check, and the function to
+        call at the end."""
         self._loop = asyncio.get_running_loop()
         self.on_short: Callable[[TopicExports, Match], object] = lambda route, match: None
         """Called for a publisher that was there too shortly to be seen in a graph."""
         self.shown: dict[Export, Shown] = {}
-        """What the far side sees."""
+        """The endpoints that the far side sees."""
 
     def __iter__(self) -> Iterator[tuple[TopicExports, Export]]:
         for route in self._routes.values():
@@ -213,7 +213,7 @@ class Exports:
         return found
 
     def schema(self, topic: TypedTopic) -> MessageSchema | None:
-        """None where no far subscription has that topic and type."""
+        """None if no far subscription has that topic and type."""
         found = self._routes.get(topic)
         return None if found is None else found.schema
 
@@ -223,7 +223,7 @@ class Exports:
         """The way out of a publisher that is about to be shown to the far side, and the rule for it."""
         gid, route = shown.local.gid, self.route(topic, schema)
         export = route.export(gid)
-        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: what waits goes on
+        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: waiting messages go on
             timer, on_closed = leaving
             timer.cancel()
             export.detach()
@@ -242,7 +242,8 @@ class Exports:
         self._end(*self._of_gid.pop(gid))
 
     def withdraw(self, gid: bytes, on_closed: Callable[[], object]) -> None:
-        """A publisher has gone. What waits of it still goes, if that is soon; then `on_closed` is called."""
+        """A publisher has gone. Its waiting messages still leave, if they can soon; then `on_closed` is
+        called."""
         known = self._of_gid.pop(gid, None)
         if known is None:
             on_closed()
@@ -335,7 +336,8 @@ class Exports:
     # --- from time to time
 
     def sweep(self) -> None:
-        """Look after messages of publishers that no graph has shown, and of those that nobody reads."""
+        """Check publishers that no graph has shown, and lossless publishers that no far subscription
+        reads."""
         now_s = self._loop.time()
         for route in tuple(self._unsure):
             for gid in [gid for gid in route.met if self._knows(gid)]:
@@ -360,7 +362,7 @@ class Exports:
                 self._unsure.discard(route)
 
     def close(self) -> None:
-        """What waits is lost."""
+        """Waiting messages are lost."""
         for timer, _ in self._leaving.values():
             timer.cancel()
         for route in self._routes.values():

@@ -1,7 +1,8 @@
-"""What the far buses have said they have, held against the bounds, and which of it is to be mirrored. Pure.
+"""The nodes and endpoints that far buses have announced, checked against the bounds, and which of them are
+mirrored. Pure.
 
-Names are those on the wire. Topics outside of the namespace, what no rule lets in, and what came through this
-bus already is known here, but not to be mirrored.
+Names are those on the wire. Three kinds of endpoints are known here, but not mirrored: those on topics
+outside of the namespace, those that the rules forbid, and those that came through this bus already.
 """
 
 from typing import NamedTuple
@@ -25,11 +26,11 @@ class MirroredNode(msgspec.Struct, frozen=True):
     bus: str
     """Whose bridge shows it."""
     via: tuple[str, ...]
-    """The buses that it came through before, its own first; empty where it lives on `bus`."""
+    """The buses that it came through before, its own first; empty if it lives on `bus`."""
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What stays the same of it when its bridge comes back."""
+        """The part of its identity that stays the same when its bridge comes back."""
         return self.name, self.namespace, self.bus, self.via
 
 
@@ -45,7 +46,7 @@ class Mirrored(msgspec.Struct, frozen=True):
 
 
 class Wrong(NamedTuple):
-    """A fault in an announcement, and the one to refuse for it: `announcer`, or without one the bus."""
+    """A fault in the far side's news, and the one to refuse for it: `announcer`, or without one the bus."""
 
     bus: str
     announcer: str
@@ -79,7 +80,7 @@ class FarGraph:
     """`own_bus` is the id of this bus.
 
     Methods that take news return what is wrong with them. Who is to be refused for it is to be taken out by
-    `forget`. Where a bus shows more than it may, that is the one of its announcers that shows most.
+    `forget`. If a bus shows more than it may, this is the announcer that shows most.
     """
 
     def __init__(self, own_bus: str, bounds: Bounds, rules: Rules, naming: Naming) -> None:
@@ -89,8 +90,8 @@ class FarGraph:
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
         self._news: dict[tuple[str, str], News] = {}
-        """By bus and announcer, of those that have gone, too: who comes and goes all the time has the rate of
-        one that stays."""
+        """The rates of change by bus and announcer. Rates of gone ones stay, so that coming and going all the
+        time allows no more changes."""
         self._nodes: dict[str, _Announcer] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
@@ -101,7 +102,7 @@ class FarGraph:
         self.nodes: dict[str, MirroredNode] = {}
         """To be mirrored, by key."""
         self.endpoints: dict[bytes, Mirrored] = {}
-        """To be mirrored, by gid: of two that have the same, the one that came first."""
+        """The endpoints to be mirrored, by gid. If two have the same gid, the one that came first."""
 
     @property
     def buses(self) -> list[str]:
@@ -113,7 +114,7 @@ class FarGraph:
         return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
 
     def wrong(self, key: str, reason: str) -> Wrong | None:
-        """That something is wrong with an endpoint of a node; None where that has gone."""
+        """That something is wrong with an endpoint of a node; None if that has gone."""
         known = self._nodes.get(key)
         return None if known is None else known.wrong(reason)
 
@@ -144,7 +145,7 @@ class FarGraph:
                 self._forget_announcer(announcer)
 
     def forget(self, wrong: Wrong) -> None:
-        """Take out who is refused."""
+        """Remove a refused bus or announcer."""
         if not wrong.announcer:
             self.bus_removed(wrong.bus)
         elif (bus := self._buses.get(wrong.bus)) is not None and wrong.announcer in bus.announcers:
@@ -265,7 +266,7 @@ class FarGraph:
         self._choose(gid)
 
     def _choose(self, gid: bytes) -> None:
-        """By which way it is mirrored, if it is: the way that came first, for as long as that is there."""
+        """The way by which it is mirrored, if it is: the way that came first, as long as it is there."""
         known = self.endpoints.pop(gid, None)
         ways = self._endpoints.get(gid, {})
         if known is not None and ways.get(known.far.node) is known.far:

@@ -29,7 +29,7 @@ __all__ = ["Import"]
 
 
 class Import:
-    """`on_trouble` hears, in words, what keeps messages out. `numbering`: as in Past."""
+    """`on_trouble` is called with a text that says why messages can't come in. `numbering`: as in Past."""
 
     def __init__(
         self,
@@ -61,11 +61,11 @@ class Import:
         )
 
     def resume(self, past: Past) -> None:
-        """Go on where an earlier way of the publisher ended; before anything else."""
+        """Continue where an earlier way of the publisher ended. To be called before anything else."""
         self._publishing.account = past.account
         self._reading.resume(past.lost_before)
         self._newest_ns = past.newest_ns
-        # A new mirror has none of what late joiners get, so that is to come once more.
+        # A new mirror has no history for late joiners, so that must come once more.
         self._continuity.resume(past.last, restores=self._qos.durability is Durability.TRANSIENT_LOCAL)
         self._listeners.resume(past.listeners, past.last)
         if past.numbering != self._numbering:
@@ -91,7 +91,7 @@ class Import:
 
     @property
     def taken(self) -> int:
-        """Messages that have come, with those that the engine had and lost."""
+        """Messages that have come, including those that the engine had and lost."""
         return self.account.taken + sum(self._reading.lost.values())
 
     @property
@@ -106,7 +106,7 @@ class Import:
             self._reading.want(bool(self._listeners.now))
 
     def begin_again(self, endpoint: FarEndpoint, *, numbering: str = "") -> None:
-        """The far side was away and is back: what it had before does not come twice, and what was missed is
+        """The far side was away and is back: messages from before don't come twice, and missed messages are
         lost. `numbering`: as in Past; other numbers may begin at 1."""
         self._reading.stop()
         self._reading.endpoint = endpoint
@@ -122,13 +122,13 @@ class Import:
         return Past(last, listeners, self.account, lost, self._numbering, self._newest_ns)
 
     def end(self) -> None:
-        """The bridge ends: read no more; what waits is lost."""
+        """The bridge ends: stop reading; waiting messages are lost."""
         self._reading.close()
         self._publishing.cancel()
 
     async def finish(self) -> None:
         """The far publisher has gone: read no more, and publish what waits for room, for as long as that goes
-        on. Cancellation: as at the end, what waits is lost."""
+        on. Cancellation: as at the end, waiting messages are lost."""
         self._reading.close()
         if lost := await self._publishing.finish():
             self._on_trouble(
@@ -166,8 +166,9 @@ class Import:
     # --- inside
 
     def _renumber(self) -> None:
-        """The messages to come have other numbers than those before. What came before is known by its time:
-        it is what the publisher keeps, or what waited for the new way, up to the publisher's depth."""
+        """From now on messages have other numbers. Messages that came before are recognized by their time.
+        They are those that the publisher keeps, or those that waited for the new way, up to the publisher's
+        depth."""
         qos, sent = self._qos, self.account.sent
         copies = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
         self._continuity.renumber(copies, self._newest_ns)

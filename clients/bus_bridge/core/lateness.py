@@ -1,20 +1,22 @@
-"""How old messages from another machine are, whose clock may be wrong by an hour. Pure.
+"""The age of messages from another machine, even if its clock is wrong by an hour. Pure.
 
-The difference of the two clocks is not known. But the message that was least late of all that came lately
-took next to no time: by how much another was later than that, so old it was.
+The difference of the two clocks is not known. But of all recent messages the least late one took next to no
+time. A message's age is the time by which it was later than that one.
 """
 
 __all__ = ["Lateness"]
 
 _WINDOW_NS = 30_000_000_000
 _STEP_NS = 100_000_000
-"""By so much a publisher's times may fall from one message to the next without its clock having been set."""
+"""A publisher's times may fall by so much from one message to the next; a larger step means that its clock
+was set."""
 
 
 class Lateness:
-    """Of the messages of one far bus, whose clock may be set and drift: what counts is the last half minute.
+    """Ages of the messages of one far bus. Its clock may be set and may drift, so only the last half minute
+    counts.
 
-    `now_ns` is by a clock that is never set: what the far clock shows says nothing about this machine's.
+    `now_ns` comes from a clock that is never set. It has no relation to the far clock.
     """
 
     def __init__(self) -> None:
@@ -25,7 +27,7 @@ class Lateness:
     def note(self, now_ns: int, source_ns: int, before_ns: int = 0) -> None:
         """A message came; of many that come together, the newest is enough. `before_ns`: the source time of
         its publisher's message before it; 0 if there was none."""
-        if source_ns < before_ns - _STEP_NS:  # the far clock was set back: what was learned is wrong
+        if source_ns < before_ns - _STEP_NS:  # the far clock was set back: the least lateness is wrong
             self._least_ns = self._before_ns = None
         if now_ns - self._since_ns > _WINDOW_NS:
             is_next = now_ns - self._since_ns <= 2 * _WINDOW_NS
@@ -36,6 +38,6 @@ class Lateness:
             self._least_ns = lateness_ns
 
     def age_ns(self, now_ns: int, source_ns: int) -> int:
-        """How old a message is that has been noted, or has come with one that was."""
+        """The age of a message that was noted, or that came together with a noted one."""
         least_ns = min((one for one in (self._least_ns, self._before_ns) if one is not None), default=None)
         return 0 if least_ns is None else max(0, now_ns - source_ns - least_ns)

@@ -1,4 +1,4 @@
-"""What of this bus the far side is to see, and what has changed of it since the last look. Pure."""
+"""The part of this bus that the far side is to see, and its changes since the last graph. Pure."""
 
 import msgspec
 
@@ -29,7 +29,7 @@ class Shown(msgspec.Struct, frozen=True):
 
 
 class Changes(msgspec.Struct):
-    """In the order in which they are to be made known: what has gone, then nodes, subscriptions and
+    """In the order in which they must be announced: gone ones first, then nodes, subscriptions and
     publishers.
 
     A service's client has its subscription for answers on the far side before its request goes there.
@@ -75,7 +75,7 @@ class LocalGraph:
         self.endpoints.pop(gid, None)
 
     def is_other_busd(self, graph: Graph) -> bool:
-        """Whether `graph` is of another busd than the last one: much of what it lacks will come back."""
+        """Whether `graph` comes from another busd than the last one. Most of what it lacks will come back."""
         pid, revision = self._seen_at
         return revision >= 0 and (pid != graph.broker_pid or graph.revision < revision)
 
@@ -106,13 +106,13 @@ class LocalGraph:
             self._absent.clear()
         for gid, endpoint in present.items():
             seen = self._seen.get(gid)
-            # One of another node may have taken its place between two looks: a mirror that comes another way.
+            # Another node's endpoint may have replaced it between two graphs: a mirror that came another way.
             if looks_at_all or seen is None or seen.id != endpoint.id:
                 self._update_endpoint(endpoint, changes)
         return changes
 
     def add_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
-        """A publisher of this bus, with a node of its own, that has come and gone between two looks."""
+        """A publisher of this bus, and its node, that has come and gone between two graphs."""
         changes = Changes()
         topic, type_name, type_hash = kind
         namespace, name = split_node_name(match.node)
@@ -175,7 +175,7 @@ class LocalGraph:
         return LocalNode(self._node_numbers, node.name, namespace, via)
 
     def _crossing(self, endpoint: GraphEndpoint) -> Crossing | None:
-        """None where the far side is not to see it."""
+        """None if the far side must not see it."""
         crossing = self._rules.crossing(endpoint.topic)
         if not (crossing.goes_out if endpoint.kind == "publisher" else crossing.comes_in):
             return None

@@ -54,11 +54,11 @@ class EndpointMirror:
         self.publisher: Publisher[Any] | None = None
         self.subscription: Subscription[Any] | None = None
         self.way: Import | None = None
-        """Of a publisher's messages."""
+        """The way in of a publisher's messages."""
         self.route: TopicExports | None = None
-        """Of messages to a subscription."""
+        """The way out of messages to a subscription."""
         self.sent_before = 0
-        """What had gone that route before the subscription was there."""
+        """Messages that had taken that route before the subscription existed."""
         self.retry = Retry()
         self.gone_s = 0.0
         """Since when a transient local publisher is missing on its bus; 0 while it is there."""
@@ -199,7 +199,7 @@ class Mirrors:
         return self._stays.until(mirror.node.far.bus, mirror.gone_s)
 
     def _take_over_nodes(self) -> None:
-        """What is left of a bus whose bridge is back stands for the nodes that it shows now."""
+        """If the bridge of a bus is back, mirrors that are left stand for the nodes that it shows now."""
         lost = {one.far.identity: key for key, one in self._nodes.items() if self._is_gone(one)}
         if not lost:
             return
@@ -433,5 +433,5 @@ def _full_name(far: MirroredNode) -> str:
 
 
 def _numbering(far: Mirrored) -> str:
-    """Which numbers its messages have: in transit those of a mirror, which each bridge makes anew."""
+    """Whose numbers its messages have. In transit: those of a mirror, and each bridge makes new ones."""
     return far.far.node if far.node.via else ""

@@ -1,4 +1,5 @@
-"""Names here and names on the wire: the namespace goes in front of all that leaves, and off what comes. Pure.
+"""Names here and names on the wire: the namespace is added to leaving names and removed from incoming ones.
+Pure.
 
 With the namespace `/bot1` the topic `/scan` of this bus is `/bot1/scan` on the wire, whoever publishes it.
 Names on the wire that don't begin with it have no name here, so each name here has one there and back again.
@@ -21,22 +22,22 @@ class Naming:
         self._prefix = "" if self.namespace == "/" else self.namespace
 
     def topic_to_wire(self, topic: str) -> str:
-        """Raises ConfigurationError where the name becomes too long."""
+        """Raises ConfigurationError if the name becomes too long."""
         return self._checked(topic, self._prefix + topic, MAX_TOPIC_NAME_LENGTH)
 
     def topic_from_wire(self, topic: str) -> str | None:
-        """None where it lies outside of the namespace."""
+        """None if it lies outside of the namespace."""
         return topic[len(self._prefix) :] if topic.startswith(f"{self._prefix}/") else None
 
     def namespace_to_wire(self, namespace: str) -> str:
-        """Of a node. Raises ConfigurationError where it becomes too long."""
+        """Of a node. Raises ConfigurationError if it becomes too long."""
         if not self._prefix:
             return namespace
         full = self._prefix if namespace == "/" else self._prefix + namespace
         return self._checked(namespace, full, MAX_NAMESPACE_LENGTH)
 
     def namespace_from_wire(self, namespace: str) -> str | None:
-        """Of a node. None where it lies outside of the namespace."""
+        """Of a node. None if it lies outside of the namespace."""
         if namespace == self._prefix:
             return "/"
         return self.topic_from_wire(namespace)

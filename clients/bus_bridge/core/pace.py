@@ -10,7 +10,7 @@ _MOST_CLOSE = 8
 
 
 class Pace:
-    """Of the messages of one tap.
+    """Pace of the messages of one tap.
 
     A few messages cost two bridges nearly as much as many that go together. So where publishers don't pause,
     messages gather for a moment. Else the bridges take the processors that the publishers need to publish
@@ -19,7 +19,7 @@ class Pace:
 
     def __init__(self) -> None:
         self.is_gathering = False
-        """What comes goes with what has come before."""
+        """A new message leaves together with those gathered before."""
         self._last_s = 0.0
         self._close = 0
 
@@ -37,5 +37,5 @@ class Pace:
         return not self.is_gathering
 
     def gathered(self, now_s: float) -> None:
-        """What has gathered leaves now."""
+        """Gathered messages leave now."""
         self.is_gathering, self._last_s = False, now_s

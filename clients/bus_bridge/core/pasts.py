@@ -1,4 +1,4 @@
-"""Where the ways in of far publishers ended that have gone, for when one of them is back. Pure."""
+"""The last state of each way in whose far publisher has gone, in case the publisher comes back. Pure."""
 
 from collections import OrderedDict
 from typing import NamedTuple
@@ -17,19 +17,19 @@ class Past(NamedTuple):
     last: int
     """The number of the last message that came; 0 for none."""
     listeners: frozenset[bytes]
-    """The subscriptions that were there, by gid: what they have missed since is lost."""
+    """The subscriptions at that time, by gid. Messages that they have missed since then are lost."""
     account: Account
     lost_before: dict[str, int]
-    """By reason, what its readers had and lost."""
+    """Messages that its readers had and lost, by reason."""
     numbering: str = ""
-    """Which numbers `last` is one of: those of the publisher itself, or, in transit, of the mirror that is
-    named here. Numbers of different mirrors can't be compared."""
+    """The numbering of `last`: that of the publisher itself, or, in transit, of the mirror named here.
+    Numbers of different mirrors can't be compared."""
     newest_ns: int = 0
     """When the last message was published, by the publisher's clock: the same by each way."""
 
 
 class Pasts:
-    """By gid. Of more than `most` the oldest go, and each after `keep_s` seconds."""
+    """By gid. Keeps at most `most`, the newest ones, each for `keep_s` seconds."""
 
     def __init__(self, most: int = _MOST, keep_s: float = _KEEP_S) -> None:
         self._most = most
@@ -42,7 +42,7 @@ class Pasts:
         self._forget(now_s)
 
     def take(self, gid: bytes, now_s: float) -> Past | None:
-        """None where the publisher is new, or was away for too long."""
+        """None if the publisher is new, or was away for too long."""
         self._forget(now_s)
         found = self._known.pop(gid, None)
         return None if found is None else found[1]

@@ -66,7 +66,7 @@ class Publishing:
         return done + self._publish_each(rest)
 
     def publish_or_wait(self, batch: Batch) -> None:
-        """Publish the messages. Without room they wait, behind those that wait already."""
+        """Publish the messages. Without room they wait, behind earlier ones."""
         waiting = self.waiting
         if not waiting.count:
             done = self.publish(batch)
@@ -85,7 +85,7 @@ class Publishing:
 
     async def finish(self) -> int:
         """Publish the messages that wait, as long as some can be published. Returns how many are lost.
-        Cancellation: all that wait are lost."""
+        Cancellation: all waiting messages are lost."""
         try:
             while self._pumping is not None:
                 before = self.account.sent

@@ -12,14 +12,14 @@ _STUCK_S = 3.0
 
 
 class Reporting:
-    """Of the routes of `exports` and `mirrors`."""
+    """Reports about the routes of `exports` and `mirrors`."""
 
     def __init__(self, exports: Exports, mirrors: Mirrors) -> None:
         self._exports = exports
         self._mirrors = mirrors
         self._reported: dict[EndpointMirror, object] = {}
         self._progress: dict[object, tuple[int, float]] = {}
-        """Of routes where messages wait: how many had gone, and since when none has."""
+        """Routes with waiting messages: how many messages had left, and since when none has."""
         self._now_s = 0.0
 
     def report(self, now_s: float) -> None:

@@ -1,7 +1,7 @@
-"""Which topics cross a bridge, in which direction, and how: what options and busd.toml say, as one answer.
+"""Which topics cross a bridge, in which direction, and how: options and busd.toml, as one decision.
 
-Names are those of this bus. A rule or pattern for a service is for both of its topics, one for an action for
-all of its services and topics: each stands under the name that users know. Pure.
+All names are names on this bus. A rule or pattern for a service is for both of its topics, one for an action
+for all of its services and topics: each stands under the name that users know. Pure.
 """
 
 import re
@@ -22,21 +22,21 @@ Direction = Literal["both", "out", "in"]
 
 _MOST_REMEMBERED = 10_000
 _PRIVATE = frozenset(("/rosout", "/parameter_events"))
-"""Each bus has its own: they cross only where a pattern is just this name."""
+"""Each bus has its own. They cross only if a pattern is exactly this name."""
 _OF_ACTION = re.compile(r"(/.+)/_action/(?:feedback|status|send_goal|cancel_goal|get_result)")
 _WILD = frozenset("*?[")
 
 
 class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the user wants of the topics that `pattern` is for, as `[[bridge.<engine>.topics]]` has it.
+    """The user's settings for topics that match `pattern`: one `[[bridge.<engine>.topics]]`.
 
-    None: another rule says it, or nobody. The names of the fields are the keys.
+    None: another rule decides, or the default is used. The names of the fields are the keys.
     """
 
     pattern: str
     direction: Direction | None = None
-    """`out`: from this bus only; `in`: to this bus only. Of a service or action it says which side serves it:
-    `out` offers ours to the far side."""
+    """`out`: from this bus only; `in`: to this bus only. For a service or action it says which side serves
+    it: `out` offers ours to the far side."""
     depth: Annotated[int, Meta(ge=1, le=MAX_DEPTH)] | None = None
     max_rate_hz: Annotated[float, Meta(gt=0)] | None = None
     priority: Priority | None = None
@@ -44,7 +44,7 @@ class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class Crossing(msgspec.Struct, frozen=True):
-    """What the rules say of one topic."""
+    """The decision of the rules about one topic."""
 
     goes_out: bool
     """Whether messages of this bus go to the far side."""
@@ -104,7 +104,7 @@ class Rules:
         ways = {"both": (True, True), "out": (True, False), "in": (False, True)}[direction]
         service = service_of_topic(topic)
         if service is not None and topic == request_topic(service):
-            ways = ways[1], ways[0]  # requests go to where the server is
+            ways = ways[1], ways[0]  # requests go to the server's side
         return Crossing(goes_out=ways[0], comes_in=ways[1], rule=rule)
 
     def _may_cross(self, subject: str) -> bool:
@@ -119,7 +119,7 @@ class Rules:
 
 
 def subject_of(topic: str) -> str:
-    """What users call the thing that `topic` is part of: an action, a service, or the topic itself."""
+    """The users' name of the thing that `topic` belongs to: an action, a service, or the topic itself."""
     name = service_of_topic(topic) or topic
     action = _OF_ACTION.fullmatch(name)
     return name if action is None else action[1]

@@ -41,7 +41,8 @@ class Schemas:
         """Called when it is worth to ask again."""
 
     def get(self, endpoint: FarEndpoint) -> MessageSchema | None:
-        """None while it is looked for. Raises BridgeError where nobody has it, or it is broken."""
+        """None while it is looked for. Raises BridgeError if neither busd nor the engine has it, or if it is
+        broken."""
         key = _key(endpoint)
         if (found := self._found.get(key)) is not None:
             return found
@@ -79,7 +80,7 @@ class Schemas:
             try:
                 return await self._node.get_schema(endpoint.type_name, endpoint.type_hash)
             except ConfigurationError:
-                pass  # nobody has it here
+                pass  # not known here
         schema = await self._engine.find_schema(endpoint)
         if wrong := self._wrong(endpoint, schema):
             self._on_lie(endpoint, wrong)

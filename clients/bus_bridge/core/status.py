@@ -26,7 +26,7 @@ class LinkState(msgspec.Struct, kw_only=True):
     state: str = "trying"
     """`up`, `trying`, `refused`, or `spare`: another address is used in its place."""
     bus: str = ""
-    """The id of the far bus, where it is known."""
+    """The id of the far bus, if it is known."""
     text: str = ""
     """Why it is not up."""
 
@@ -42,7 +42,7 @@ class MirrorCounts(msgspec.Struct, kw_only=True):
 
 
 class RouteState(msgspec.Struct, kw_only=True):
-    """The way of one publisher's messages. `taken` is `sent`, `waiting` and all that was dropped."""
+    """The way of one publisher's messages. `taken` is the sum of `sent`, `waiting` and all of `dropped`."""
 
     __type_name__: ClassVar[str] = "bus_bridge/msg/RouteState"
 
@@ -54,22 +54,23 @@ class RouteState(msgspec.Struct, kw_only=True):
     node: str = ""
     """Full name of the publisher's node."""
     bus: str = ""
-    """Of those that come in, the bus they come from."""
+    """For routes into this bus: the bus that the messages come from."""
     gid: str = ""
     """The publisher's, in hex."""
     is_flowing: bool = False
-    """Whether somebody on the other side wants its messages."""
+    """Whether a subscription on the other side wants its messages."""
     is_stuck: bool = False
-    """Whether somebody does, messages wait, and none has gone for some seconds."""
+    """Whether the route is wanted, messages wait, and none has left for some seconds."""
     taken: _Count = 0
     sent: _Count = 0
     bytes: _Count = 0
-    """Of payload, of those that were sent."""
+    """Bytes of payload in sent messages."""
     waiting: _Count = 0
     counts_lost: bool = True
     """Whether `lost_on_the_way` can be counted. Messages of DDS have no numbers that a bridge could read."""
     dropped: dict[str, int] = {}
-    """By reason. Of those that come in `lost_on_the_way` is none of `taken`: they never came."""
+    """By reason. For routes into this bus, `lost_on_the_way` is not part of `taken`: those messages never
+    came."""
 
 
 class GetStatus(Service):

@@ -40,7 +40,7 @@ class Stays:
         return gone_s + _GONE_S
 
     def next_end(self, now_s: float) -> float:
-        """When the time of the next bus ends; NEVER_S without one. Forgets each bus whose time has ended."""
+        """When the time of the next bus ends; NEVER_S without one. Forgets each bus after its time."""
         self._until_s = {bus: until_s for bus, until_s in self._until_s.items() if until_s > now_s}
         return min(self._until_s.values(), default=NEVER_S)
 

@@ -48,7 +48,7 @@ class Taps:
         return any(tap.statistics().queued for tap in self._taps)
 
     def replace(self, taps: list[Tap]) -> list[Tap]:
-        """Use these taps from now on. Returns the former ones, whose messages are not taken any more."""
+        """Use these taps from now on. Returns the former taps, whose messages are no longer taken."""
         before, self._taps = self._taps, taps
         return before
 

@@ -10,16 +10,16 @@ from bus_bridge.packed import Packed
 __all__ = ["RateLimit", "Waiting"]
 
 _MOST_MESSAGES = 1 << 22
-"""However short they are: one that did not come packed takes some 180 bytes besides its payload."""
+"""A limit for short messages: one that did not come packed takes some 180 bytes besides its payload."""
 _NS_PER_S = 1_000_000_000
 _NEVER_NS = 1 << 63
 _SLACK = 0.05
-"""By how much of a period a message may be early: publishers' timers are not exact."""
+"""The part of a period by which a message may be early: publishers' timers are not exact."""
 
 
 class Waiting:
-    """At most `max_bytes` of payload, but always room for one message; and four million messages. What came
-    packed waits so."""
+    """At most `max_bytes` of payload, but always room for one message; and four million messages. Packed
+    messages stay packed while they wait."""
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
@@ -102,7 +102,7 @@ class RateLimit:
         if -2 * self._period_ns <= late_ns < -self._slack_ns:
             return False
         # On time, the schedule goes on from when it was due, so that the mean rate is exact. After a pause,
-        # or where the publisher's clock was set back, it begins anew.
+        # or if the publisher's clock was set back, it begins anew.
         is_on_time = -self._slack_ns <= late_ns < self._period_ns
         self._due_ns = (self._due_ns if is_on_time else time_ns) + self._period_ns
         return True

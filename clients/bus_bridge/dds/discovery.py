@@ -52,9 +52,9 @@ _MOST_UNKNOWN: Final = 1000
 
 
 class Discovery:
-    """Made with the participant, whose end is its own too.
+    """Made with the participant, and ends with it.
 
-    `on_change` is called after each piece of news, for whom handles matter.
+    `on_change` is called after each piece of news, for code that uses handles.
     """
 
     def __init__(
@@ -74,18 +74,17 @@ class Discovery:
         self._is_closed = False
         self._timer: asyncio.TimerHandle | None = None
         self.handles: dict[bytes, int] = {}
-        """Of far endpoints, by gid: those that are mirrored."""
+        """Handles of the far endpoints that are mirrored, by gid."""
         self.gids: dict[int, bytes] = {}
-        """Of all far endpoints that are no busd's, by handle."""
+        """Gids of all far endpoints that belong to no busd, by handle."""
         self.marked: set[int] = set()
-        """Handles of other busds' endpoints, and of those of participants that are refused: nothing is read
-        of them."""
+        """Handles of endpoints that are not read: those of other busds, and of refused participants."""
         self.refused: dict[str, bytes] = {}
         """Participants that are not heard for as long as they are there, by what the bridge calls them."""
         self.publishers: dict[str, dict[bytes, qos.ReaderKind]] = {}
         """Far publishers by topic and gid."""
         self._unknown: dict[bytes, tuple[int, bytes, Any, EndpointKind]] = {}
-        """Those whose type is not known, by gid: it may become so."""
+        """Endpoints of unknown types, by gid: their types may become known."""
         self.node_info: NodeInfo | None = None
         self._topics: dict[bytes, str] = {}
         self._scheduled: set[str] = set()

@@ -1,4 +1,5 @@
-"""What has come of far writers before it is known who carries it: bounded, and losses counted. Pure."""
+"""Messages of far writers that came before a reader was chosen to carry them: bounded, losses counted.
+Pure."""
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,8 +25,9 @@ _NOTHING = _Kept(deque(maxlen=0), Counter())
 
 
 class Early:
-    """By handle of a writer. At most `depth` messages of each (None: as many as there are), and of all
-    together `max_bytes` and a million messages. Beyond that the oldest of the writer go whose message comes.
+    """Messages by handle of their writer. At most `depth` of each writer (None: no limit), and of all
+    together `max_bytes` and a million messages. Above that, a new message replaces the oldest of its own
+    writer.
     """
 
     def __init__(self, depth: int | None, max_bytes: int) -> None:
@@ -65,7 +67,7 @@ class Early:
         return is_first
 
     def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
-        """What has come of that writer, in order, and by reason how many of its messages were lost."""
+        """The messages of that writer, in order, and how many were lost, by reason."""
         messages, lost = self._by_handle.pop(handle, _NOTHING)
         self._bytes -= sum([len(data) for data, _ in messages])
         self._count -= len(messages)

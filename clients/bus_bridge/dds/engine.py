@@ -1,6 +1,6 @@
 """The engine for DDS: nodes and topics of this bus in a DDS domain as ROS 2 shows them, and the other way.
 
-Owns: what the bridge asks for, carried out with one participant. How each thing is done is beside it.
+Owns: the bridge's requests, carried out with one participant. How each thing is done is beside it.
 """
 
 import asyncio
@@ -188,7 +188,8 @@ class DdsEngine:
         return 0, ""
 
     def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake:
-        """A reader for a subscription of this bus, told to ROS 2. Raises NotCarried where all has ended."""
+        """A reader for a subscription of this bus, shown to ROS 2. Raises NotCarried if the engine has
+        ended."""
         participant = self._joined()
         policies = of_subscription(endpoint.qos, known.depth, kind)
         topic = topic_to_dds(endpoint.topic)
@@ -217,7 +218,7 @@ class DdsEngine:
         subscription.close()
 
     def _end(self) -> Participant | None:
-        """All but the threads of Cyclone's, which tell of it; None where it was done before."""
+        """End everything except Cyclone's threads, which tell others of it. None if that was done before."""
         participant, self._participant = self._participant, None
         if participant is not None:
             self._left = participant

@@ -1,4 +1,4 @@
-"""The graph of ROS 2 in a DDS domain: which nodes there are, and whose an endpoint is.
+"""The graph of ROS 2 in a DDS domain: its nodes, and the node of each endpoint.
 
 Owns: what a participant writes about its nodes, both ways, and the nodes and endpoints of all participants,
 with what follows of each piece of news. Knows no clock (times come in) and no DDS.
@@ -107,7 +107,7 @@ class _Taker:
 
 
 def announcer_of(participant: bytes) -> str:
-    """What the bridge calls a participant, which speaks for its own nodes only."""
+    """The bridge's name for a participant, which speaks for its own nodes only."""
     return f"participant {participant.hex()}"
 
 
@@ -131,7 +131,7 @@ class Removed(NamedTuple):
     node: str
     """The key of the node."""
     gid: bytes = b""
-    """Of its endpoint, if it is that which has gone."""
+    """The gid of its endpoint, if only the endpoint has gone."""
 
 
 News: TypeAlias = Iterator[Added | Removed]
@@ -140,8 +140,9 @@ News: TypeAlias = Iterator[Added | Removed]
 class DomainGraph:
     """What is known of a domain. Each method returns the news, in the order in which they are to be told.
 
-    An endpoint is told once its node is known. Endpoints that belong to none, of programs that speak DDS and
-    no ROS 2, or whose participant has not said so in time, get a node of their participant's.
+    An endpoint is told once its node is known. Some endpoints belong to no node: those of programs that speak
+    DDS but not ROS 2, and those whose participant has not named a node in time. They get a node that stands
+    for their participant.
     """
 
     def __init__(self, bus: str, patience_s: float = 1.0) -> None:
@@ -149,15 +150,15 @@ class DomainGraph:
         self._patience_s = patience_s
         self._found: dict[bytes, Found] = {}
         self._owners: dict[bytes, str] = {}
-        """By gid, the key of the node that a participant has named for it."""
+        """Keys of the nodes that participants have named, by gid of the endpoint."""
         self._told: dict[bytes, str] = {}
-        """By gid, the node under which it was told."""
+        """Nodes under which endpoints were reported, by gid."""
         self._nodes: dict[bytes, dict[str, NodeEntities]] = {}
-        """By participant and key."""
+        """Nodes by participant and key."""
         self._bare: dict[str, set[bytes]] = {}
-        """By the key of a participant's own node, what is told under that."""
+        """Endpoints that were reported under a participant's own node, by that node's key."""
         self._waiting: dict[bytes, float] = {}
-        """By gid, until when."""
+        """The time until which an endpoint waits for its node, by gid."""
         self._speak_dds_alone: set[bytes] = set()
         """Participants."""
 
@@ -176,14 +177,14 @@ class DomainGraph:
         return [gid for gid, found in self._found.items() if found.participant == participant]
 
     def participant_added(self, participant: bytes, *, speaks_ros: bool) -> None:
-        """It is there. Of one that does not speak ROS 2 nobody waits for the names of nodes."""
+        """It is there. If it does not speak ROS 2, its endpoints don't wait for names of nodes."""
         if speaks_ros:
             self._speak_dds_alone.discard(participant)
         else:
             self._speak_dds_alone.add(participant)
 
     def nodes_said(self, participant: bytes, nodes: Sequence[NodeEntities]) -> News:
-        """A participant has told all of its nodes, and whose its endpoints are."""
+        """A participant has named all of its nodes, and the node of each endpoint."""
         before = self._nodes.get(participant, {})
         now: dict[str, NodeEntities] = {}
         counts: Counter[str] = Counter()
@@ -191,7 +192,7 @@ class DomainGraph:
             name = f"{participant.hex()}:{node.namespace.rstrip('/')}/{node.name}"
             counts[name] += 1
             now[name if counts[name] == 1 else f"{name}#{counts[name]}"] = node
-        # A participant speaks of its own endpoints only: their gids begin as its own does.
+        # A participant names its own endpoints only: their gids begin as its own gid does.
         owners = {
             gid: key
             for key, node in now.items()
@@ -221,7 +222,7 @@ class DomainGraph:
                 yield from self._report(gid)
 
     def endpoint_added(self, found: Found, now: float) -> News:
-        """Discovery has found an endpoint, or what it says of itself has changed."""
+        """Discovery has found an endpoint, or a change of its description."""
         gid = found.endpoint.gid
         if gid in self._found:
             yield from self.endpoint_removed(gid)
@@ -238,14 +239,14 @@ class DomainGraph:
         self._found.pop(gid, None)
 
     def participant_removed(self, participant: bytes) -> News:
-        """It is there no more, nor is what it had."""
+        """The participant has gone, with its endpoints and nodes."""
         self._speak_dds_alone.discard(participant)
         for gid in self.endpoints_of(participant):
             yield from self.endpoint_removed(gid)
         yield from self.nodes_said(participant, ())
 
     def pass_time(self, now: float) -> News:
-        """Tell those whose node nobody has named in time."""
+        """Report endpoints for which no participant has named a node in time."""
         for gid in [gid for gid, end in self._waiting.items() if end <= now]:
             yield from self._report(gid)
 

@@ -15,11 +15,11 @@ from bus_ros.cdr import Codec, schema_of_definition
 __all__ = ["idl_type"]
 
 _MAX_BOUND: Final = 65535
-"""Of a sequence in the type descriptions of DDS; what is longer counts as unbounded."""
+"""The largest bound of a sequence in type descriptions of DDS; a larger bound counts as none."""
 
 
 def idl_type(codec: Codec) -> Any:
-    """The class for a type. Raises BridgeError where cyclonedds can't describe it."""
+    """The class for a type. Raises BridgeError if cyclonedds can't describe it."""
     from cyclonedds.idl import make_idl_struct
 
     description = schema_of_definition(codec.type_name, codec.definition).description

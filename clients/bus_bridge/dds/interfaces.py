@@ -1,4 +1,4 @@
-"""Whether the network interface that a user named can be used: cyclonedds tells that in lines of its own."""
+"""Checks the network interface that a user named. Otherwise cyclonedds would report it in its own lines."""
 
 import fcntl
 import ipaddress
@@ -24,7 +24,7 @@ def is_address(text: str) -> bool:
 
 
 def check_interface(interface: str) -> None:
-    """Raises BridgeError where this machine has no such interface, by name or address, or it is down."""
+    """Raises BridgeError if this machine has no such interface, by name or address, or it is down."""
     if is_address(interface):
         family = socket.AF_INET6 if ":" in interface else socket.AF_INET
         with socket.socket(family, socket.SOCK_DGRAM) as probe:

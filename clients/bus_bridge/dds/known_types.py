@@ -1,7 +1,7 @@
 """The message types that an engine can carry: as the bus, ROS 2 and cyclonedds have each of them.
 
-Owns: which type a name of ROS 2 stands for here. A far type is known where its definition is, or where a node
-of this bus has it.
+Owns: which type a name of ROS 2 stands for here. A far type is known if its definition can be found, or if a
+node of this bus has it.
 """
 
 from functools import cached_property
@@ -27,7 +27,7 @@ class KnownType:
 
     @cached_property
     def idl(self) -> Any:
-        """Raises BridgeError where cyclonedds can't describe it."""
+        """Raises BridgeError if cyclonedds can't describe it."""
         return idl_type(self.codec)
 
 
@@ -54,7 +54,7 @@ class KnownTypes:
     def find(self, type_name: str, type_hash: str) -> KnownType:
         """The type that a far endpoint has; an empty hash, as Humble sends, fits any.
 
-        Raises BridgeError where it is not known, or is another one than here.
+        Raises BridgeError if it is not known, or is another one than here.
         """
         known = self._by_ros_name.get(type_name)
         if known is None:
@@ -75,7 +75,7 @@ class KnownTypes:
         return known
 
     def schema_of(self, type_name: str, type_hash: str) -> MessageSchema:
-        """Of a type as the bus calls it. Raises BridgeError where it is not known."""
+        """The schema of a type by its name on the bus. Raises BridgeError if it is not known."""
         if (known := self._by_schema.get((type_name, type_hash))) is None:
             raise BridgeError(f"{type_name} is not known here")
         return known.schema

@@ -44,7 +44,7 @@ _OF_EACH_NODE: Final = frozenset(
 
 
 def kind_of(dds_topic: str) -> TopicKind:
-    """What of ROS 2 a topic of DDS is."""
+    """The kind of ROS 2 topic that a topic of DDS stands for."""
     if dds_topic.startswith("rt/"):
         return "topic"
     if dds_topic == GRAPH_TOPIC:

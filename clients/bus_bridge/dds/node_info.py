@@ -1,4 +1,4 @@
-"""`ros_discovery_info`: what the participants of ROS 2 say of their nodes, and what we say of ours.
+"""`ros_discovery_info`: the participants of ROS 2 list their nodes there, and so do we.
 
 Owns: our readers, and which of the two forms our writer speaks. The topic's endpoints are made in
 `node_topic`, and what is said is in `graph`.
@@ -45,9 +45,9 @@ class NodeInfo:
         self._writer = NodeWriter(self._topic, size, nodes)
         self._readers: dict[int, Endpoint] = {}
         self._writers: dict[int, tuple[bytes, int]] = {}
-        """By handle: the far participant, and the size of its gids."""
+        """The far participant and the size of its gids, by handle of the writer."""
         self._early: dict[int, bytes] = {}
-        """By handle, what was said before discovery told of the writer."""
+        """Data that came before discovery found its writer, by handle."""
         self._ignored: set[int] = set()
         self._silent: set[int] = set()
         """Handles of writers that have said nothing yet."""
@@ -107,7 +107,7 @@ class NodeInfo:
         return self._topic.make_reader(size, lambda: self._loop.call_soon_threadsafe(self._take))
 
     def _probe(self) -> None:
-        """Ask those that are silent once more.
+        """Ask silent writers once more.
 
         Fast DDS sends what it keeps when it finds a reader, and if we have not found its writer by then,
         again after up to three seconds. A new reader gets it at once.
@@ -131,7 +131,7 @@ class NodeInfo:
                         self._receive(info.publication_handle, data)
 
     def _receive(self, handle: int, data: bytes) -> None:
-        """Where both forms are spoken, it may come twice: each of our readers hears every writer."""
+        """If both forms are in use, data may come twice: each of our readers receives from every writer."""
         if handle not in self._writers:
             if len(self._early) >= _MOST_EARLY:
                 self._early.pop(next(iter(self._early)))

@@ -26,8 +26,8 @@ class DdsOptions(msgspec.Struct, frozen=True):
     peers: tuple[str, ...] = ()
     """Addresses of machines that multicast does not reach."""
     distro: Distro = "auto"
-    """`humble`: the nodes of this bus are told in Humble's form, which later distros can't read. `auto`:
-    in the form of whoever is there first, the newer one where nobody is."""
+    """`humble`: the nodes of this bus are listed in Humble's form, which later distros can't read. `auto`: in
+    the form of the first ROS 2 participant, or the newer form if there is none."""
 
     @property
     def domain(self) -> int:
@@ -62,14 +62,14 @@ class DdsOptions(msgspec.Struct, frozen=True):
 
 
 def checked_interface(text: str) -> str:
-    """`text`, a name or an address. Raises BridgeError where it can't be one."""
+    """`text`, a name or an address. Raises BridgeError if it can't be one."""
     if not _is_plain(text):
         raise BridgeError(f"'{text}' is no name and no address of a network interface")
     return text
 
 
 def checked_peer(text: str) -> str:
-    """`text`, an address. Raises BridgeError where it can't be one."""
+    """`text`, an address. Raises BridgeError if it can't be one."""
     if not text or not _is_plain(text):
         raise BridgeError(f"'{text}' is no address of a machine")
     return text

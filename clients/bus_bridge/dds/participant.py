@@ -27,8 +27,9 @@ _PARTICIPANTS: Final = (
     "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
 )
 _CALLS: Final = "<SPDPInterval>2 s</SPDPInterval>"
-"""Nodes of ROS 2 don't call on loopback by default, and know of no `--peer` that is here: who starts after
-the bridge waits until it calls. Cyclone by itself calls seldom, and forgets who has not answered in 30 s."""
+"""Nodes of ROS 2 don't call on loopback by default, and know of no `--peer` that is here: a node that starts
+after the bridge waits until the bridge calls. By default Cyclone calls seldom, and forgets a peer that has
+not answered in 30 s."""
 _SETTINGS: Final = (
     "<Internal><SocketReceiveBufferSize min='default' max='4 MB'/>"
     "<Watermarks><WhcHigh>8 MB</WhcHigh><WhcHighInit>2 MB</WhcHighInit></Watermarks></Internal>"
@@ -36,7 +37,7 @@ _SETTINGS: Final = (
 
 
 def configuration(options: DdsOptions, user_uri: str = "") -> str:
-    """Cyclone's configuration. What the user says in CYCLONEDDS_URI wins, and replaces the network's part."""
+    """Cyclone's configuration. CYCLONEDDS_URI of the user wins, and replaces the network's part."""
     if user_uri:
         return f"<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>,{user_uri}"
     peers = list(options.peers)
@@ -58,8 +59,8 @@ def configuration(options: DdsOptions, user_uri: str = "") -> str:
 class Participant:
     """One participant; `close` ends it with all that was made in it.
 
-    Callbacks come in threads of Cyclone's. Raises BridgeError where cyclonedds is missing, and where it can't
-    have the domain or the interface.
+    Callbacks come in Cyclone's threads. Raises BridgeError if cyclonedds is missing, and if it can't have the
+    domain or the interface.
     """
 
     def __init__(self, options: DdsOptions, user_data: bytes) -> None:
@@ -92,13 +93,15 @@ class Participant:
         self._topics: dict[tuple[str, Any], tuple[Any, int]] = {}
 
     def leave(self) -> None:
-        """End all that was made here, which threads of Cyclone's tell the others meanwhile; then `close`."""
+        """End everything that was made here. Threads of Cyclone tell the others meanwhile; then call
+        `close`."""
         raw.delete(self.entity)
 
     def close(self) -> None:
         """Returns once the threads of Cyclone's have ended. Twice is no error.
 
-        What they had not sent yet stays unsaid, and others wait for the lease to end: ten seconds.
+        News that they had not sent yet is lost, and other participants wait for the lease to end: ten
+        seconds.
         """
         raw.delete(self.entity)
         raw.delete(self._domain)
@@ -213,7 +216,7 @@ class Endpoint:
         self.entity = entity
         self.guid: bytes = entity.guid.bytes
         self.listeners: tuple[Any, Any] | None = None
-        """Of a reader: the one that hears of data, and the one that does not."""
+        """Of a reader: its listener with data events, and its listener without."""
         self._release: Callable[[], None] | None = release
 
     def hush(self, is_hushed: bool) -> None:
@@ -265,7 +268,7 @@ def policies_of(qos: Any) -> Policies:
 
 
 def user_data_in(qos: Any) -> bytes:
-    """USER_DATA, where an endpoint or participant has any."""
+    """USER_DATA, if an endpoint or participant has any."""
     for one in qos:
         if one.__scope__ == "Userdata":
             data: bytes = one.data

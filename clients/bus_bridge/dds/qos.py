@@ -24,7 +24,8 @@ __all__ = [
 INFINITE: Final = 2**63 - 1
 """DDS' duration without end, in nanoseconds."""
 DEPTH: Final = 10
-"""Of a far endpoint that does not tell its own: discovery of Fast DDS leaves it out, and 1 stands there."""
+"""The depth of a far endpoint that does not tell its own: discovery of Fast DDS leaves it out, so 1 is found.
+"""
 
 _NS_PER_S: Final = 1_000_000_000
 
@@ -44,10 +45,10 @@ class Policies(NamedTuple):
 
 
 def of_publisher(profile: QoSProfile, depth: int) -> Policies:
-    """What the writer that stands for a publisher of this bus offers; `depth`: how much it keeps at least.
+    """The policies that the writer of a publisher of this bus offers; `depth`: how much it keeps at least.
 
-    Liveliness is automatic: what the publisher itself asserts does not come through a bridge. With transient
-    local the history is the publisher's own, since late joiners get all of it.
+    Liveliness is automatic: assertions of the publisher itself don't cross a bridge. With transient local the
+    history is the publisher's own, since late joiners get all of it.
     """
     transient_local = profile.durability is Durability.TRANSIENT_LOCAL
     return Policies(
@@ -62,18 +63,18 @@ def of_publisher(profile: QoSProfile, depth: int) -> Policies:
 
 
 class ReaderKind(NamedTuple):
-    """What of a far publisher decides on the reader that gets most of it."""
+    """The policies of a far publisher that decide which reader gets most of it."""
 
     transient_local: bool
     reliable: bool
 
 
 def kinds_for(profile: QoSProfile, far: Collection[ReaderKind]) -> set[ReaderKind]:
-    """The readers that stand for a subscription of this bus, where there are these far publishers.
+    """The readers that stand for a subscription of this bus, with these far publishers.
 
-    Most have one. A subscription that takes the best durability has one for each that there is. What a
-    publisher keeps for late joiners comes to reliable readers only, in DDS: where it is wanted, one that
-    would do with best effort is reliable towards publishers that are.
+    Most have one. A subscription that takes the best durability has one for each that there is. In DDS only
+    reliable readers get the messages that a publisher keeps for late joiners. So a best-effort subscription
+    that wants them reads reliably from reliable publishers.
     """
     reliable = profile.reliability is Reliability.RELIABLE
     if profile.durability is Durability.VOLATILE:
@@ -86,7 +87,7 @@ def kinds_for(profile: QoSProfile, far: Collection[ReaderKind]) -> set[ReaderKin
 
 
 def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Policies:
-    """What the reader of that kind requests that stands for a subscription of this bus."""
+    """The policies that a reader of that kind requests, for a subscription of this bus."""
     return Policies(
         reliable=kind.reliable,
         transient_local=kind.transient_local,
@@ -99,7 +100,7 @@ def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Polici
 
 
 def profile_of(policies: Policies) -> QoSProfile:
-    """The profile of a far endpoint. Raises ConfigurationError where a duration is none of ours."""
+    """The profile of a far endpoint. Raises ConfigurationError if a duration is none of ours."""
     keep_all = policies.keep_all
     depth = policies.depth if policies.depth > 1 else DEPTH
     return QoSProfile(

@@ -1,4 +1,4 @@
-"""What of cyclonedds has no public name: bytes in and out of it, and how an entity ends.
+"""Functions of cyclonedds without a public name: bytes in and out of it, and the end of an entity.
 
 Its own classes make Python lists of an image's bytes; these calls take and give CDR as it is. A test fails
 when one of them changes.
@@ -11,13 +11,13 @@ from typing import Any, Final
 __all__ = ["TIMED_OUT", "delete", "describe_code", "listen", "taker_of", "writer_of"]
 
 TIMED_OUT: Final = -10
-"""What `write` returns where a reliable writer has no room."""
+"""Returned by `write` if a reliable writer has no room."""
 _ANY: Final = 0x7F
 """Samples of every state."""
 
 
 def taker_of(reader: Any) -> Callable[[int], list[tuple[bytes, Any]]]:
-    """Takes up to so many samples, each with its SampleInfo; none where the reader has gone."""
+    """Takes up to so many samples, each with its SampleInfo; none if the reader has gone."""
     from cyclonedds import _clayer
 
     found: Any = _clayer.ddspy_take
@@ -43,13 +43,13 @@ def listen(entity: Any, listener: Any) -> None:
 
 
 def delete(entity: Any) -> None:
-    """End an entity now, and what it has made: others may still hold the object."""
+    """End an entity now, with everything that it has made, even if others still hold the object."""
     if entity._entities.pop(entity._ref, None) is not None:
         entity._delete(entity._ref)
 
 
 def describe_code(code: int) -> str:
-    """What an error of DDS means."""
+    """The meaning of an error code of DDS."""
     from cyclonedds.core import DDSException
 
     name, text = DDSException.error_message_mapping.get(code, ("", f"error {code}"))

@@ -1,8 +1,9 @@
 """The ways in: DDS readers that stand for subscriptions of this bus, and which of them carries what.
 
-Each reader gets what all far writers of its topic say. Of those that are matched with a writer the strongest
-carries its messages: a reader that gets what the writer keeps comes before one that does not, a reliable one
-before a best-effort one. Another takes over where that one goes, without a message twice or missing.
+Each reader gets what all far writers of its topic say. Of the readers that match a writer, the strongest
+carries its messages. A reader that gets the writer's history is stronger than one that does not; a reliable
+one is stronger than a best-effort one. If that reader goes, another takes over, and no message is repeated or
+missing.
 """
 
 import asyncio
@@ -25,14 +26,16 @@ _BATCH: Final = 256
 _BURST: Final = 16
 """So many messages at once, and a call for each of them would cost more than to look in each turn."""
 _LINGER_S: Final = 0.02
-"""How long a reader that is withdrawn still carries: what has reached the other has reached it too, then."""
+"""How long a withdrawn reader still carries messages. After that it has got all messages that the other
+reader has."""
 _CATCH_UP_S: Final = 1.0
 """How long after a change messages come that the earlier reader may have had."""
 _EARLY_BYTES: Final = 8 * 2**20
 _EARLY_BYTES_OF_ALL: Final = 64 * 2**20
 """For subscriptions that keep all."""
 _PATIENCE_S: Final = 10.0
-"""How long what a writer says waits for its way to be made. What it keeps for late joiners waits on."""
+"""How long what a writer says waits for its way to be made. Messages that it keeps for late joiners wait
+longer."""
 
 
 class IntakeState(Enum):
@@ -94,9 +97,9 @@ class Intake:
         self._early = (
             Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
         )
-        """What came before it was known who carries it."""
+        """Messages that came before a reader was chosen to carry them."""
         self._settled: set[int] = set()
-        """Handles of which that was known once, or nobody wanted to know."""
+        """Handles of writers for which a reader was chosen, or for which none was needed."""
         # The first callback may come before the constructor has returned.
         self._endpoint = participant.make_reader(
             topic, known.idl, policies, user_data, self._wake, lambda: self._in_loop(self.update_matches)
@@ -125,7 +128,7 @@ class Intake:
         self._ways.choose_all(self.topic)
 
     def early(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
-        """What has come of that writer so far, and how much was lost; from now on the way decides."""
+        """The messages of that writer so far, and how many were lost; from now on the way decides."""
         self._settled.add(handle)
         return self._early.pop(handle)
 
@@ -225,7 +228,7 @@ class FarWay:
         self._is_closed = False
 
     def begin(self, carrier: Intake | None) -> None:
-        """From now on `carrier` has its messages; what this one had before goes on too, where it is new."""
+        """From now on `carrier` has its messages. Messages that came before go on, too, if they are new."""
         self.carrier = carrier
         if carrier is None:
             return
@@ -277,7 +280,7 @@ class FarWay:
         return samples
 
     def taken(self, size: int) -> None:
-        """No writer of DDS waits for that: what has no room waits in the bridge, and counts there."""
+        """No writer of DDS waits for that. Messages without room wait in the bridge and are counted there."""
 
     def close(self) -> None:
         self._is_closed = True
@@ -298,7 +301,7 @@ class Ways:
         self.by_handle: dict[int, FarWay] = {}
         self._by_topic: dict[str, dict[int, FarWay]] = {}
         self._last_ns: dict[bytes, int] = {}
-        """By gid, of publishers that were read before."""
+        """The time of the last message of publishers that were read before, by gid."""
 
     def is_marked(self, handle: int) -> bool:
         return handle in self._marked
@@ -316,7 +319,8 @@ class Ways:
         self._intakes.setdefault(intake.topic, []).append(intake)
 
     def retire(self, intake: Intake) -> None:
-        """Its subscription has gone: it ends, at once where it carries nothing that another could."""
+        """Its subscription has gone: it ends, at once if it carries nothing that another reader could
+        carry."""
         if intake.state is IntakeState.RETIRING:
             return
         if intake.state is IntakeState.OPEN:

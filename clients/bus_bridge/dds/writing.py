@@ -72,7 +72,7 @@ class DdsWriter:
             return batch.count
         for gone, (payload, number, time_ns) in enumerate(batch):
             if 0 < number <= self._last:
-                continue  # what the publisher keeps for late joiners is in the writer's history already
+                continue  # messages kept for late joiners are in the writer's history already
             try:
                 parts = self._encode(payload)
             except CdrError:

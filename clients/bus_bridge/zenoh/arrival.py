@@ -1,7 +1,7 @@
-"""What has arrived from one far publisher: parts in order, each once; and what of it was taken. Pure.
+"""Parts that have arrived from one far publisher: in order, each once; and how much of it was taken. Pure.
 
-A route begins by asking where it begins, and for what the far side keeps; what arrives meanwhile is held. It
-asks again whenever a part is missing before one that has come.
+A route first asks for the number of its first part and for the parts that the far side keeps. Parts that
+arrive meanwhile are held. It asks again whenever a part is missing before one that has come.
 """
 
 from collections import deque
@@ -17,14 +17,14 @@ _PART = 256  # bytes that one costs besides its payload
 
 
 class Arrival:
-    """What waits also takes of `room`, which all ways in share."""
+    """Waiting parts also take of `room`, which all ways in share."""
 
     def __init__(self, room: Room) -> None:
         self._room = room
         self.last = 0
         """Number of the last part that has gone on."""
         self.is_begun = False
-        """Whether it is known where the route begins."""
+        """Whether the number of the route's first part is known."""
         self._held: dict[int, tuple[Content, int]] = {}
         self._held_bytes = 0
         self._newest = 0
@@ -42,14 +42,14 @@ class Arrival:
         return list(islice((one for one in numbers if one not in self._held), most))
 
     def begin(self, base: int) -> list[Content]:
-        """What comes behind the part `base` is for us. What may go on."""
+        """The parts behind `base` are for us. Returns the parts that may go on."""
         self.is_begun, self.last = True, base
         for number in [one for one in self._held if one <= base]:
             self._release(number)
         return self._flush()
 
     def arrive(self, number: int, content: Content, size: int) -> list[Content]:
-        """A part has come, of so many bytes. What may go on."""
+        """A part has come, of so many bytes. Returns the parts that may go on."""
         if isinstance(content, Probe):
             self._newest = max(self._newest, number)
             return []
@@ -70,7 +70,7 @@ class Arrival:
         return []
 
     def skip(self) -> list[Content]:
-        """What is missing is kept by nobody: go on with what is there."""
+        """The far side no longer keeps the missing parts: go on with those that are here."""
         self.last = min(self._held, default=self._newest + 1) - 1
         return self._flush()
 
@@ -106,7 +106,7 @@ class Untaken:
         return len(self._parts)
 
     def add(self, number: int, size: int) -> None:
-        """The next part, whose messages have so many bytes."""
+        """Add the next part, whose messages have so many bytes."""
         if self._parts and not size:  # or a far side that sends nothing but empty ones would fill the memory
             size = self._parts.pop()[1]
         self._parts.append((number, size))

@@ -25,7 +25,7 @@ _ASK_SCHEMA_S = 2.0
 _ASK_SCHEMA_TIMES = 3
 _MAX_QUERIES = 10_000
 _UNFINISHED_BYTES = 512 << 20
-"""Of all far publishers together, that may wait for what belongs before or behind it."""
+"""The most that pieces of all far publishers together may take while other pieces are missing."""
 
 
 class ZenohEngine:
@@ -50,13 +50,13 @@ class ZenohEngine:
         self._links: Links | None = None
         self._own_token: Declared | None = None
         self._declared: list[Declared] = []
-        """What hears of others, and answers them."""
+        """The declarations that receive news of others and answer them."""
         self._nodes: dict[int, Declared] = {}
         self._schemas: dict[tuple[str, str], tuple[bytes, int]] = {}
         """How a type is described, and of how many endpoints it is."""
         self._writers: dict[bytes, ZenohWriter] = {}
         self._readers: dict[tuple[bytes, str], ZenohReader] = {}
-        """By gid and bus."""
+        """Readers by gid and bus."""
         self._room = records.Room(_UNFINISHED_BYTES)
         self._crowd: set[tuple[str, str]] = set()
         self._looking: asyncio.Task[None] | None = None
@@ -297,7 +297,7 @@ class ZenohEngine:
         heard = seen = self._session.link_ends
         while True:
             await asyncio.sleep(_LOOK_S)
-            # Where a link ends in the moment in which another to the same bus has come, zenoh may bring no
+            # If a link ends just when another to the same bus has come, zenoh may bring no
             # token of that bus any more. So ask for all of them anew, once no link has ended for a look. Not
             # where links come: each of a fleet's would have the tokens of all others brought once more.
             seen, before = self._session.link_ends, seen

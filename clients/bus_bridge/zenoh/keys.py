@@ -1,7 +1,7 @@
-"""Key expressions: what the bridges of two buses call each other, their publishers and their messages. Pure.
+"""Key expressions: the names by which two bridges find each other, publishers and messages. Pure.
 
-Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` is a bridge from
-its start to its end: a bridge that comes back is told from the one that it was by that alone.
+Tokens are liveliness tokens, which last as long as the session that declared them. `<run>` names a bridge
+from its start to its end. It alone distinguishes a restarted bridge from its predecessor.
 
     @busd/3/<bus>/B/<run>/<zenoh id>                                     a bus
     @busd/3/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
@@ -13,9 +13,9 @@ its start to its end: a bridge that comes back is told from the one that it was 
     busd/3/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
     busd/3/ack/<bus>/<gid>/<importer>        how far the importer has come
 
-Each part between two slashes is percent-encoded, so that no name means anything in a key expression. The
-slashes in the topic and the type of a data key stay: users can route by them. What comes in is hostile: a
-token that can't be read is `Broken`, any other key None.
+Each part between two slashes is percent-encoded, so no name has a meaning in a key expression. The slashes in
+the topic and the type of a data key stay: users can route by them. Incoming keys are hostile: a token that
+can't be read becomes `Broken`, any other key None.
 """
 
 from typing import NamedTuple
@@ -59,7 +59,7 @@ _TOKENS = f"@busd/{VERSION}"
 _KEYS = f"busd/{VERSION}"
 ALL_TOKENS = f"{_TOKENS}/**"
 ALL_BUSES = "@busd/*/*/B/**"
-"""Of every protocol version, so that another one can be named."""
+"""Buses of every protocol version, so that a warning can name another version."""
 
 _MAX_KEY = 8192
 _MAX_PART = 2048
@@ -198,7 +198,7 @@ def _parse(bus: str, kind: str, run: str, rest: list[str]) -> Token:
 
 
 def node_key(bus: str, run: str, node: str) -> str:
-    """What the bridge calls a far node."""
+    """The bridge's name for a far node."""
     return f"{bus}/{run}/{node}"
 
 

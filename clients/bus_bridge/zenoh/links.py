@@ -36,7 +36,7 @@ class Links:
         self._reasons: dict[str, str] = {}
 
     async def check(self) -> None:
-        """Ask those that are not up for the reason, and say it once."""
+        """Find out why some links are not up, and report each reason once."""
         links = self._session.links()
         for address in self._connect:
             if (link := self._find(address, links)) is not None:
@@ -109,7 +109,7 @@ class Links:
         return any(link.dst.partition("/")[2].rpartition(":")[0] in hosts for link in links)
 
     async def _probe(self, address: Address) -> str:
-        """Why it can't be reached; "" where it can."""
+        """Why it can't be reached; "" if it can."""
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(_PROBE_S):

@@ -1,4 +1,4 @@
-"""What the user asks of the engine for zenoh, checked before anything is opened. Reads files, no more."""
+"""The user's options for the engine for zenoh, checked before anything is opened. Only reads files."""
 
 import ipaddress
 import ssl
@@ -23,9 +23,10 @@ class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
     router: tuple[str, ...] = ()
     """Of routers (zenohd). One of them is used, instead of `listen` and `connect`."""
     ca: str = ""
-    """File with the certificates (PEM) of whom this side trusts."""
+    """File with the certificates (PEM) of the authorities that this side trusts."""
     certificate: str = ""
-    """File with this side's own certificate (PEM), shown to whom it connects to and who connects."""
+    """File with this side's own certificate (PEM), shown to both kinds of peers: those it connects to, and
+    those that connect."""
     key: str = ""
     """File with the private key of `certificate`."""
     insecure: bool = False

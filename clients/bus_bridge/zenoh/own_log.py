@@ -1,7 +1,7 @@
-"""zenoh's own log, which alone says that zenoh has refused a connection, and why.
+"""zenoh's own log, the only source that says that zenoh has refused a connection, and why.
 
-zenoh writes it to the stdout of the process, in threads of its own. A pipe takes the place of stdout: what is
-said of connections is taken out, and everything else goes on to where stdout went. zenoh tells no addresses.
+zenoh writes it to the stdout of the process, in its own threads. A pipe takes the place of stdout: lines
+about connections are taken out, and everything else goes on to where stdout went. zenoh tells no addresses.
 """
 
 import asyncio
@@ -27,9 +27,9 @@ _PLACE = re.compile(r" at \S+\.rs:\d+$")
 
 
 class OwnLog:
-    """`warn` hears of refused connections: at once, then at most once in ten seconds.
+    """Calls `warn` for refused connections: at once, then at most once in ten seconds.
 
-    For a process that belongs to the bridge: what it prints takes the way through here, too.
+    Only for a process that belongs to the bridge, because everything that it prints goes through here, too.
     """
 
     def __init__(self, warn: Callable[[str], None]) -> None:
@@ -57,7 +57,7 @@ class OwnLog:
         zenoh.init_log_from_env_or(_WARNINGS)
 
     def close(self) -> None:
-        """What the process prints from now on goes where it went before."""
+        """Restore stdout: the process prints to where it printed before."""
         if self._pipe < 0:
             return
         if self._pause is not None:
@@ -104,7 +104,7 @@ class OwnLog:
         try:
             while text:
                 text = text[os.write(self._stdout, text) :]
-        except OSError:  # as print: nobody reads it any more
+        except OSError:  # as print does: the reader has gone
             pass
 
 

@@ -2,9 +2,10 @@
 
 Tells a FarSide, in an order that it can follow: a bus, its nodes, its subscriptions, its publishers.
 
-Anybody who is let in may write any token, and nobody can see whose it is. So whoever has the id of a bus
-keeps it until it goes: a bridge that has started anew waits for what is left of the one that it was, and one
-that claims the id of another bus waits in vain. What is wrong with a run is held against that run alone.
+Every admitted bridge may write any token, and a token does not show who wrote it. So the first bridge with
+the id of a bus keeps the id until it goes. A restarted bridge waits until the remains of its predecessor have
+gone. A bridge that claims the id of another bus waits without effect. A fault of a run has consequences for
+that run alone.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -30,7 +31,7 @@ _PATIENCE = 15
 MAX_TOKENS = 100_000
 """Of one bus. Far above what the bridge takes from it; here it bounds memory."""
 MAX_RUNS = 1024
-"""Of bridges, those that have started anew counted again. Here, too, it bounds memory."""
+"""The most bridges; a restarted one counts again. Here, too, it bounds memory."""
 
 
 class Interest(NamedTuple):
@@ -68,13 +69,13 @@ class Presence:
         self._on_interest = on_interest
         self._runs: dict[tuple[str, str], _Run] = {}
         self._heard: dict[str, _Run] = {}
-        """Of each bus, the run that is told of."""
+        """The run of each bus that the far side was told of."""
         self._node_bus: dict[str, _Run] = {}
         self._interests: dict[bytes, set[Interest]] = {}
         self._doubles: dict[str, str] = {}
         """Runs of other bridges that call their bus by our bus' id, with their zenoh ids."""
         self._looks: dict[tuple[str, str], int] = {}
-        """Of each run whose bus has its id from another one, or from us: how often that was seen."""
+        """Runs whose bus uses the id of another bus, or of ours, with the number of checks that saw it."""
 
     def came(self, key: str) -> None:
         """A token is there."""
@@ -161,16 +162,16 @@ class Presence:
             del self._runs[run.bus, run.run]
 
     def refuse(self, bus: str, reason: str, run: str = "") -> None:
-        """Nothing of this run of its bridge is heard again; without `run`, of the one that is heard."""
+        """Ignore this run of its bridge from now on; without `run`, the run that is in use."""
         known = self._runs.get((bus, run)) if run else self._heard.get(bus)
         if known is not None:
             self._refuse(known, reason)
 
     def poll(self, linked: Mapping[str, str] | None) -> None:
-        """About once a second: who claims an id that another one has is said.
+        """Called about once a second: warn about a bus that claims the id of another bus.
 
-        `linked`: by zenoh id, each bridge that a link leads to, with its host where nothing tells at once
-        that a bridge there was killed, else ""; None where bridges are reached without links.
+        `linked`: each bridge that a link leads to, by zenoh id, with its host if a killed bridge there would
+        not be noticed at once, else ""; None if bridges are reached without links.
         """
         rivals = [(self._own, run) for run in self._doubles]
         for run in self._runs.values():
@@ -203,7 +204,7 @@ class Presence:
         return list(self._doubles.values())
 
     def _check_links(self, bus: str, rival: _Run, linked: Mapping[str, str]) -> None:
-        """Whether who has an id is there no more, though its token is."""
+        """Find out whether the owner of an id has gone, although its token is still there."""
         run = self._heard.get(bus)
         if run is None or run.token is None or rival.token is None:
             return
@@ -293,6 +294,6 @@ class Presence:
         self._announce_endpoints(one for one in run.endpoints.values() if one.node == node.key)
 
     def _announce_endpoints(self, endpoints: Iterable[FarEndpoint]) -> None:
-        """Subscriptions first: who answers must find them there."""
+        """Subscriptions first: an endpoint that answers must find them there."""
         for endpoint in sorted(endpoints, key=lambda one: one.kind == "publisher"):
             self._far.endpoint_added(endpoint)

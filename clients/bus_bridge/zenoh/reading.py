@@ -56,7 +56,7 @@ class ZenohReader:
         )
         push = self._source.push
         key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, gid)
-        # The token last: who sees it may begin to send.
+        # The token last: the bridge that sees it may begin to send.
         self._subscriber = session.subscribe(
             key,
             lambda _, payload, attachment: push(

@@ -8,9 +8,9 @@ the route, from 1. The kinds:
 - a piece of a large one: the head also has the message's size and where in it the piece begins, u64 each;
 - a probe, without payload and with the number of the part before it: how far are you?
 
-The answer to a probe is an ack: two u64, the numbers of the newest part that has arrived and of the newest
-whose messages were taken. What asks for something kept has two u64 too: what is there behind this message's
-number, from that byte on. All little-endian.
+The answer to a probe is an ack. It has two u64: the number of the newest part that has arrived, and the
+number of the newest part whose messages were taken. A request for something kept also has two u64: it asks
+for the part behind this message's number, from that byte on. All little-endian.
 """
 
 from collections.abc import Iterable
@@ -47,7 +47,8 @@ WHOLE_BYTES = LONG_PACK_BYTES
 and each put wakes every thread on its way."""
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
-"""Of a message: a million a second for nine years. Higher ones are lies, and would break counters."""
+"""The highest number of a message: a million a second for nine years. Higher numbers are forged, and would
+break counters."""
 
 _HEAD = Struct("<cQ")
 _WHOLE = Struct("<cQQq")
@@ -57,7 +58,7 @@ _BATCH_KIND, _WHOLE_KIND, _PIECE_KIND, _PROBE_KIND = b"b", b"w", b"p", b"?"
 
 
 class Part(NamedTuple):
-    """What one put carries."""
+    """The contents of one put."""
 
     payload: bytes
     number: int
@@ -118,12 +119,12 @@ def piece(sample: Sample, offset: int, number: int) -> Part:
 
 
 def probe(last: int) -> Part:
-    """A question to those who take; `last`: the number of the newest part."""
+    """A question to the importers; `last`: the number of the newest part."""
     return Part(b"", last, _HEAD.pack(_PROBE_KIND, last))
 
 
 def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
-    """A part's number and what it carries; None where it is broken, or not as `pack` makes it."""
+    """A part's number and what it carries; None if it is broken, or not as `pack` makes it."""
     kind, size = (head[:1], len(head)) if head else (b"", 0)
     if head is None or size < _HEAD.size or len(payload) > WHOLE_BYTES:
         return None
@@ -165,7 +166,8 @@ class Room:
 
 
 class Assembler:
-    """Puts pieces together, which come in order. One message at a time; what finds no `room` is dropped."""
+    """Puts pieces together, which come in order. One message at a time; a message that finds no `room` is
+    dropped."""
 
     def __init__(self, room: Room) -> None:
         self._room = room
@@ -203,5 +205,5 @@ def write_pair(first: int, second: int) -> bytes:
 
 
 def read_pair(data: bytes | None) -> tuple[int, int] | None:
-    """None where that is none."""
+    """None if `data` is no such pair."""
     return _PAIR.unpack(data) if data is not None and len(data) == _PAIR.size else None

@@ -1,7 +1,7 @@
-"""zenoh's session: all that is used of the package `zenoh`, among it what zenoh calls unstable.
+"""zenoh's session: everything used of the package `zenoh`, including functions that it calls unstable.
 
-zenoh calls back in threads of its own. What it brings is put into a `Source` and taken out on the event loop.
-Declarations wait for room in the link, so a thread of the bridge's own makes them, one by one and in order.
+zenoh calls back in its own threads. A `Source` takes what it brings, and the event loop takes it out of
+there. Declarations wait for room in the link, so a thread of the bridge makes them, one by one and in order.
 Only `put` and `reply` are called on the loop: with congestion control DROP they hardly wait.
 """
 
@@ -32,9 +32,9 @@ __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 _T = TypeVar("_T")
 
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
-"""What zenoh reads from its environment once. By default the thread to which the system says that something
-has come wakes one of two others to read it. This has it read by itself, where a link was accepted: Python
-could not run two at a time anyway."""
+"""Settings that zenoh reads from its environment, once. By default the thread that the system notifies of
+input wakes one of two others to read it. With this setting it reads itself on accepted links: Python could
+not run two at a time anyway."""
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
 _OPEN_MS = 4000  # then begin anew: TCP asks less and less often, and the cable may be back meanwhile
@@ -59,13 +59,13 @@ _OVERTAKING = zenoh.Priority.INTERACTIVE_HIGH  # what keeps routes going overtak
 
 class Link(NamedTuple):
     zenoh_id: str
-    """Of the session at its other end."""
+    """The id of the session at its other end."""
     src: str
     dst: str
 
     @property
     def silent_host(self) -> str:
-        """The host at its other end, where nothing tells that a process there was killed (QUIC); else ""."""
+        """The host at its other end, if a killed process there would not be noticed (QUIC); else ""."""
         protocol, _, place = self.dst.partition("/")
         return place.rpartition(":")[0] if protocol == "quic" else ""
 
@@ -73,8 +73,8 @@ class Link(NamedTuple):
 class Source(Generic[_T]):
     """Things from zenoh's threads, on their way to the loop: `push` in any thread, `take` on the loop.
 
-    `bound` is in the unit of the sizes given to `push`. Where it is reached, the oldest goes, or with
-    `keeps_oldest` the new one, to `on_lost` (in zenoh's thread).
+    `bound` is in the unit of the sizes given to `push`. At the limit the oldest, or with `keeps_oldest` the
+    new one, goes to `on_lost` (in zenoh's thread).
     """
 
     def __init__(
@@ -142,8 +142,8 @@ class Source(Generic[_T]):
 
 
 class _Inbox:
-    """Wakes the loop once, however much comes until it looks. By a bell of its own: `call_soon_threadsafe`
-    takes 7 us longer."""
+    """Wakes the loop once, however much comes until it looks. It has its own bell, because
+    `call_soon_threadsafe` takes 7 us longer."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, on_fault: Callable[[Exception], None]) -> None:
         self._loop = loop
@@ -180,13 +180,14 @@ class _Inbox:
             source = self._due.popleft()
             try:
                 source.drain()
-            except Exception as error:  # what one far side sends must not end what others do
+            except Exception as error:  # input of one far side must not end the work of others
                 self._on_fault(error)
                 source.wake_again()
 
 
 class Declared:
-    """Something that a session has declared, or will have in a moment; undeclared when nobody holds it."""
+    """Something that a session has declared, or will declare in a moment; undeclared when it is no longer
+    referenced."""
 
     def __init__(self, session: "Session", declare: Callable[[], Any]) -> None:
         self._session = session
@@ -196,7 +197,7 @@ class Declared:
         session.do(self._make)
 
     def undeclare(self) -> None:
-        """Once is enough; what zenoh still brings must be expected."""
+        """Calling it once is enough. zenoh may still bring something afterwards."""
         self._is_gone = True
         self._session.do(self._end)
 
@@ -252,7 +253,7 @@ class Query:
         self.payload: bytes = b"" if asked is None or len(asked) > _MAX_QUESTION_BYTES else asked.to_bytes()
 
     def reply(self, payload: bytes, attachment: bytes | None = None) -> None:
-        with suppress(zenoh.ZError):  # who asked has gone
+        with suppress(zenoh.ZError):  # the asking side has gone
             self._query.reply(self.key, payload, attachment=attachment)
         self.drop()
 
@@ -266,7 +267,8 @@ class Session:
     one's client, else a peer."""
 
     def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
-        """`on_fault` hears, on the loop, what was raised by something that zenoh brought: a fault of ours."""
+        """`on_fault` is called on the loop with an exception raised while something of zenoh's was handled: a
+        bug of ours."""
         self.zenoh_id = f"f{secrets.token_hex(15)}"  # known before a router is there
         self._config = _config(options, self.zenoh_id)
         self._on_fault = on_fault
@@ -280,7 +282,7 @@ class Session:
         """How often a link has gone."""
 
     async def open(self) -> None:
-        """Where no router is there yet, the session goes on without: what is declared waits for one.
+        """If there is no router yet, the session starts without one; declarations wait for it.
 
         Raises BridgeError. Cancellation: closed.
         """
@@ -368,7 +370,7 @@ class Session:
             key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=_PRIORITIES[priority],
-            express=True,  # what goes together is packed already: to wait for more costs some 70 us
+            express=True,  # messages that go together are packed already: to wait for more costs some 70 us
             allowed_destination=zenoh.Locality.REMOTE,
         )
 
@@ -393,7 +395,7 @@ class Session:
         timeout_s: float,
         on_answer: Callable[[bytes | None, bytes | None], None],
     ) -> None:
-        """The payload and the attachment of the first answer; None where there is none. Once, on the loop."""
+        """The payload and the attachment of the first answer; None if there is none. Once, on the loop."""
         answers: list[tuple[bytes, bytes | None]] = []
 
         def on_reply(reply: Any) -> None:

@@ -1,9 +1,9 @@
-"""What the TCP sockets of links do where a cable is out: they give up in time, and hold up no thread.
+"""The TCP sockets of links if a cable is out: they give up in time, and block no thread.
 
-zenoh has them do the contrary. It asks for SO_LINGER of 10 s: its thread that closes a socket stands still
-for so long, and accepts and reads for no other link meanwhile; the cable may be back long before (zenoh
-#2350, tokio #7751). And a link by TLS is not closed before what was written has left: the far side's nodes
-stay until TCP, whose pauses grow, tries once more after the cable is back.
+zenoh does the contrary. It sets SO_LINGER to 10 s: the thread that closes a socket blocks for so long, and
+accepts and reads for no other link meanwhile. The cable may be back long before (zenoh #2350, tokio #7751).
+And a link by TLS is not closed before all written bytes have left: the far side's nodes stay until TCP, whose
+pauses grow, tries again after the cable is back.
 """
 
 import os
@@ -20,17 +20,18 @@ _CLOSE_AT_ONCE = struct.pack("ii", 0, 0)  # what is still to be sent, the system
 
 
 def give_up_in_time(silence_ms: int) -> None:
-    """Have all TCP sockets of this process close at once, and end when nothing of what was sent has arrived
-    for so long. To be called when there is a new one; in any thread."""
+    """Have all TCP sockets of this process close at once, and end if no sent bytes have arrived for so long.
+    To be called when there is a new socket; in any thread."""
     for one in tcp_sockets():
-        with one, suppress(OSError):  # where it has been shut down, some systems refuse
+        with one, suppress(OSError):  # if it was shut down, some systems refuse
             one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _CLOSE_AT_ONCE)
             if hasattr(socket, "TCP_USER_TIMEOUT"):
                 one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, silence_ms)
 
 
 def tcp_sockets() -> Iterator[socket.socket]:
-    """Those of this process, whoever has opened them: each by a descriptor of its own, to be closed."""
+    """All TCP sockets of this process, also those that zenoh opened. Each has a new descriptor, which the
+    caller closes."""
     for place in Path("/dev/fd").iterdir():
         with suppress(OSError):  # closed meanwhile
             descriptor = int(place.name)

@@ -1,7 +1,7 @@
-"""What a publisher's way out keeps: parts that are on their way, and its history for late joiners. Pure.
+"""Parts that a publisher's way out keeps: those under way, and its history for late joiners. Pure.
 
-zenoh drops where its own queues are full. So everything stays here until each importer's bridge has got it;
-an importer that misses something asks for it. How many bytes may be under way shrinks when that happens, and
+zenoh drops parts if its queues are full. So everything stays here until each importer's bridge has got it; an
+importer that misses something asks for it. How many bytes may be under way shrinks when that happens, and
 grows again, as TCP's window does. A lossless route also waits until each importer's bus has taken its
 messages, and never has more than `WINDOW_BYTES` under way. An importer that has gone is waited for no more.
 """
@@ -42,7 +42,8 @@ class Window:
         self._span = _FIRST_SPAN
         """Bytes that may be between the bridges."""
         self._threshold = WINDOW_BYTES
-        """Up to this span it grows by all that arrives, as in TCP's slow start; beyond, step by step."""
+        """Up to this span it grows by everything that arrives, as in TCP's slow start; above it, step by
+        step."""
         self._shrunk_at = 0
         self._unasked = 0
 
@@ -59,8 +60,8 @@ class Window:
 
     @property
     def part_bytes(self) -> int:
-        """How large a part may be now. Where a link is slow they are small: one that is dropped comes again
-        as a whole, and others wait for all of it."""
+        """How large a part may be now. On a slow link parts are small: a dropped part is sent again as a
+        whole, and others wait for it."""
         return max(2 * PART_BYTES, min(WHOLE_BYTES, self._span // 4))
 
     def add(self, part: Part) -> bool:
@@ -89,7 +90,7 @@ class Window:
             self._measure()
 
     def joined(self, importer: str) -> int | None:
-        """The number of the last part before it came; None where it is no importer."""
+        """The number of the last part before it came; None if it is no importer."""
         known = self._importers.get(importer)
         return None if known is None else known.joined
 
@@ -110,7 +111,7 @@ class Window:
         return True
 
     def find(self, importer: str, after: int) -> Part | None:
-        """The part behind number `after`, where it is kept."""
+        """The part behind number `after`, if it is kept."""
         known = self._importers.get(importer)
         if known is None:
             return None
@@ -131,7 +132,7 @@ class Window:
             self._span = min(self._span + gone * _STEP // self._span, WINDOW_BYTES)
 
     def _shrink(self) -> None:
-        """Something was dropped: less at a time, once for all that was under way."""
+        """Something was dropped: send less at a time. Once for all parts that were under way."""
         if min((one.arrived for one in self._importers.values()), default=0) >= self._shrunk_at:
             self._shrunk_at = self.last
             self._span = self._threshold = max(self._span // 2, _LEAST_SPAN)
@@ -206,8 +207,8 @@ class History:
             self._bytes -= len(kept.popleft().payload)
 
     def find(self, after: int, offset: int) -> Part | None:
-        """What goes on behind the message with the number `after`: a part with messages, or with the piece at
-        byte `offset` of the next one. None: nothing."""
+        """The part behind the message with the number `after`: with messages, or with the piece at byte
+        `offset` of the next one. None: nothing."""
         found, size = list[Sample](), 0
         for sample in self._samples:
             if sample.number <= after:

@@ -151,7 +151,7 @@ class ZenohWriter:
 
     def come_back(self, endpoint: LocalEndpoint, on_change: Callable[[], None]) -> bool:
         """The publisher is there again before all has arrived that it said when it went. Returns whether it
-        is as it was: then importers go on, who would not see that a token went and came at once."""
+        is unchanged. Then importers go on: they would not see that a token went and came at once."""
         if endpoint != self._endpoint:
             return False
         self.on(WriterEvent.RETURN)
@@ -209,7 +209,7 @@ class ZenohWriter:
             self._end_if_arrived()
 
     def reply(self, query: Query, importer: str) -> None:
-        """Somebody lacks a part, or does not know yet where the route begins and what is kept."""
+        """An importer lacks a part, or does not know yet where the route begins and which parts are kept."""
         base, asked = self._window.joined(importer), records.read_pair(query.payload[1:])
         if base is None or asked is None:
             query.drop()

@@ -1,1 +1,15 @@
-"""Verbs of `bus bench`, and the processes that they measure with."""
+"""Verbs of `bus bench`, and the processes that they measure with.
+
+    `options.py` (command line) --> `plan.py` --> `measure.py` --> `session.py` --> `harness.py` --> processes
+                                                       |              words: `task.py` <--> `worker.py`
+                                                  `figures.py` (percentiles, tables)
+
+Invariants:
+
+- A child ends when its stdin ends, so no process is left behind, however the verb ends.
+- The words between verb and worker are lines of JSON with the fields of `task.py`.
+- `figures.py`, `plan.py` and `options.py` know no processes.
+- A measurement that went wrong is a Failure with a text, never a number.
+
+Read first: `plan.py`, `task.py`. Tests: `tests/unit/bus_cli/bench/`, `tests/system/test_cli_bench.py`.
+"""

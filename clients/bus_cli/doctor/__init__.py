@@ -1,7 +1,14 @@
-"""`bus doctor`: looks at everything that the bus stands on, and says what to do where something is wrong.
+"""`bus doctor`: checks everything that the bus needs, and says what to do if something is wrong.
 
-One module for each subject. None of them waits for long: a daemon or a program that stands still is what one
-calls a doctor for.
+A module for each subject yields findings (`finding.py`): ok, warn or fail, with a text and advice.
+
+Invariants:
+
+- No check waits for long, because a daemon or program that stands still is a reason to call a doctor.
+- `procfs.py` reads what the kernel says, which may be gone or hidden at any time. It does not judge.
+- A finding of `fail` makes the exit code 1. Each `fail` and `warn` says what would help, if anything does.
+
+Read first: `finding.py`. Tests: `tests/unit/bus_cli/doctor/`, `tests/system/test_cli_doctor.py`.
 """
 
 from argparse import ArgumentParser, Namespace

@@ -1,6 +1,13 @@
 """`bus launch`: run a launch file, list its arguments, or print what it holds.
 
 Runs with the `launch` that can be imported: the genuine one of ROS 2 where it is installed, else busd's.
+
+`files.py` finds the file, `arguments.py` has its arguments, `completers.py` names for the shell, `bus.py` the
+bus that the processes use.
+
+Invariants: only names that ROS 2's `launch` has are used; options and texts are those of `ros2 launch`.
+
+Read first: `files.py`. Tests: `tests/unit/bus_cli/launch/`, `tests/system/test_launch.py`.
 """
 
 import os

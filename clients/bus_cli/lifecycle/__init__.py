@@ -1,1 +1,8 @@
-"""Verbs of `bus lifecycle`."""
+"""Verbs of `bus lifecycle`.
+
+`remote.py` finds lifecycle nodes and calls their services; every verb uses it.
+
+Invariants: lines, names of states and transitions are those of `ros2 lifecycle`.
+
+Read first: `remote.py`. Tests: `tests/system/test_cli_lifecycle.py`.
+"""

@@ -1,6 +1,18 @@
 """`bus metrics`: what happens on the bus, for Prometheus.
 
 A program of its own, so that busd parses no HTTP: to busd a scrape is two questions.
+
+    `view.py` (asks busd and bridges) -> `sums.py`, `bridges.py` (`growth.py`) -> `families.py` -> `serve.py`
+
+Invariants:
+
+- A sum only grows, also if endpoints, processes or busd come and go. `sums.py`, `bridges.py` and `growth.py`
+  are pure.
+- Everything is bounded: names that come and go for months must not fill the memory.
+- The page is served on loopback only, and only under a name of this machine.
+- docs/operation.md lists each metric.
+
+Read first: `sums.py`. Tests: `tests/unit/bus_cli/metrics/`, `tests/system/test_cli_metrics.py`.
 """
 
 import sys

@@ -1,4 +1,16 @@
-"""`bus top`: topics and nodes with their rates and losses, live."""
+"""`bus top`: topics and nodes with their rates and losses, live.
+
+    bus --> bus_web.model --> `state.py` (what is shown) --> `columns.py`, `figures.py` --> `table.py` (lines)
+                                                                        `screen.py` (textual), `plain.py` <-+
+
+Invariants:
+
+- `state.py`, `columns.py`, `figures.py` and `table.py` are pure, so the screen is tested without a terminal.
+- textual is imported only for the screen; --once and --json need neither it nor an event loop.
+- The page in a browser shows the same rows: they come from `bus_web`.
+
+Read first: `state.py`. Tests: `tests/unit/bus_cli/top/`, `tests/system/test_cli_top.py`.
+"""
 
 import os
 import sys

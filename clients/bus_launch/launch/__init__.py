@@ -1,4 +1,22 @@
-"""Launch files and their engine; programs import it as `launch`."""
+"""Launch files and their engine; programs import it as `launch`.
+
+    description -> `launch_service.py` -> event -> handlers (`event_handlers.py`) -> actions -> more events
+                        |                                                               |
+                   `core.py` (LaunchContext: the state of a launch)   `child.py` (a process) <- `actions/`
+
+`launch_description_sources.py` reads files, `frontend/` markup languages, `substitutions/` are texts known
+later, `guard.py` is a program of its own that ends what a dead launch left.
+
+Invariants:
+
+- Events are handled one after the other, in order, on one event loop. Other threads use `emit_event`.
+- `core.py` knows no actions and no processes; `child.py` knows no events.
+- Each process leads a process group of its own; signals go to the group.
+- Classes of users derive from those here, so their methods and arguments are ROS 2's.
+
+Read first: `core.py`, then `launch_service.py`. Tests: `tests/unit/bus_launch/launch/`,
+`tests/system/test_launch.py`, `tests/system/test_launch_processes.py`.
+"""
 
 from bus_launch.launch import (
     actions,

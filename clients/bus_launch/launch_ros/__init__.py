@@ -1,4 +1,17 @@
-"""Launch files that start nodes; programs import it as `launch_ros`."""
+"""Launch files that start nodes; programs import it as `launch_ros`.
+
+    `actions/` (Node) --+-- `programs.py`          which program, and how it is started
+                        +-- `parameter_values.py`, `parameter_files.py`   its parameters
+                        +-- `namespaces.py`        its name
+    `transitions.py` -- lifecycle nodes, asked over the bus
+
+Invariants: names, arguments and texts are ROS 2's; `launch` knows nothing of this package;
+`parameter_values.py` is pure; components (`actions/components.py`) can be described, but executing one is an
+error.
+
+Read first: `actions/node.py`. Tests: `tests/unit/bus_launch/launch_ros/`,
+`tests/system/test_launch_processes.py`, `tests/system/test_launch_warm.py`.
+"""
 
 from bus_launch.launch_ros import (
     actions,

@@ -1,6 +1,15 @@
 """Tests of what a launch file starts; programs import it as `launch_testing`.
 
 A file with `generate_test_description()` and unittest's classes: `bus test FILE` runs it.
+
+`runner.py` runs the launch in its own thread and the tests in another; `processes.py` has what tests see of
+processes; `asserts.py`, `actions.py`, `markers.py` and `util.py` are for tests.
+
+Invariants: signals come to the launch's thread; data goes from the launch to the tests through `processes.py`
+only; names and texts are ROS 2's.
+
+Read first: `runner.py`. Tests: `tests/unit/bus_launch/launch_testing/`,
+`tests/system/test_launch_processes.py`.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,4 +1,10 @@
-"""`ament_index_python` on the bus: where packages are installed, and what they say of themselves."""
+"""`ament_index_python` on the bus: where packages are installed, and what they say of themselves.
+
+`packages.py` has packages, `resources.py` the resources that they register, `search_paths.py` the prefixes.
+Names, errors and order of the search are ROS 2's: the first prefix that has a resource counts.
+
+Read first: `packages.py`. Tests: `tests/unit/bus_ros/ament_index_python/`.
+"""
 
 from bus_ros.ament_index_python.constants import RESOURCE_INDEX_SUBFOLDER
 from bus_ros.ament_index_python.packages import (

@@ -1,4 +1,13 @@
-"""`cv_bridge` on the bus: images in messages as arrays, and back."""
+"""`cv_bridge` on the bus: images in messages as arrays, and back.
+
+`encodings.py` (pure) says which steps lead from one encoding to another, `pixels.py` does them on arrays,
+with OpenCV or with NumPy alone, `core.py` has `CvBridge`.
+
+Invariants: results and errors are those of ROS 2's cv_bridge; NumPy and OpenCV are imported only when an
+image is converted; without OpenCV whatever NumPy can do still works.
+
+Read first: `encodings.py`. Tests: `tests/unit/bus_ros/cv_bridge/`.
+"""
 
 from bus_ros.cv_bridge.core import CvBridge
 from bus_ros.cv_bridge.encodings import CvBridgeError

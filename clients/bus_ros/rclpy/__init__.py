@@ -3,6 +3,26 @@
 Never installed under that name: `bus run` and `import bus.rclpy_compat` let programs import it. The functions
 here work on the default context and on one executor for all. Submodules are there as attributes once they are
 asked for.
+
+    `node.py` --> `publisher.py`, `subscription.py`, `service.py`, `client.py`, `timer.py`, `action/`
+                       | an entity (`bus_ros.entity`) has a call to make: it joins the executor's line, once
+    `executors.py` --> takes the next call under the guard, makes it without the guard
+                       | waits
+    `bus_ros.engine`   runs the event loop meanwhile
+
+Invariants:
+
+- User callbacks run without the guard, and never in the event loop.
+- A subscription that nobody spins keeps its `depth` newest messages and no more.
+- KeyboardInterrupt is never raised while the guard is held (`signals.py`).
+- Names that are not rclpy's are private or in `impl/`; names that rclpy has in two places are in
+  `bus_ros.aliases`. A new name needs a row in docs/rclpy.md.
+- What `import rclpy` may import is bounded by `tests/system/test_first_message.py`.
+
+Read first: `executors.py`, then `node.py`.
+
+Tests: `tests/unit/bus_ros/rclpy/`, `tests/system/test_rclpy_executors.py`,
+`tests/system/test_rclpy_programs.py`, `tests/system/test_rclpy_threads.py`, `tests/unit/test_docs_rclpy.py`.
 """
 
 import _thread

@@ -1,6 +1,15 @@
 """The numeric core of transforms, in C, with a Python twin where that was not built.
 
 Owns: `FrameTree` and what its answers mean. Must not know: rclpy, messages, topics.
+
+`frames.h` has the algorithm, without Python; its binding is beside it (`_core.pyi` has the types). `twin.py`
+is the same in Python, with `rotation.py`. `texts.py` has tf2's words for both.
+
+Invariants: both implementations give the same answers and the same reasons for none; a change goes into both;
+nothing of `bus` is imported (import-linter checks this); the memory of a frame is bounded by the cache time.
+
+Read first: `twin.py`, then `frames.h`. Tests: `tests/unit/bus_tf2/core/`, `tests/property/test_tf2_twin.py`;
+against the tf2 of ROS 1: `tests/system/test_tf2_judge.py`.
 """
 
 import os

@@ -1,4 +1,10 @@
-"""`tf2_geometry_msgs` on the bus: importing it lets buffers transform points, vectors, poses and wrenches."""
+"""`tf2_geometry_msgs` on the bus: importing it lets buffers transform points, vectors, poses and wrenches.
+
+One module. Importing it registers the types with `bus_tf2.tf2_ros`; that side effect is the purpose.
+Functions and results are those of ROS 2's package.
+
+Read first: `tf2_geometry_msgs.py`. Tests: `tests/unit/bus_tf2/tf2_geometry_msgs/`.
+"""
 
 from bus_tf2.tf2_geometry_msgs.tf2_geometry_msgs import (
     __getattr__,

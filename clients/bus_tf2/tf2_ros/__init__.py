@@ -1,4 +1,19 @@
-"""`tf2_ros` on the bus: transforms between frames, sent and heard on `/tf` and `/tf_static`."""
+"""`tf2_ros` on the bus: transforms between frames, sent and heard on `/tf` and `/tf_static`.
+
+    `transform_broadcaster.py`, `static_transform_broadcaster.py` --> topics --> `transform_listener.py`
+                                                                                        |
+    program --> `buffer.py` (look-ups, waiting; `buffer_interface.py`) <----------------+
+    program --> `buffer_client.py` --> action --> `buffer_server.py` --> a buffer of another program
+
+Invariants:
+
+- Whoever fills a buffer does not know look-ups, and look-ups do not know topics.
+- How a type is transformed is registered once for the process (`buffer_interface.py`).
+- BufferClient and message classes are imported when they are first used.
+
+Read first: `buffer.py`. Tests: `tests/system/test_tf2_ros.py`, `tests/system/test_tf2_buffer_server.py`,
+`tests/unit/bus_tf2/test_bus_tf2_names.py`.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

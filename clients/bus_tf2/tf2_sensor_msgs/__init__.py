@@ -1,4 +1,9 @@
-"""`tf2_sensor_msgs` on the bus: importing it lets buffers transform point clouds."""
+"""`tf2_sensor_msgs` on the bus: importing it lets buffers transform point clouds.
+
+One module. Importing it registers PointCloud2 with `bus_tf2.tf2_ros`; NumPy is imported with the first cloud.
+
+Read first: `tf2_sensor_msgs.py`. Tests: `tests/unit/bus_tf2/tf2_sensor_msgs/`.
+"""
 
 from bus_tf2.tf2_sensor_msgs.tf2_sensor_msgs import (
     do_transform_cloud,

@@ -1,4 +1,12 @@
-"""`tf_transformations` on the bus: angles, quaternions and matrices. NumPy is imported where it is needed."""
+"""`tf_transformations` on the bus: angles, quaternions and matrices. NumPy is imported where it is needed.
+
+`angles.py` is plain Python, for the functions that most programs use. `matrices.py`, `projections.py` and
+`arcball.py` need NumPy and are imported when one of their names is first asked for.
+
+Invariants: names and results are those of ROS 2's package; quaternions are (x, y, z, w).
+
+Read first: `angles.py`. Tests: `tests/unit/bus_tf2/tf_transformations/`.
+"""
 
 from importlib import import_module
 from typing import Any

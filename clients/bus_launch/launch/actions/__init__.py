@@ -1,4 +1,16 @@
-"""What a launch does; programs import it as `launch.actions`."""
+"""What a launch does; programs import it as `launch.actions`.
+
+    `execute_process.py` -> `process.py` (as configured) -> `process_run.py` (its run) -> `process_lines.py`
+                                                            `process_state.py` (its states, a table)
+
+`basic.py`, `settings.py` and `scopes.py` have the actions without a process.
+
+Invariants: a process changes its state only by the table of `process_state.py`; `process_run.py` knows no
+handlers and no configuration; names, arguments and texts are ROS 2's.
+
+Read first: `process_state.py`. Tests: `tests/unit/bus_launch/launch/actions/`,
+`tests/system/test_launch_processes.py`.
+"""
 
 from bus_launch.launch.action import Action
 from bus_launch.launch.actions.basic import (

@@ -1,4 +1,11 @@
-"""Events of a launch; programs import them as `launch.events`. Those of processes are in `process`."""
+"""Events of a launch; programs import them as `launch.events`. Those of processes are in `process`.
+
+Events are values: they say what happened, and handlers decide what follows. Classes, names and arguments are
+ROS 2's.
+
+Read first: `process.py`. Tests: `tests/unit/bus_launch/launch/test_event_handlers.py`,
+`tests/system/test_launch_processes.py`.
+"""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,16 @@
-"""Launch files in a markup language; programs import it as `launch.frontend`."""
+"""Launch files in a markup language; programs import it as `launch.frontend`.
+
+    file --> parser of the language (`launch_xml`, `launch_yaml`) --> `entity.py` --> `parser.py` --> actions
+
+- `expose.py`: which class makes an action of a tag, or a substitution of `$(name ...)`.
+- `grammar.py`: texts with `$(...)` in them.
+
+Invariants: this package knows no language; a language is a subclass of `Parser` and of `Entity`; a tag or
+substitution of users is registered by the decorators of `expose.py`; `grammar.py` is pure.
+
+Read first: `expose.py`, then `grammar.py`. Tests: `tests/unit/bus_launch/launch/frontend/`,
+`tests/unit/bus_launch/launch_xml/`.
+"""
 
 from bus_launch.launch.frontend.entity import Entity
 from bus_launch.launch.frontend.expose import expose_action, expose_substitution

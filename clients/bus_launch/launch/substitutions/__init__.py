@@ -1,4 +1,13 @@
-"""Texts that are known when they are needed; programs import them as `launch.substitutions`."""
+"""Texts that are known when they are needed; programs import them as `launch.substitutions`.
+
+`values.py`: what the launch itself knows; `outside.py`: environment, files, programs, Python expressions;
+`boolean.py`: true, false, and a choice by them. A substitution has `perform(context)`, which returns the
+text.
+
+Invariants: nothing is evaluated before `perform`; names, `$(...)` names and errors are ROS 2's.
+
+Read first: `values.py`. Tests: `tests/unit/bus_launch/launch/substitutions/`.
+"""
 
 from bus_launch.launch.core import SubstitutionFailure, TextSubstitution
 from bus_launch.launch.substitutions.boolean import (

@@ -1,4 +1,10 @@
-"""Functions for those who write actions and substitutions; programs import it as `launch.utilities`."""
+"""Functions for those who write actions and substitutions; programs import it as `launch.utilities`.
+
+The functions are defined in `bus_launch.launch.core`; here are their public names. `type_utils.py` has values
+of a type that may be substitutions.
+
+Read first: `type_utils.py`. Tests: `tests/unit/bus_launch/launch/test_core.py`.
+"""
 
 from bus_launch.launch.core import (
     ensure_argument_type,

@@ -1,4 +1,13 @@
-"""Actions for nodes; programs import it as `launch_ros.actions`."""
+"""Actions for nodes; programs import it as `launch_ros.actions`.
+
+`node.py` starts a node, `lifecycle.py` has lifecycle nodes, `settings.py` what is set for the nodes that
+follow, `components.py` components, which busd does not have.
+
+Invariants: a setting is true until the end of its group; arguments and texts are ROS 2's.
+
+Read first: `node.py`. Tests: `tests/unit/bus_launch/launch_ros/actions/`,
+`tests/system/test_launch_processes.py`.
+"""
 
 from bus_launch.launch_ros.actions.components import (
     ComposableNodeContainer,

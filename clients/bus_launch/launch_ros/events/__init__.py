@@ -1,4 +1,10 @@
-"""Events of nodes; programs import it as `launch_ros.events`."""
+"""Events of nodes; programs import it as `launch_ros.events`.
+
+`lifecycle.py` has the events of lifecycle nodes, `matchers.py` which nodes an event is for. Names are ROS
+2's.
+
+Read first: `lifecycle.py`. Tests: `tests/unit/bus_launch/launch_ros/test_event_handlers.py`.
+"""
 
 from bus_launch.launch_ros.events import lifecycle, matchers
 

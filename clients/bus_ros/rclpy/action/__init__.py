@@ -1,4 +1,18 @@
-"""rclpy.action: servers and clients of actions, and who has them."""
+"""rclpy.action: servers and clients of actions, and who has them.
+
+Goals, their states and the endpoints come from `bus_actions`. `entity.py` queues calls for an executor;
+`server.py` and `client.py` have rclpy's classes, handles and futures; `graph.py` rclpy's questions about
+actions.
+
+Invariants:
+
+- A server or client is one entity in one callback group: all its callbacks respect that group.
+- The queue is bounded: feedback by its QoS, requests by a constant.
+- A state changes only by the table of `bus_actions.goal_state`.
+
+Read first: `entity.py`, then `server.py`. Tests: `tests/system/test_rclpy_actions.py`,
+`tests/unit/bus_actions/`.
+"""
 
 from bus_ros.rclpy.action.client import ActionClient
 from bus_ros.rclpy.action.graph import (

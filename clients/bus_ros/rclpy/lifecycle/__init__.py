@@ -1,7 +1,19 @@
 """Lifecycle nodes: nodes that others configure, activate and shut down.
 
-`Node`, `NodeMixin`, `State` and `Publisher` are short names, which `import *` leaves out: another Node may
-be there.
+`Node`, `NodeMixin`, `State` and `Publisher` are short names, which `import *` leaves out: another Node may be
+there.
+
+    `services.py` (others ask) --> `node.py` --> `state_machine.py` (pure: which state follows)
+                                      +--> callbacks, then `managed_entity.py`, `publisher.py`
+
+Invariants:
+
+- States, transitions, their ids and labels are ROS 2's, and change only by `state_machine.py`.
+- A callback that fails or raises leads to the state that ROS 2 prescribes.
+- A publisher of a node that is not active publishes nothing.
+
+Read first: `state_machine.py`. Tests: `tests/unit/bus_ros/rclpy/lifecycle/`,
+`tests/system/test_rclpy_lifecycle.py`.
 """
 
 from bus_ros.rclpy.lifecycle.managed_entity import (
