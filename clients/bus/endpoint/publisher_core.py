@@ -45,13 +45,13 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
     queued: int
     """Messages not yet handed over to busd."""
     replaced: int
-    """Messages that the depth, or a bound of 64 MiB, replaced before they were handed over."""
+    """Messages replaced before they were handed over, because of the depth or a bound of 64 MiB."""
     refused: int
     """Calls of `publish` that found no room (reliable + keep all)."""
     subscriptions: int
     """Subscriptions matched now."""
     at_ns: int = 0
-    """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
+    """Time of counting: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
 
 
 class PublisherCore(EndpointCore[M]):

@@ -50,7 +50,7 @@ class SubscriptionOptions(Bridging, total=False):
 
 
 class MessageInfo(NamedTuple):
-    """About one message.
+    """Times, numbers and publisher of one message.
 
     For example:
 
@@ -59,16 +59,16 @@ class MessageInfo(NamedTuple):
     """
 
     source_timestamp: int
-    """When it was published, or came about elsewhere (`Publisher.publish_encoded`): nanoseconds of the wall
+    """Time of publishing, or of its origin elsewhere (`Publisher.publish_encoded`): nanoseconds of the wall
     clock."""
     received_timestamp: int
-    """When it came to this process: nanoseconds of the wall clock."""
+    """Time of arrival in this process: nanoseconds of the wall clock."""
     publication_sequence_number: int
-    """Which one of its publisher's messages it is, from 1."""
+    """Its number among its publisher's messages, from 1."""
     reception_sequence_number: int
-    """Which one of those that this subscription has delivered, from 1."""
+    """Its number among the messages that this subscription delivered, from 1."""
     publisher_gid: bytes
-    """Whose it is: the `gid` of its publisher."""
+    """The `gid` of its publisher."""
 
 
 class SubscriptionCore(EndpointCore[M]):

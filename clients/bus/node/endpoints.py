@@ -20,7 +20,7 @@ _LEAST_SWEPT = 16
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
-    """Totals of one node's open endpoints; those of its services, and of /rosout, are among them.
+    """Totals of one node's open endpoints, including the endpoints of its services and of /rosout.
 
     For example:
 
