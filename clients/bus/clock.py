@@ -1,6 +1,6 @@
 """A node's time: the machine's, or a simulation's; and rates, which sleep by it.
 
-Must not know where the simulation's time comes from (`bus.parameters.time_source`), or what timers do.
+Must not know: the source of simulated time (`bus.parameters.time_source`), the work of timers.
 """
 
 import asyncio

@@ -2,9 +2,9 @@
 
     BusError
     ├── ConfigurationError (ValueError)   a bad name, QoS profile or configuration
-    │   ├── CommandLineError              what stands after --ros-args can't be used
-    │   └── StartError                    BUSD_DOMAIN or the limit of open files, say, can't be used
-    ├── ParameterError (ValueError)       a parameter can't be declared, read or set so
+    │   ├── CommandLineError              the arguments after --ros-args can't be used
+    │   └── StartError                    the environment can't be used: BUSD_DOMAIN, the limit of open files
+    ├── ParameterError (ValueError)       a parameter can't be declared, read or set this way
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
     ├── QuotaExceeded                     resource, used, limit
@@ -16,11 +16,11 @@
     ├── ConnectionClosed (ConnectionError)
     │   └── BrokerUnavailable             no busd answers at the socket
     ├── ServiceError                      a service could not answer: its callback raised
-    ├── ServiceUnavailable                nobody serves that service, or who did has left before it answered
+    ├── ServiceUnavailable                no server exists, or all left before they answered
     └── ForkError (RuntimeError)          a node was used in a child of the process that made it
 
-Errors are for faults. What is expected to happen on a bus (nothing to take, a message replaced because a
-queue was full, no room to publish) is a return value or a counter. Timeouts are the built-in TimeoutError.
+Errors are for faults. Expected outcomes (nothing to take, a message replaced because a queue was full, no
+room to publish) are return values or counters. Timeouts are the built-in TimeoutError.
 """
 
 from typing import TypeVar

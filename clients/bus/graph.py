@@ -199,7 +199,7 @@ def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
 
 
 def types_of(graph: Graph, topic: str, type_name: str | None) -> list[tuple[str, str]]:
-    """The types that may be meant, each once: those of the topic, else those of that name."""
+    """The possible types, each once: types of the topic, or else types of that name."""
     endpoints = (*graph.publishers_of(topic), *graph.subscriptions_of(topic))
     here = {(one.type_name, one.type_hash) for one in endpoints}
     if type_name is not None:

@@ -1,4 +1,4 @@
-"""The counters of one subscription: what was published to it, and what has become of every message.
+"""The counters of one subscription: messages published to it, and the fate of every message.
 
 Adds up what this process has counted (`bus.delivery.receiver`) and what the present broker and earlier ones
 have reported. Must not know where messages come from.

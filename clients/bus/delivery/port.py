@@ -118,7 +118,7 @@ class Port(Protocol):
         """Send a message (or frame) about `owner`; nothing where the broker does not know it now."""
 
     def send_now(self, frame: Buffer, /) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
+        """Send a data frame at once if nothing is queued; returns whether it was sent."""
 
     def gather(self, owner: Owner, /) -> None:
         """`owner` has begun a run: it is to hand it over when the turn of the loop ends."""
@@ -127,7 +127,7 @@ class Port(Protocol):
         """`queue` has runs for the broker."""
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """Send queued data, as far as the socket accepts it."""
 
     def wrote(self) -> None:
         """The socket takes bytes again: what waited was sent, or can be now."""

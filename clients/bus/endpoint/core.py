@@ -65,7 +65,7 @@ class EndpointCore(Generic[M]):
 
     kind = ""
     consequence = ""
-    """What an incompatible type means for the messages, in a warning."""
+    """The consequence of an incompatible type for the messages, in a warning."""
     lease_s: float | None = None
     """Within what time the broker wants a sign of life, or None if it wants none."""
 
@@ -97,7 +97,7 @@ class EndpointCore(Generic[M]):
         self.deadline: DeadlineWatch | None = None
         self._missed_deadlines = 0
         self.besides: m.Report | None = None
-        """Counters that are reported besides those that are counted here."""
+        """Counters reported in addition to the ones counted here."""
         self._incompatible: IncompatibleEndpoints | None = None
 
     # --- for the user's object
@@ -240,7 +240,7 @@ class EndpointCore(Generic[M]):
                 self.on_error(error)
 
     def describe_incompatible_qos(self) -> str:
-        """For a warning: what was discovered, and what it means for the messages."""
+        """For a warning: the discovery, and its consequence for the messages."""
         raise NotImplementedError
 
     def newest_ns(self) -> int:

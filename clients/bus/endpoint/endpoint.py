@@ -1,4 +1,4 @@
-"""What users can do with publishers and subscriptions alike."""
+"""The public methods that publishers and subscriptions share."""
 
 from collections.abc import Mapping
 from typing import Generic, Protocol, TypeVar

@@ -78,7 +78,7 @@ class PublisherCore(EndpointCore[M]):
         if qos.liveliness is Liveliness.AUTOMATIC:
             self.lease_s = qos.liveliness_lease_duration
         self.refused = 0
-        """Calls that found no room, besides those that the sender counts."""
+        """Calls that found no room, in addition to the sender's count."""
         self._own_gid = self.gid if gid is None else new_gid()
         self._lost_liveliness = 0
         ring = None if by_socket else ShmSender.make(node.link, self, node.logger)

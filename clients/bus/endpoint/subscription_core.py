@@ -34,7 +34,7 @@ Role: TypeAlias = Literal["", "mirror", "tap"]
 
 
 class Bridging(TypedDict, total=False):
-    """What bridges ask of `Node.create_subscription` besides."""
+    """Further arguments of `Node.create_subscription`, for bridges."""
 
     gid: bytes | None
     local_only: bool
@@ -42,7 +42,7 @@ class Bridging(TypedDict, total=False):
 
 
 class SubscriptionOptions(Bridging, total=False):
-    """What else a subscription is made with."""
+    """Further options of a subscription."""
 
     decode: Callable[[Any], Any] | None
     busy_poll: float
@@ -177,7 +177,7 @@ class SubscriptionCore(EndpointCore[M]):
         return self._arrivals.wait()
 
     def info(self, taken: Taken[M]) -> MessageInfo:
-        """What users learn of a message besides the message."""
+        """The information that users get besides a message."""
         _, stamp_ns, seq, proxy, received_ns = taken
         offset_ns = self.link.wall_offset_ns
         return MessageInfo(

@@ -149,7 +149,7 @@ class Connection:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether all that has come was read."""
+        """Whether all received data was read."""
         return self._stream is None or self._stream.is_quiet
 
     def share(self) -> None:
@@ -164,12 +164,12 @@ class Connection:
         return self._stream is not None and self._stream.writing is not WriteState.OPEN
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """Send queued data, as far as the socket accepts it."""
         if self._stream is not None:
             self._stream.flush()
 
     def send_now(self, frame: Buffer) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
+        """Send a data frame at once if nothing is queued; returns whether it was sent."""
         return self._stream is not None and self._stream.send_now(frame)
 
     async def request(
@@ -177,9 +177,12 @@ class Connection:
     ) -> A:
         """Send `message`, the request `number` (of `numbers`); returns the answer, which is a `kind`.
 
-        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
-        it says nothing at all for ANSWER_S, RemoteProtocolError where it answers something else,
-        ConnectionClosed where the connection ends first.
+        Raises:
+
+        - ConfigurationError, QuotaExceeded, AccessDenied: the broker refuses
+        - TimeoutError: the broker sends nothing at all for ANSWER_S
+        - RemoteProtocolError: the answer is of another kind
+        - ConnectionClosed: the connection ends first
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")

@@ -240,7 +240,7 @@ class Link:
         self.gathered.add(publisher)
 
     def send_now(self, frame: Buffer) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
+        """Send a data frame at once if nothing is queued; returns whether it was sent."""
         return self.connection is not None and self.connection.send_now(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
@@ -249,7 +249,7 @@ class Link:
             self.connection.outbox.make_ready(queue)
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """Send queued data, as far as the socket accepts it."""
         if self.connection is not None:
             self.connection.flush()
 

@@ -35,7 +35,7 @@ class Source(Protocol):
 
     @property
     def is_quiet(self) -> bool:
-        """Whether all that has come was read."""
+        """Whether all received data was read."""
 
 
 class Request(msgspec.Struct):

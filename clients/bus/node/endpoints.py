@@ -1,4 +1,4 @@
-"""The publishers and subscriptions of one node, those of its services and clients among them.
+"""The publishers and subscriptions of one node, including those in its services and clients.
 
 Owns: how they are declared, kept while they are open, counted, and closed with the node. Must not know: what
 they are made of, or for.
@@ -90,7 +90,7 @@ class NodeEndpoints:
         return publishers, len(used) - publishers
 
     def statistics(self) -> NodeStatistics:
-        """The sums over those that are open."""
+        """The sums over open endpoints."""
         used = self._open()
         publishers = [one.statistics() for one in used if one.kind == "publisher"]
         subscriptions = [one.statistics() for one in used if one.kind != "publisher"]

@@ -585,7 +585,8 @@ class Node(ParameterHost, GraphHost):
             link.forget_node(self._declared)
 
     def _fail(self, error: BaseException) -> None:
-        """A callback raised: end the body of the `async with`, or tell the event loop where there is none."""
+        """A callback raised an exception: end the body of the `async with`, or report to the event loop
+        without one."""
         if self._error is not None:
             return
         if self._body is not None:

@@ -207,7 +207,7 @@ class ServiceClient(ServiceBase):
         return f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
 
     def _check_served(self) -> None:
-        """Raises ServiceUnavailable where nobody serves; with busd away, nobody knows. Raises as `call`."""
+        """Raises ServiceUnavailable if no server exists; can't tell while busd is away. Raises as `call`."""
         if not self._servers and self._requests_core.id:
             if self._requests_core.refusal is not None:
                 raise again(self._requests_core.refusal)
@@ -305,8 +305,8 @@ class ServiceClient(ServiceBase):
     def _ask(self) -> None:
         """Ask the server, which is back, what has become of calls in doubt.
 
-        It answers behind what it has answered before. Where there are several, what one knows says nothing
-        of the others.
+        It answers behind what it has answered before. With several servers, one server's state says nothing
+        about the others.
         """
         if len(self._servers) != 1:
             return

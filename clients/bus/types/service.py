@@ -1,4 +1,5 @@
-"""What travels between a client and a service: a request or a reply in an envelope that says whose it is.
+"""Messages between a client and a service: a request or a reply in an envelope with the call's client and
+number.
 
 Owns: the two envelopes, and how their types are described on the bus. On the wire an envelope is an array
 with the message's own encoding as its last element, so that any class with a TypeSupport will do. Must not

@@ -102,7 +102,7 @@ class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
 
 class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """What one process makes busd hold.
+    """The resources of busd that one process uses.
 
     `queued_bytes` are samples that wait for it, `history_bytes` those kept for its publishers,
     `control_bytes` control frames that wait for it. `topics` are those that its endpoints are on.
