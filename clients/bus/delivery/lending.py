@@ -15,7 +15,7 @@ from bus.wire.runs import Buffer
 
 
 class Lender(Protocol):
-    """What lending needs of the publisher's sender."""
+    """The methods of the publisher's sender that lending uses."""
 
     ring: ShmSender | None
     socket: SocketSender

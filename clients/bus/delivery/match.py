@@ -186,7 +186,7 @@ class LocalMatch(Generic[_S, _E]):
         self.state = state
 
     def on(self, event: _E) -> None:
-        """`event` happens. Raises MatchError where it can't."""
+        """`event` happens. Raises MatchError if the state does not allow it."""
         state = self.transitions[self.state].get(event)
         if state is None:
             raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")

@@ -1,4 +1,4 @@
-"""The part of a publisher or subscription that users do not see: what its link and delivery work with.
+"""The internal part of a publisher or subscription, used by its link and delivery.
 
 Owns its number at the broker, its matches, its control messages and its end. The user's object holds this
 one, and this one knows nothing of the user's.
@@ -185,7 +185,7 @@ class EndpointCore(Generic[M]):
         raise NotImplementedError
 
     def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """A control message from the broker about this endpoint, and what came with it."""
+        """A control message from the broker about this endpoint, and its descriptors."""
         match message:
             case m.Matched():
                 self.add_match(message)

@@ -118,7 +118,7 @@ class SubscriptionCore(EndpointCore[M]):
         self.on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
         self.on_lost: Callable[[bytes], object] | None = None
-        """Called with the gid of a publisher whose process has ended, or was cut off, without leaving."""
+        """Called with a publisher's gid if its process ended, or was cut off, without leaving."""
         self.rings: ShmReceiver | None = None
         if link.shm_context is not None and self._role != "mirror":
             self.rings = ShmReceiver(link, link.shm_context, self, self._miss)

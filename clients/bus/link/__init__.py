@@ -1,1 +1,1 @@
-"""The connection of an event loop to busd, and what goes over it."""
+"""The connection of an event loop to busd, and its traffic."""

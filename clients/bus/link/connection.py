@@ -81,7 +81,7 @@ class Connection:
         self._unshared = shm_context
         """How other processes wake this one; None once the broker has it, or if no memory is shared."""
         self._loss: Exception | None = None
-        """What ended the connection; None, too, if the broker closed it without a word."""
+        """The cause of the connection's end; None, too, if the broker closed it without a word."""
         self._farewell = ""
         self.heard_ns = 0
         """When anything last came from the broker; the owner sets it."""
@@ -98,7 +98,7 @@ class Connection:
     async def open(self, path: str, patience: Patience, *, may_start: bool = True) -> None:
         """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
 
-        Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
+        Raises BrokerUnavailable; its subclass NotNow if another attempt may help. Cancellation: closed.
         """
         self.path = path
         sock = await open_socket(path, patience, may_start=may_start)

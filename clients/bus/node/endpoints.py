@@ -75,11 +75,11 @@ class NodeEndpoints:
                 raise result
 
     def end(self, reason: BusError) -> None:
-        """End those that are open: their `close` was cut short."""
+        """End the open endpoints: their `close` was cut short."""
         _end_open(self._all, reason)
 
     def forget_ids(self) -> None:
-        """The ids are those of an earlier broker: nothing must be sent about them."""
+        """The ids are from an earlier broker: nothing must be sent about them."""
         for endpoint in self._all:
             endpoint.id = 0
 

@@ -209,7 +209,7 @@ def keeping_all(qos: QoSProfile) -> QoSProfile:
 def message_of(envelope: type[Struct]) -> type[Struct]:
     """The class of the message within, out of a class that was made of an envelope's schema.
 
-    Raises ConfigurationError where it is the schema of something else.
+    Raises ConfigurationError if it is the schema of another kind of type.
     """
     schema = describe(envelope)
     root, types = schema["root"], schema["types"]

@@ -88,7 +88,7 @@ class FrameReader:
         self._large = None
 
     def get_buffer(self) -> memoryview:
-        """Where the next bytes of the stream belong; never empty. What came before must have been cut."""
+        """The buffer for the next bytes of the stream; never empty. What came before must have been cut."""
         if self._large is None:
             return self._view[self._end :] if self._end else self._view
         return self._large[self._large_end : self._large_room]

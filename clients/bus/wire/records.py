@@ -1,4 +1,4 @@
-"""What the messages GraphSnapshot, GraphChanged and Peers are made of.
+"""The records in the messages GraphSnapshot, GraphChanged and Peers.
 
 Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold. Must not
 know the messages that carry them.

@@ -109,7 +109,7 @@ class Session:
         self.reader.max_data_bytes = max(self.reader.max_data_bytes, most)
 
     def drop_descriptors(self) -> None:
-        """Close those that wait for their messages."""
+        """Close the descriptors that wait for their messages."""
         while self.descriptors:
             _close(self.descriptors.popleft())
 
