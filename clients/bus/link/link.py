@@ -254,7 +254,10 @@ class Link:
             self.connection.flush()
 
     async def wait_for_drain(self, queue: RunQueue) -> None:
-        """Wait until the socket has accepted everything in `queue`. Raises ConnectionClosed if the link ends."""
+        """Wait until the socket has accepted everything in `queue`.
+
+        Raises ConnectionClosed if the link ends.
+        """
         is_chosen = False
         while not is_chosen:
             if self.failure is not None:
