@@ -1,6 +1,6 @@
 """`make api`: docs/api.md, made of the docstrings of all that is public in `bus`.
 
-What belongs together stands in GROUPS. A member of a class that is not there by name stands with its class.
+GROUPS lists the names by task. A member that GROUPS does not name is shown with its class.
 """
 
 import re
@@ -15,13 +15,13 @@ PAGE = Path(__file__).parents[1] / "docs" / "api.md"
 HEAD = """\
 # API
 
-All public names of `bus`, in the order of what one wants to do. Whole programs are in
+All public names of `bus`, grouped by task. Whole programs are in
 [patterns.md](patterns.md). This page is made from the docstrings by `make api`.
 
-Durations are seconds, as float or int. What is `async` is awaited on the event loop of its node. What is not
-never blocks; `Publisher.publish`, `ServiceServer.respond`, `ServiceClient.send_request` and loggers may be
-used from any thread, the rest on the event loop's alone. What a node has made is closed with it.
-Scripts that have no event loop use [`bus.connect`](#busconnect).
+Durations are seconds, as float or int. `async` methods are awaited on the event loop of their node. Other
+methods never block. `Publisher.publish`, `ServiceServer.respond`, `ServiceClient.send_request` and loggers
+may be used from any thread, everything else only on the event loop's thread. When a node is closed,
+everything that it made is closed, too. Scripts that have no event loop use [`bus.connect`](#busconnect).
 """
 
 GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -29,7 +29,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Publish": ("", ("Node.create_publisher", "Publisher", "Loan", "PublisherStatistics")),
     "Subscribe": ("", ("Node.create_subscription", "Subscription", "MessageInfo", "SubscriptionStatistics")),
     "Call and serve": (
-        "[services.md](services.md) says what may be lost, and when.",
+        "[services.md](services.md) lists possible losses of requests and answers.",
         (
             *("Service", "Node.create_client", "ServiceClient", "ServiceClientStatistics"),
             *("Node.create_service", "ServiceServer", "RequestId", "ServiceServerStatistics"),
@@ -38,16 +38,16 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Messages": (
         "Any `msgspec.Struct` is a message type. ROS 2's are ready-made, a module for each package:\n\n"
         "- `from bus.msg.std_msgs import String`; packages: MESSAGES. `bus.msg` itself has `Message`, a base "
-        "for types of your own, and ROS's primitive types: PRIMITIVES.\n"
+        "for your own types, and ROS's primitive types: PRIMITIVES.\n"
         "- `from bus.srv.std_srvs import SetBool`; packages: SERVICES.",
         ("MessageSchema", "Node.get_schema", "Node.get_type"),
     ),
     "Without an event loop": (
-        "Every call waits until it is done. [scripts.md](scripts.md) has whole scripts.",
+        "Every call blocks until it is done. [scripts.md](scripts.md) has whole scripts.",
         ("connect", "BlockingNode", "BlockingPublisher", "BlockingSubscription"),
     ),
     "Test": (
-        "`bus.testing` is a pytest plugin that gives each test a bus of its own: TESTING. "
+        "`bus.testing` is a pytest plugin that gives each test a separate bus: TESTING. "
         "[testing.md](testing.md) shows how it is used.",
         (),
     ),
@@ -79,20 +79,20 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "Hear of matches, losses and deadlines": (
-        "[qos.md](qos.md) says when each comes.",
+        "[qos.md](qos.md) says when each event occurs.",
         (
             *("PublisherEvents", "SubscriptionEvents", "MatchedChange", "MessageLost", "IncompatibleQoS"),
             *("IncompatibleType", "DeadlineMissed", "LivelinessChanged", "LivelinessLost"),
         ),
     ),
     "Quality of service": (
-        'Where a QoS is taken, an int is a depth and a text is the name of a preset: `"sensor_data"`, '
-        "which is `bus.qos.sensor_data`. `bus.qos.check_compatible(offered, requested)` lists what keeps two "
-        "profiles from matching. [qos.md](qos.md) says what each policy does.",
+        'As a QoS argument, an int is a depth and a text is the name of a preset: `"sensor_data"` is '
+        "`bus.qos.sensor_data`. `bus.qos.check_compatible(offered, requested)` lists the reasons why two "
+        "profiles do not match. [qos.md](qos.md) explains each policy.",
         ("QoS", "QoSProfile", "qos", "History", "Reliability", "Durability", "Liveliness"),
     ),
     "Errors": (
-        "What can be expected on a bus is a return value or a counter; errors are for faults. Time-outs are "
+        "Expected outcomes are return values or counters; exceptions are for faults. Time-outs are "
         "Python's `TimeoutError`, of `asyncio.timeout`.\n\n"
         "```python\n"
         "try:\n"
@@ -147,7 +147,7 @@ def _filled(intro: str) -> str:
 
 
 def _title(one: Entry) -> str:
-    """Its heading, but for the backticks."""
+    """Its heading, without the backticks."""
     if "." in one.path:
         return one.path
     return f"module bus.{one.path}" if one.kind == "module" else f"bus.{one.path}"

@@ -1,6 +1,6 @@
 """A node's time: the machine's, or a simulation's; and rates, which sleep by it.
 
-Must not know where the simulation's time comes from (`bus.parameters.time_source`), or what timers do.
+Must not know: the source of simulated time (`bus.parameters.time_source`), the work of timers.
 """
 
 import asyncio
@@ -125,7 +125,7 @@ class Clock:
 
 
 class Rate:
-    """Sleeps between the turns of a loop, so that they come `hz` times a second; made by `Node.create_rate`.
+    """Sleeps between the turns of a loop to run it `hz` times a second; made by `Node.create_rate`.
 
     For example:
 
@@ -146,14 +146,14 @@ class Rate:
         self._next_ns = clock.steady_ns() + self._period_ns
 
     async def sleep(self) -> None:
-        """Wait for the next multiple of the period, counted from the rate's making.
+        """Wait for the next multiple of the period, counted from the rate's creation.
 
-        Where that is past, because the turn took longer, it returns at once, and the next sleep ends at the
-        next multiple that is to come: turns that were missed are not made up for. While the node's parameter
-        `use_sim_time` is true these are multiples in simulated time; after a jump back in it the period is
-        counted anew, as where simulated time begins or ends. Several tasks may sleep by one rate.
+        If that time is past because the turn took longer, it returns at once. The next sleep then ends at the
+        next future multiple; missed turns are not made up for. While the node's parameter `use_sim_time` is
+        true, multiples are in simulated time. If simulated time begins, ends or jumps back, the period is
+        counted anew. Several tasks may use one rate.
 
-        Raises ConnectionClosed where the node is closed, or meanwhile is. Cancellation leaves the rate as it
+        Raises ConnectionClosed if the node is closed before or meanwhile. Cancellation leaves the rate as it
         is.
         """
         clock = self._clock

@@ -2,9 +2,9 @@
 
     BusError
     ├── ConfigurationError (ValueError)   a bad name, QoS profile or configuration
-    │   ├── CommandLineError              what stands after --ros-args can't be used
-    │   └── StartError                    BUSD_DOMAIN or the limit of open files, say, can't be used
-    ├── ParameterError (ValueError)       a parameter can't be declared, read or set so
+    │   ├── CommandLineError              the arguments after --ros-args can't be used
+    │   └── StartError                    the environment can't be used: BUSD_DOMAIN, the limit of open files
+    ├── ParameterError (ValueError)       a parameter can't be declared, read or set this way
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
     ├── QuotaExceeded                     resource, used, limit
@@ -16,11 +16,11 @@
     ├── ConnectionClosed (ConnectionError)
     │   └── BrokerUnavailable             no busd answers at the socket
     ├── ServiceError                      a service could not answer: its callback raised
-    ├── ServiceUnavailable                nobody serves that service, or who did has left before it answered
+    ├── ServiceUnavailable                no server exists, or all left before they answered
     └── ForkError (RuntimeError)          a node was used in a child of the process that made it
 
-Errors are for faults. What is expected to happen on a bus (nothing to take, a message replaced because a
-queue was full, no room to publish) is a return value or a counter. Timeouts are the built-in TimeoutError.
+Errors are for faults. Expected outcomes (nothing to take, a message replaced because a queue was full, no
+room to publish) are return values or counters. Timeouts are the built-in TimeoutError.
 """
 
 from typing import TypeVar
@@ -55,8 +55,8 @@ E = TypeVar("E", bound="BusError")
 class BusError(Exception):
     """Base of every error that busd raises on purpose. `except bus.BusError` catches them all.
 
-    Texts of other processes may be in its text, and str() is what tracebacks and logs show: without control
-    characters but newlines and tabs.
+    Its text may contain texts of other processes. str(), which tracebacks and logs show, has no control
+    characters except newlines and tabs.
     """
 
     def __str__(self) -> str:
@@ -76,19 +76,19 @@ class ConfigurationError(BusError, ValueError):
     def __init__(self, message: str, *, index: int | None = None) -> None:
         super().__init__(message)
         self.index = index
-        """Where the value is a name, the offset of the first character that is wrong, else None."""
+        """If the value is a name, the offset of the first wrong character, else None."""
 
 
 class CommandLineError(ConfigurationError):
-    """What stands after --ros-args can't be used: a mistake of whoever started the program.
+    """The arguments after --ros-args can't be used: a mistake in the command that started the program.
 
     If the program does not catch it, the program ends with its text in one line, without a traceback.
     """
 
 
 class StartError(ConfigurationError):
-    """The program was started with something that keeps it from the bus: a variable that chooses the bus
-    (BUSD_DOMAIN, BUSD_SOCKET, XDG_RUNTIME_DIR), or too low a limit of open files (`ulimit -n`).
+    """The program's environment keeps it from the bus: a variable that chooses the bus (BUSD_DOMAIN,
+    BUSD_SOCKET, XDG_RUNTIME_DIR), or too low a limit of open files (`ulimit -n`).
 
     If the program does not catch it, the program ends with its text in one line, without a traceback.
     """
@@ -99,7 +99,7 @@ class MessageTypeError(BusError, TypeError):
 
 
 class ParameterError(BusError, ValueError):
-    """A parameter can't be declared, read or set so; the text names it, the value and the rule."""
+    """A parameter can't be declared, read or set this way; the text names it, the value and the rule."""
 
     def __init__(self, name: str, message: str) -> None:
         super().__init__(message)
@@ -118,9 +118,9 @@ class PayloadTooLarge(BusError, ValueError):
         self.topic = topic
         """The topic's full name."""
         self.size_bytes = size_bytes
-        """What the message has."""
+        """The message's size."""
         self.limit_bytes = limit_bytes
-        """What it may have."""
+        """The topic's limit."""
 
 
 class QuotaExceeded(BusError):
@@ -129,7 +129,7 @@ class QuotaExceeded(BusError):
     def __init__(self, resource: str, *, used: int, limit: int) -> None:
         super().__init__(f"{resource}: {used} of {limit} in use; busd's limit can be raised in busd.toml")
         self.resource = resource
-        """What it is about: `endpoints`, say."""
+        """The name of the resource, such as `endpoints`."""
         self.used = used
         """How much of it this process holds."""
         self.limit = limit
@@ -143,26 +143,26 @@ class AccessDenied(BusError):
 class SharedMemoryError(BusError, OSError):
     """The machine has no memory, or this process no descriptor, for what is to be shared.
 
-    Where `publish` raises it, the message was not published; the publisher can be used on.
+    If `publish` raises it, the message was not published; the publisher is still usable.
     """
 
 
 class ProtocolError(BusError):
-    """The rules of the wire were broken; see the two subclasses for by whom."""
+    """One side broke the rules of the wire; the two subclasses say which."""
 
 
 class LocalProtocolError(ProtocolError):
-    """This side asked for something that is not allowed now: a second loan, a call too many at once."""
+    """This side asked for something that is not allowed now: a second loan, or too many calls at once."""
 
 
 class RemoteProtocolError(ProtocolError):
-    """The other side sent something that is not allowed: it has a fault, or is of another version."""
+    """The other side sent something that is not allowed: it is faulty or has another version."""
 
 
 class ConnectionClosed(BusError, ConnectionError):
     """Something was closed: the object itself, its node, or the connection to busd for good.
 
-    A busd that restarts closes nothing: the library connects again, and what is asked meanwhile waits.
+    A restart of busd closes nothing: the library connects again, and requests wait meanwhile.
     """
 
 
@@ -171,19 +171,19 @@ class BrokerUnavailable(ConnectionClosed):
 
 
 class ServiceError(BusError):
-    """A service could not answer a call; the text is what its side says."""
+    """A service could not answer a call; the text is the server's."""
 
     def __init__(self, service: str, text: str) -> None:
         super().__init__(f"service '{service}' failed: {text}")
         self.service = service
         """The service's full name."""
         self.text = text
-        """What its side says: the type and text of the exception there."""
+        """The server's text: type and text of the exception there."""
 
 
 class ServiceUnavailable(BusError):
-    """Nobody serves the service, or all who were asked have left before they answered, or busd has ended and
-    request or answer with it."""
+    """No server exists, or all servers that were asked left before they answered, or busd ended and the
+    request or answer was lost."""
 
     def __init__(self, service: str, why: str) -> None:
         super().__init__(f"service '{service}' is not available: {why}")
@@ -194,5 +194,5 @@ class ServiceUnavailable(BusError):
 class ForkError(BusError, RuntimeError):
     """A node was used after fork() in the child; connections do not survive a fork.
 
-    The child makes a node of its own; the parent's goes on.
+    The child must make a new node; the parent's continues.
     """

@@ -32,7 +32,7 @@ class MatchedChange(NamedTuple):
     current_count: int
     """Matches now."""
     current_count_change: int
-    """1 for a match that was made, -1 for one that ended."""
+    """1 for a new match, -1 for an ended match."""
     total_count: int
     """Matches that were ever made."""
     total_count_change: int
@@ -52,7 +52,7 @@ class IncompatibleQoS(NamedTuple):
     total_count: int
     """Endpoints that did not match because of their QoS."""
     total_count_change: int
-    """Of these, the ones that this event is about."""
+    """The part of `total_count` that is new in this event."""
     policy: str
     """The last policy that differs, as rclpy's QoSPolicyKind names it: `RELIABILITY`."""
     text: str
@@ -72,7 +72,7 @@ class IncompatibleType(NamedTuple):
     total_count: int
     """Endpoints that did not match because of their type."""
     total_count_change: int
-    """Of these, the ones that this event is about."""
+    """The part of `total_count` that is new in this event."""
     text: str
     """What differs."""
     node: str
@@ -90,7 +90,7 @@ class DeadlineMissed(NamedTuple):
     total_count: int
     """Deadlines missed until now."""
     total_count_change: int
-    """Of these, the ones that this event is about."""
+    """The part of `total_count` that is new in this event."""
 
 
 class LivelinessChanged(NamedTuple):
@@ -122,7 +122,7 @@ class LivelinessLost(NamedTuple):
     total_count: int
     """How often that happened."""
     total_count_change: int
-    """Of these, the ones that this event is about."""
+    """The part of `total_count` that is new in this event."""
 
 
 class MessageLost(NamedTuple):
@@ -136,7 +136,7 @@ class MessageLost(NamedTuple):
     total_count: int
     """Messages that this subscription lost until now."""
     total_count_change: int
-    """Of these, the ones since the last event."""
+    """Messages lost since the last event."""
     reasons: dict[str, int]
     """The total by reason, as `SubscriptionStatistics.dropped`."""
 
@@ -144,7 +144,7 @@ class MessageLost(NamedTuple):
 class PublisherEvents(msgspec.Struct, frozen=True, kw_only=True):
     """Callbacks of a publisher: plain functions, called on the event loop, of one argument.
 
-    Given to `Node.create_publisher`. What one raises goes where an exception in any callback goes.
+    Given to `Node.create_publisher`. An exception in one is handled like one in any other callback.
 
         events = bus.PublisherEvents(matched=lambda change: print(change.current_count))
     """
@@ -164,7 +164,7 @@ class PublisherEvents(msgspec.Struct, frozen=True, kw_only=True):
 class SubscriptionEvents(msgspec.Struct, frozen=True, kw_only=True):
     """Callbacks of a subscription: plain functions, called on the event loop, of one argument.
 
-    Given to `Node.create_subscription`. What one raises goes where an exception in any callback goes.
+    Given to `Node.create_subscription`. An exception in one is handled like one in any other callback.
 
         events = bus.SubscriptionEvents(message_lost=lambda event: print(event.reasons))
     """
@@ -178,6 +178,6 @@ class SubscriptionEvents(msgspec.Struct, frozen=True, kw_only=True):
     deadline_missed: Callable[[DeadlineMissed], object] | None = None
     """Nothing came within the deadline."""
     liveliness_changed: Callable[[LivelinessChanged], object] | None = None
-    """A publisher is alive, or is so no more."""
+    """A publisher became alive or not alive."""
     message_lost: Callable[[MessageLost], object] | None = None
     """Messages were dropped."""

@@ -27,11 +27,11 @@ class GraphNode(msgspec.Struct, frozen=True):
     name: str
     """Without the namespace."""
     namespace: str
-    """With a slash in front; `/` where it has none."""
+    """Starts with a slash; `/` for none."""
     pid: int
-    """The process that it lives in; where it has an `origin`, the bridge."""
+    """Its process; the bridge's process if it has an `origin`."""
     origin: Origin | None = None
-    """From which bus a bridge has brought it; None where it lives on this one."""
+    """The bus from which a bridge mirrors it; None if it is on this bus."""
 
     @property
     def full_name(self) -> str:
@@ -50,7 +50,7 @@ class GraphEndpoint(msgspec.Struct, frozen=True):
     id: int
     """busd's number for it."""
     kind: str
-    """`publisher`, `subscription`, or `tap`: a subscription of a bridge's, which stands for others."""
+    """`publisher`, `subscription`, or `tap`: a bridge's subscription that represents others."""
     node: GraphNode
     """The node that made it."""
     topic: str
@@ -58,13 +58,13 @@ class GraphEndpoint(msgspec.Struct, frozen=True):
     type_name: str
     """The message's type, as `std_msgs/msg/String`."""
     type_hash: str
-    """Of the type's description: two types match where name and hash do."""
+    """Hash of the type's description: two types match if name and hash are equal."""
     gid: bytes
     """16 bytes that no other endpoint has."""
     qos: QoSProfile
     """Its policies."""
     statistics: EndpointStatistics | None = None
-    """Its counters, where they were asked for."""
+    """Its counters, if they were requested."""
 
 
 class GraphMatch(msgspec.Struct, frozen=True):
@@ -80,11 +80,11 @@ class GraphMatch(msgspec.Struct, frozen=True):
     subscription: int
     """The subscription's `id` in the graph."""
     route: str
-    """`shm` or `socket`; `bridge` where the subscription is on another bus."""
+    """`shm` or `socket`; `bridge` if the subscription is on another bus."""
 
 
 class Graph(msgspec.Struct, frozen=True, dict=True):
-    """Everything that busd knew at one moment, and that its rules let this user see.
+    """A snapshot of busd's nodes, endpoints and matches, as far as its rules let this user see them.
 
     For example:
 
@@ -98,13 +98,14 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
     nodes: tuple[GraphNode, ...]
     """All nodes."""
     publishers: tuple[GraphEndpoint, ...]
-    """All publishers, those of services and of /rosout too."""
+    """All publishers, including publishers of services and of /rosout."""
     subscriptions: tuple[GraphEndpoint, ...]
-    """All subscriptions, those of services too."""
+    """All subscriptions, including subscriptions of services."""
     matches: tuple[GraphMatch, ...]
-    """All matches, those of taps too."""
+    """All matches, including matches of taps."""
     taps: tuple[GraphEndpoint, ...] = ()
-    """What takes messages for subscriptions on other buses; neither these nor `subscriptions` count them."""
+    """Bridges' endpoints that take messages for subscriptions on other buses. `subscriptions` does not
+    include them, nor does any count."""
 
     def topics(self) -> dict[str, list[str]]:
         """Each topic with the names of its types (more than one is a conflict), sorted."""
@@ -114,11 +115,11 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         return {topic: sorted(found[topic]) for topic in sorted(found)}
 
     def publishers_of(self, topic: str) -> list[GraphEndpoint]:
-        """The publishers on `topic`, a full name; an empty list where there are none."""
+        """The publishers on `topic`, a full name; may be empty."""
         return list(self._publishers_by_topic.get(topic, ()))
 
     def subscriptions_of(self, topic: str) -> list[GraphEndpoint]:
-        """The subscriptions to `topic`, a full name; an empty list where there are none."""
+        """The subscriptions to `topic`, a full name; may be empty."""
         return list(self._subscriptions_by_topic.get(topic, ()))
 
     def services(self) -> dict[str, list[str]]:
@@ -126,12 +127,13 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         return services_of((*self.publishers, *self.subscriptions))
 
     def servers_of(self, service: str) -> list[GraphEndpoint]:
-        """The subscriptions to the service's requests, one of each server, without those of observers."""
+        """The subscriptions to the service's requests, one of each server, without observers'
+        subscriptions."""
         answering = {endpoint.node.id for endpoint in self.publishers_of(reply_topic(service))}
         return [one for one in self.subscriptions_of(request_topic(service)) if one.node.id in answering]
 
     def clients_of(self, service: str) -> list[GraphEndpoint]:
-        """What sends it requests, one of each client."""
+        """The publishers of the service's requests, one of each client."""
         return self.publishers_of(request_topic(service))
 
     # A caller that asks for one topic mostly asks for all of them.
@@ -197,7 +199,7 @@ def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
 
 
 def types_of(graph: Graph, topic: str, type_name: str | None) -> list[tuple[str, str]]:
-    """The types that may be meant, each once: those of the topic, else those of that name."""
+    """The possible types, each once: types of the topic, or else types of that name."""
     endpoints = (*graph.publishers_of(topic), *graph.subscriptions_of(topic))
     here = {(one.type_name, one.type_hash) for one in endpoints}
     if type_name is not None:

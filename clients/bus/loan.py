@@ -7,9 +7,9 @@ from bus.errors import LocalProtocolError
 
 
 class Loan:
-    """Made by `Publisher.loan`. Fill `buffer`, then `publish`, or `discard`.
+    """A buffer for one message, made by `Publisher.loan`. Fill `buffer`, then `publish` or `discard`.
 
-    As a context manager it gives the buffer, publishes at the end and discards after an exception.
+    As a context manager it returns the buffer, publishes at the end and discards after an exception.
 
         if loan := images.loan(Image(height=480, width=640), "data", 640 * 480):
             with loan as buffer:
@@ -20,20 +20,20 @@ class Loan:
 
     def __init__(self, buffer: memoryview, finish: "Callable[[Loan, bool], bool]") -> None:
         self.buffer = buffer
-        """Writable bytes; not to be used after the loan has ended."""
+        """Writable bytes; don't use it after the loan has ended."""
         self._finish: Callable[[Loan, bool], bool] | None = (
             finish  # `finish` itself sets None: then it has ended
         )
 
     def publish(self) -> bool:
-        """Publish the message with what is in the buffer; returns and raises as `Publisher.publish`.
+        """Publish the message with the buffer's contents; returns and raises as `Publisher.publish`.
 
-        Raises LocalProtocolError where the loan has ended already, or on another thread.
+        Raises LocalProtocolError if the loan has ended already, or on another thread.
         """
         return self._end(True)
 
     def discard(self) -> None:
-        """Publish nothing. Nothing happens where the loan has ended."""
+        """Publish nothing. Has no effect if the loan has ended."""
         if self._finish is not None:
             self._end(False)
 

@@ -42,7 +42,7 @@ TOP_NAME = "bus.nodes"
 
 
 class Severity(IntEnum):
-    """ROS's severities; the numbers are those of `logging` and of rcl_interfaces/msg/Log.
+    """ROS's severities, with the numbers of `logging` and rcl_interfaces/msg/Log.
 
     For example:
 
@@ -90,13 +90,13 @@ class Filters(TypedDict, total=False):
 
 
 class Logger:
-    """A named logger. Dots in the name make a tree: a child without a level of its own has its parent's.
+    """A named logger. Dots in the name make a tree: a child without a level inherits its parent's level.
 
     Made by `Node.get_logger` and `get_logger`; may be used from any thread. The methods for each severity
-    take any object, logged as its str(), and return whether it was logged. They have filters, each kept for
-    the place in the program that calls: `once=True` logs the first call only, `skip_first=True` all others,
-    `throttle_duration_sec=1.0` no more than one in so many seconds. Filters are only looked at where the
-    severity is enabled.
+    take any object, logged as its str(), and return whether it was logged. They have filters, kept for each
+    calling place in the program: `once=True` logs the first call only, `skip_first=True` all others,
+    `throttle_duration_sec=1.0` at most one in that many seconds. Filters only apply if the severity is
+    enabled.
 
         node.get_logger().warning("slow", throttle_duration_sec=1.0)
     """
@@ -105,7 +105,7 @@ class Logger:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        """Its name, without that of `logging`'s parent, `bus.nodes`."""
+        """Its name, without `bus.nodes`, its parent's name in `logging`."""
         self._logger = logging.getLogger(f"{TOP_NAME}.{name}")
         self._filters: dict[_CallSite, _FilterState] = {}
 
@@ -138,7 +138,7 @@ class Logger:
     def log(self, message: object, severity: Severity | int | str, **filters: Unpack[Filters]) -> bool:
         """Log `message` as `severity`, which may be given by name; returns whether it was logged.
 
-        Raises ConfigurationError for what is no severity.
+        Raises ConfigurationError for an unknown severity.
         """
         level = _severity(severity)
         return self._logger.isEnabledFor(level) and self._log(level, message, filters)
@@ -146,7 +146,7 @@ class Logger:
     def set_level(self, level: Severity | int | str) -> None:
         """Log this severity and above, here and in children; UNSET = as the parent.
 
-        Raises ConfigurationError for what is no severity.
+        Raises ConfigurationError for an unknown severity.
         """
         self._logger.setLevel(_severity(level))
 
@@ -168,13 +168,13 @@ class Logger:
     def add_sink(self, sink: Sink) -> None:
         """Also hand every entry of this logger and its children to `sink`, in the thread that logs.
 
-        An entry has `severity`, `stamp_ns` (wall clock), `name`, `text`, `file`, `function` and `line`.
-        What the sink itself logs does not come back to it; what it raises is reported on stderr.
+        An entry has `severity`, `stamp_ns` (wall clock), `name`, `text`, `file`, `function` and `line`. The
+        sink does not receive entries that it logs itself. An exception in the sink is reported on stderr.
         """
         self._logger.addHandler(_SinkHandler(sink))
 
     def remove_sink(self, sink: Sink) -> None:
-        """Undo `add_sink`; nothing happens where the sink is not there."""
+        """Undo `add_sink`; has no effect if the sink was not added."""
         for handler in self._logger.handlers[:]:
             if isinstance(handler, _SinkHandler) and handler.sink == sink:
                 self._logger.removeHandler(handler)

@@ -87,12 +87,16 @@ class Publisher(Endpoint[M]):
     def publish(self, message: M) -> bool:
         """Publish `message`; never blocks, and may be called from any thread.
 
-        Returns False only where the QoS is reliable + keep all and there is no room until the subscriptions
-        have taken more: then the message was not published, and that is counted (see `send`).
+        Returns False only if the QoS is reliable + keep all and there is no room until the subscriptions take
+        more. Then the message was not published, and the refusal is counted (see `send`).
 
-        Raises MessageTypeError for a message of another class or with a field of the wrong type,
-        PayloadTooLarge above the topic's limit, SharedMemoryError where the machine has no memory for it,
-        LocalProtocolError while a loan is open, ConnectionClosed after `close`.
+        Raises:
+
+        - MessageTypeError: a message of another class, or a field of the wrong type
+        - PayloadTooLarge: above the topic's limit
+        - SharedMemoryError: the machine has no memory for it
+        - LocalProtocolError: a loan is open
+        - ConnectionClosed: after `close`
         """
         status = self._quick.publish(message)
         return True if status is True else self._publish_on(message, status)
@@ -123,14 +127,14 @@ class Publisher(Endpoint[M]):
         return self._write(payload)
 
     def publish_encoded(self, payload: Buffer, *, source_time_ns: int | None = None) -> bool:
-        """Publish a message that is encoded already; as `publish`, but nothing checks its type here.
+        """Publish a message that is already encoded; as `publish`, but without a check of its type.
 
-        What a subscription with `raw` received can be passed on like this. A subscription counts what is
-        no message of its type as `undecodable`.
+        Messages received by a subscription with `raw` can be forwarded this way. A subscription counts
+        payloads that are not a message of its type as `undecodable`.
 
-        `source_time_ns`: when the message came about, in nanoseconds of the wall clock, for those who bring
-        it from elsewhere. It is the `source_timestamp` that subscriptions see; all else (order, lifespan)
-        goes by when it was published. Raises ConfigurationError for what is no time.
+        `source_time_ns` is for messages that come from elsewhere: the time at which the message arose, in
+        nanoseconds of the wall clock. Subscriptions see it as `source_timestamp`. Everything else (order,
+        lifespan) depends on the time of publishing. Raises ConfigurationError if it is not a valid time.
         """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
@@ -142,11 +146,11 @@ class Publisher(Endpoint[M]):
         return self._write(payload)
 
     def publish_packed(self, data: Buffer, start: int = 0) -> int:
-        """Publish the messages that stand in a `Pack`'s data from byte `start` on, each with its source time.
+        """Publish the messages in a `Pack`'s data from byte `start` on, each with its source time.
 
-        For bridges: readers are woken once for all of them. Returns how many, from the front, were published:
-        as many as can be without more ado, which may be none. `publish_encoded` takes the next one, or says
-        why not.
+        For bridges: readers are woken once for all of them. Returns how many messages, from the front, were
+        published: the ones that need no further work, possibly none. `publish_encoded` publishes the next
+        one, or says why it can't.
         """
         count, is_report_due = self._quick.publish_packed(data, start)
         if is_report_due:
@@ -154,14 +158,15 @@ class Publisher(Endpoint[M]):
         return count
 
     def loan(self, message: M, field: str, size: int) -> "Loan | None":
-        """A buffer of `size` bytes, to be filled by the caller: the field `field` of `message`.
+        """Lend a buffer of `size` bytes for the field `field` of `message`; the caller fills it.
 
-        It lies where the subscriptions read, so that nothing is copied: for a camera's frame, say. The rest
-        of `message` counts as it is now. Until the loan is published or discarded, nothing else can be
-        published here. None where `publish` would give False. On the event loop's thread only.
+        The buffer is in the shared memory that subscriptions read, so nothing is copied: useful for a
+        camera's frame. The other fields of `message` are encoded as they are now. Until the loan is published
+        or discarded, this publisher can't publish anything else. Returns None if `publish` would return
+        False. Only for the event loop's thread.
 
-        Raises as `publish`, and MessageTypeError for a field that is no bytes, ValueError for a negative
-        size, LocalProtocolError on another thread.
+        Raises the errors of `publish`, and MessageTypeError if the field is not bytes, ValueError for a
+        negative size, LocalProtocolError on another thread.
         """
         index = self._bytes_fields.get(field)
         if index is None:
@@ -184,9 +189,9 @@ class Publisher(Endpoint[M]):
 
     @done_anyway
     async def send(self, message: M) -> None:
-        """Publish `message`, and wait for room first where the QoS is reliable + keep all.
+        """Publish `message`; if the QoS is reliable + keep all, wait for room first.
 
-        Cancellation: the message was not published. Raises what `publish` raises.
+        Raises the errors of `publish`. After a cancellation the message was not published.
         """
         await self._send(message)
 
@@ -208,37 +213,37 @@ class Publisher(Endpoint[M]):
         return is_taken
 
     async def wait_for_room(self) -> None:
-        """After `publish` or `loan` found no room: wait until it is worth trying again.
+        """After `publish` or `loan` found no room: wait until a new attempt may succeed.
 
-        Raises ConnectionClosed where the publisher is closed meanwhile. Cancellation leaves nothing behind.
+        Raises ConnectionClosed if the publisher is closed meanwhile. Cancellation leaves nothing behind.
         """
         await self._sender.wait_for_room()
 
     async def flush(self) -> None:
         """Wait until everything published has left this process: by shared memory, or through busd's socket.
 
-        While busd is away, what goes through it waits until it is back.
+        While busd is away, messages that go through its socket wait until it is back.
 
-        Raises ConnectionClosed where the connection is closed first. Cancellation: nothing is lost.
+        Raises ConnectionClosed if the connection is closed first. A cancellation loses nothing.
         """
         await self._sender.flush()
 
     async def wait_for_subscriptions(self, number: int = 1) -> None:
-        """Wait until at least `number` subscriptions are matched, and are there to be woken.
+        """Wait until at least `number` subscriptions are matched and can be woken.
 
-        Waits without an end: use `asyncio.timeout`. Raises ConnectionClosed where the publisher is closed
+        Has no time limit: use `asyncio.timeout`. Raises ConnectionClosed if the publisher is closed
         meanwhile. Cancellation leaves nothing behind.
         """
         await self._core.wait_for_matches(number)
 
     def get_subscription_count(self) -> int:
-        """How many subscriptions are matched now."""
+        """The number of subscriptions matched now."""
         return len(self._core.matches)
 
     def assert_liveliness(self) -> None:
-        """Say that this publisher lives, without publishing (liveliness manual by topic).
+        """Assert that this publisher is alive, without publishing (liveliness manual by topic).
 
-        Raises ConnectionClosed after `close`. Nothing happens while busd is away.
+        Raises ConnectionClosed after `close`. Has no effect while busd is away.
         """
         core = self._core
         if core.refusal is not None:
@@ -246,7 +251,7 @@ class Publisher(Endpoint[M]):
         core.link.send_about(core, m.AssertLiveliness(publisher=core.id))
 
     def statistics(self) -> PublisherStatistics:
-        """Its counters until now; they stay when it is closed."""
+        """Its counters until now; `close` keeps them."""
         return self._core.statistics()
 
     # --- inside

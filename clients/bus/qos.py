@@ -94,13 +94,13 @@ class Durability(StrEnum):
     VOLATILE = "volatile"
     """They don't."""
     TRANSIENT_LOCAL = "transient_local"
-    """They do, where both sides say so."""
+    """They do, if both sides set it."""
     BEST_AVAILABLE = "best_available"
     """For subscriptions: they do from each publisher that keeps some, and match all others too."""
 
 
 class Liveliness(StrEnum):
-    """What counts as a publisher's sign of life.
+    """How a publisher proves that it is alive.
 
     For example:
 
@@ -233,22 +233,22 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def deadline_ns(self) -> int:
-        """`deadline` in nanoseconds; 0 where it is infinite."""
+        """`deadline` in nanoseconds; 0 if it is infinite."""
         return _nanoseconds(self.deadline)
 
     @property
     def lifespan_ns(self) -> int:
-        """`lifespan` in nanoseconds; 0 where it is infinite."""
+        """`lifespan` in nanoseconds; 0 if it is infinite."""
         return _nanoseconds(self.lifespan)
 
     @property
     def lease_ns(self) -> int:
-        """`liveliness_lease_duration` in nanoseconds; 0 where it is infinite."""
+        """`liveliness_lease_duration` in nanoseconds; 0 if it is infinite."""
         return _nanoseconds(self.liveliness_lease_duration)
 
 
 QoS: TypeAlias = int | QoSProfile | str
-"""What users may pass for a profile: a depth (of keep last), a profile, or a preset's name."""
+"""A profile as users may pass it: a depth (of keep last), a profile, or a preset's name."""
 
 
 def profile(value: QoS) -> QoSProfile:

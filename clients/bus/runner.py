@@ -29,10 +29,10 @@ def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 def run(main: Coroutine[Any, Any, T]) -> T:
     """Run `main` and return its result.
 
-    Ctrl-C and SIGTERM cancel it, so that its `finally` and `async with` blocks run; then KeyboardInterrupt is
-    raised, for SIGTERM a subclass of it. Where nobody catches that, the program dies by the same signal, for
-    a shell to see, and no traceback is printed. The result of a `main` that catches its cancellation is
-    returned. All this in the main thread only, and where the program has no handlers of its own.
+    Ctrl-C and SIGTERM cancel it: its `finally` and `async with` blocks run. Then KeyboardInterrupt is raised,
+    for SIGTERM a subclass of it. If the program does not catch that, it dies by the same signal (shells check
+    that) and prints no traceback. If `main` catches its cancellation, its result is returned. All this
+    applies only in the main thread, and only if the program has set no signal handlers.
 
     SIGPIPE does the same if the program writes, by `print` or a logger, to a pipe that no process reads any
     more, as after `| head -1`. Other broken pipes and sockets raise BrokenPipeError only.
@@ -40,7 +40,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     If no busd answers and none may be started, or the command line or a variable as BUSD_DOMAIN can't be
     used, the program ends with one line that says so.
 
-    Raises TypeError for what is no coroutine, RuntimeError where an event loop runs already.
+    Raises TypeError if `main` is not a coroutine, RuntimeError if an event loop runs already.
 
         bus.run(main())
     """

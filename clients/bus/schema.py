@@ -22,7 +22,7 @@ _NUMBER = r"u?int\d+|float\d+"
 class MessageSchema(msgspec.Struct, frozen=True, dict=True):
     """A message type without a class: its name, its hash, and how its messages are encoded.
 
-    For recorders, bridges and viewers: to subscribe, to publish, to look into what is encoded. It comes from
+    For recorders, bridges and viewers: to subscribe, to publish, to inspect encoded messages. It comes from
     `Node.get_schema`, from the `schema` of an endpoint, or from a class.
 
         schema = bus.MessageSchema.of(String)
@@ -33,17 +33,17 @@ class MessageSchema(msgspec.Struct, frozen=True, dict=True):
     type_name: str
     """As `std_msgs/msg/String`."""
     type_hash: str
-    """Of the description, as ROS 2 has it where ROS 2 can describe the type. Types match where name and hash
-    do."""
+    """Hash of the description; ROS 2's hash if ROS 2 can describe the type. Types match if name and hash are
+    equal."""
     encoded: bytes
     """The description as it travels: `description` in MessagePack."""
 
     @staticmethod
     def of(message_type: "type[msgspec.Struct] | Mapping[str, Any]") -> "MessageSchema":
-        """That of a message class, or of a `description`, whose hash it finds out.
+        """The schema of a message class, or of a `description` (its hash is computed).
 
-        Raises MessageTypeError for a class that is no message type, ConfigurationError for a description
-        that is malformed or too large.
+        Raises MessageTypeError if the class is not a message type, ConfigurationError for a description that
+        is malformed or too large.
         """
         if isinstance(message_type, Mapping):
             from bus.types.schema import build
@@ -53,9 +53,8 @@ class MessageSchema(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def description(self) -> dict[str, Any]:
-        """`root`, the type's name, and `types`, of each the fields: docs/any-type.md says all.
-
-        Raises ConfigurationError where what came from the bus is broken.
+        """`root` is the type's name, `types` has the fields of each type; see docs/any-type.md. Raises
+        ConfigurationError if the description from the bus is malformed.
         """
         try:
             found: dict[str, Any] = msgspec.msgpack.decode(self.encoded, type=dict)
@@ -65,9 +64,9 @@ class MessageSchema(msgspec.Struct, frozen=True, dict=True):
         return found
 
     def to_class(self) -> type[msgspec.Struct]:
-        """A class for its messages: the ready-made one where that is of the same definition, else a new one.
+        """A class for its messages: the ready-made class if its definition is the same, else a new class.
 
-        Raises ConfigurationError where the description is malformed or too large.
+        Raises ConfigurationError if the description is malformed or too large.
         """
         ready_made = find_type(self.type_name)
         if ready_made is not None and type_hash(ready_made) == self.type_hash:

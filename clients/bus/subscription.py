@@ -48,7 +48,7 @@ class Subscription(Endpoint[M]):
     """Receives messages of one type on one topic; made by `Node.create_subscription`.
 
     Without a callback: `async for message in subscription`, which ends when it is closed, or `receive`, or
-    `take`. What nobody takes is replaced by what is newer, beyond the depth, and counted.
+    `take`. Beyond the depth, newer messages replace messages not yet taken; each replacement is counted.
 
         message, info = await subscription.receive()
     """
@@ -71,15 +71,15 @@ class Subscription(Endpoint[M]):
         self._ahead = core.receiver.ahead
 
     def take(self) -> tuple[M, MessageInfo] | None:
-        """The oldest waiting message and its info; None where none waits. Never blocks."""
+        """The oldest waiting message and its info, or None. Never blocks."""
         taken = self._receiver.take()
         return None if taken is None else (taken[0], self._core.info(taken))
 
     def take_many(self, limit: int) -> list[tuple[M, MessageInfo]]:
         """Up to `limit` of the oldest waiting messages, each with its info; never blocks.
 
-        For those who take much at a time, with `raw` a recorder say: a message costs less than half of what
-        a `take` costs, and less than a callback that wants the info. Wait for the first with `receive`.
+        For programs that take many messages at a time, such as a recorder with `raw`. A message costs less
+        than half of a `take`, and less than a callback with info. Wait for the first with `receive`.
 
             batch = [await subscription.receive(), *subscription.take_many(1000)]
         """
@@ -105,21 +105,22 @@ class Subscription(Endpoint[M]):
         ]
 
     def take_packed(self, most_bytes: int, longest: int) -> Pack | None:
-        """What waits of one publisher, in one buffer of at most `most_bytes`; never blocks.
+        """The waiting messages of one publisher, in one buffer of at most `most_bytes`; never blocks.
 
-        For bridges, which pass it on by `Publisher.publish_packed`: a message costs a tenth of what it costs
-        in `take_many`. None where that has to take the next message: one of `longest` bytes or more, one that
-        came by socket, any without the native core.
+        For bridges, which forward the buffer by `Publisher.publish_packed`: a message costs a tenth of its
+        cost in `take_many`. Returns None if `take_many` has to take the next message: a message of `longest`
+        bytes or more, a message received by socket, or any message without the native core.
         """
         found = self._receiver.take_packed(most_bytes, longest, self._core.link.wall_offset_ns)
         return None if found is None else Pack(found[0].shown_gid, *found[1:])
 
     def set_arrival_callback(self, callback: Callable[[], object] | None) -> None:
-        """Have `callback` called on the event loop when messages have come, once for all that came together.
+        """Set a callback for the arrival of messages: called on the event loop, once for messages that came
+        together.
 
-        For programs that take from many subscriptions as soon as something is there, without a task for each.
+        For programs that take from many subscriptions as soon as messages arrive, without a task for each.
         Messages that wait already are not announced. While it is set, `receive` and iteration are not woken;
-        None ends that. Raises ConfigurationError where the subscription delivers its messages to a callback.
+        None removes it. Raises ConfigurationError if the subscription delivers its messages to a callback.
 
             subscription.set_arrival_callback(lambda: write(subscription.take_many(1000)))
         """
@@ -128,22 +129,23 @@ class Subscription(Endpoint[M]):
         self._core.on_arrival = callback
 
     def hold_back(self, publisher_gid: bytes) -> None:
-        """Give one publisher no more room, until `release`: if it is lossless, it waits, and others go on.
+        """Give one publisher no more room until `release`: a lossless publisher waits, and others go on.
 
-        For bridges, where the way of one may be stuck. By shared memory nothing more of it is taken. By
-        socket what it has had room for still comes, and is not acknowledged.
+        For bridges, if one publisher's route to the other bus is blocked. By shared memory, the subscription
+        takes no more of its messages. By socket, messages that already had room still arrive, and are not
+        acknowledged.
         """
         self._core.hold_back(publisher_gid)
 
     def release(self, publisher_gid: bytes) -> None:
-        """End what `hold_back` has begun."""
+        """Undo `hold_back`: give the publisher room again."""
         self._core.release(publisher_gid)
 
     async def receive(self) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.
 
-        Waits without an end: use `asyncio.timeout`. Cancellation: no message is lost. Raises ConnectionClosed
-        once the subscription is closed.
+        Has no time limit: use `asyncio.timeout`. Raises ConnectionClosed once the subscription is closed. A
+        cancellation loses no message.
         """
         while (taken := self._receiver.take()) is None:
             await self._core.wait_for_arrival()
@@ -164,17 +166,17 @@ class Subscription(Endpoint[M]):
     async def wait_for_publishers(self, number: int = 1) -> None:
         """Wait until at least `number` publishers are matched.
 
-        Waits without an end: use `asyncio.timeout`. Raises ConnectionClosed where the subscription is closed
+        Has no time limit: use `asyncio.timeout`. Raises ConnectionClosed if the subscription is closed
         meanwhile. Cancellation leaves nothing behind.
         """
         await self._core.wait_for_matches(number)
 
     def get_publisher_count(self) -> int:
-        """How many publishers are matched now."""
+        """The number of publishers matched now."""
         return len(self._core.matches)
 
     def statistics(self) -> SubscriptionStatistics:
-        """Its counters until now; they stay when it is closed."""
+        """Its counters until now; `close` keeps them."""
         return self._core.statistics()
 
     def _counts(self) -> str:

@@ -1,4 +1,4 @@
-"""A pytest plugin: each test gets a bus of its own, and fails where it leaves nodes on it.
+"""A pytest plugin: each test gets a separate bus, and fails if it leaves nodes on it.
 
     # conftest.py
     pytest_plugins = ["bus.testing"]
@@ -77,7 +77,7 @@ class Domain:
 
     @property
     def log(self) -> str:
-        """What busd has said."""
+        """busd's output."""
         return self._log.read_text(errors="replace") if self._log.exists() else ""
 
     def start(self) -> None:

@@ -17,16 +17,16 @@ _LONGEST_S = 1e9
 class Timer:
     """Calls `callback()` every `period_s` seconds; made by `Node.create_timer`.
 
-    The first call comes after one period. The next call's time advances by whole periods: no drift, and calls
-    that could not be made in time are skipped and counted in `missed`, never made up for in a burst. An async
-    callback that still runs when the next call is due makes that call a missed one.
+    The first call comes after one period. The time of the next call advances by whole periods, so calls don't
+    drift. Calls that are too late are skipped and counted in `missed`; no burst makes up for them. If an
+    async callback still runs when the next call is due, that call is missed.
 
     On Linux, calls are some ten microseconds late, whatever the period. This needs a timer of the kernel,
     which the native core has, and Python from 3.13 on. Without one, the event loop's timers are used: calls
     are up to a millisecond late, and periods below 1 ms miss calls (asyncio) or use a whole CPU (uvloop).
 
-    While the node's parameter `use_sim_time` is true the seconds are those of the simulation. Where its time
-    begins, ends or jumps back, the next call comes one period from then.
+    While the node's parameter `use_sim_time` is true, seconds are simulated time. If simulated time begins,
+    ends or jumps back, the next call comes one period from then.
 
         timer = node.create_timer(1.0, lambda: print(timer.calls))
     """

@@ -1,4 +1,4 @@
-"""Patterns for topic names, as rules have them: those of busd.toml, and those of a bridge.
+"""Patterns for topic names in the rules of busd.toml and of bridges.
 
 Owns what a pattern means and which ones can never match. Must not know what a rule does with the topics.
 

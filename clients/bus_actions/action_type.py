@@ -1,8 +1,8 @@
 """Types of actions, and the messages that carry their parts over the bus.
 
-Owns: the base class of an action's definition, and which classes travel for it. A goal, a result or feedback
-goes within a message of ROS 2's that says whose it is: `<pkg>/action/<Name>_SendGoal_Request` and so on. Must
-not know: topics.
+Owns: the base class of an action's definition, and the classes sent over the bus for it. A goal, a result or
+feedback is sent within a ROS 2 message that also has the goal's id: `<pkg>/action/<Name>_SendGoal_Request`
+and so on. Must not know: topics.
 """
 
 from collections.abc import Iterable
@@ -28,8 +28,8 @@ _PLAIN: Final[dict[str, tuple[Any, Any]]] = {"bool": (bool, False), "int8": (int
 class Action:
     """Base of an action's definition: three message classes, `Goal`, `Result` and `Feedback`, within it.
 
-    `__type_name__` is `local/action/<Class>`, or what the class itself sets. It is no object at run time: see
-    `ActionServer` and `ActionClient`.
+    `__type_name__` is `local/action/<Class>`, or the name that the class itself sets. It is never
+    instantiated: see `ActionServer` and `ActionClient`.
 
         class Count(Action):
             class Goal(Message, kw_only=True):
@@ -44,11 +44,11 @@ class Action:
 
     __type_name__: ClassVar[str]
     Goal: ClassVar[type[Any]]
-    """The message class of what is to be done."""
+    """The message class of goals."""
     Result: ClassVar[type[Any]]
-    """The message class of what came of it; made without arguments where a goal ends without a result."""
+    """The message class of results; made without arguments if a goal ends without a result."""
     Feedback: ClassVar[type[Any]]
-    """The message class of what is told on the way."""
+    """The message class of feedback."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -64,8 +64,8 @@ class Action:
 def find_action(name: str) -> Any:
     """The action called `name` (`example_interfaces/action/Fibonacci`), made of its definition.
 
-    Definitions are looked for in the workspace, in AMENT_PREFIX_PATH and in BUS_INTERFACE_PATH; some come
-    with busd (`bus interface list`). Raises ConfigurationError where there is none, or a malformed one.
+    Searches definitions in the workspace, in AMENT_PREFIX_PATH and in BUS_INTERFACE_PATH; some come with busd
+    (`bus interface list`). Raises ConfigurationError if the definition is missing or malformed.
 
         Fibonacci = find_action("example_interfaces/action/Fibonacci")
     """
@@ -83,7 +83,7 @@ def make_action(name: str, goal: type[Any], result: type[Any], feedback: type[An
 class ActionSupport:
     """The classes that carry one action; get it from `action_support(action_type)`.
 
-    Raises MessageTypeError for what is no definition of an action, ConfigurationError for a bad type name.
+    Raises MessageTypeError if the class does not define an action, ConfigurationError for a bad type name.
     """
 
     def __init__(self, action_type: Any) -> None:

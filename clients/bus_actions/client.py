@@ -1,6 +1,6 @@
 """Action clients on asyncio: a goal is an object to iterate for feedback and to await for its result.
 
-Owns: the goals that were sent, what is known of them, and who waits for that. Must not know: servers.
+Owns: the goals sent, their known states, and the tasks that wait for them. Must not know: servers.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ __all__ = ["ActionClient", "ActionClientStatistics", "ClientGoal"]
 
 _ID_BYTES: Final = 16
 _MOST_FEEDBACK: Final = 1000
-"""So much feedback of one goal waits for its reader; beyond, the oldest is dropped."""
+"""The most feedback messages of one goal that wait for the reader; above it, the oldest is dropped."""
 _LEFT: Final = "its server has left before the goal's end"
 
 
@@ -51,20 +51,20 @@ class ActionClientStatistics(msgspec.Struct, frozen=True):
     rejected: int
     """Goals rejected."""
     ended: int
-    """Goals whose result has come, or whose server has left."""
+    """Goals with a received result or a departed server."""
     active: int
     """Goals accepted that have not ended."""
     feedback: int
     """Feedback received for its goals."""
     feedback_dropped: int
-    """Of this, what nobody read, and newer feedback replaced."""
+    """Feedback that newer feedback replaced before the program read it."""
 
 
 class ClientGoal:
     """A goal that was accepted; made by `ActionClient.send_goal`.
 
-    Iterate it for feedback: `async for feedback in goal` ends when the goal has, whatever the end. Up to 1000
-    that nobody has read are kept, the newest.
+    Iterate it for feedback: `async for feedback in goal` ends when the goal has ended, in any way. At most
+    the newest 1000 unread feedback messages are kept.
 
         goal = await client.send_goal(Fibonacci.Goal(order=5))
         async for feedback in goal:
@@ -78,7 +78,7 @@ class ClientGoal:
         self.request = request
         """The Goal message."""
         self.status = GoalStatus.UNKNOWN
-        """How far it has come, as far as is known here."""
+        """Its last known state."""
         self._client = client
         self._feedback: deque[Any] = deque()
         self._outcome: Any = None  # a response of get_result, or a BusError
@@ -103,11 +103,13 @@ class ClientGoal:
         return self._outcome is not None
 
     async def result(self) -> Any:
-        """Wait for the end; returns the Result of a goal that succeeded. As often as you like.
+        """Wait for the end; returns the Result of a goal that succeeded. May be called repeatedly.
 
-        Raises GoalAborted or GoalCanceled, each with the `result` as far as there is one, ActionUnavailable
-        where the server left before the end or does not know the goal, ConnectionClosed where the client or
-        its node is closed meanwhile. Cancellation leaves the goal as it is: see `cancel`.
+        Cancellation leaves the goal as it is: see `cancel`. Raises:
+
+        - GoalAborted, GoalCanceled: each with the `result`, if there is one
+        - ActionUnavailable: the server left before the end, or does not know the goal
+        - ConnectionClosed: the client or its node is closed meanwhile
         """
         while self._outcome is None:
             await self._wait()
@@ -124,11 +126,11 @@ class ClientGoal:
         raise ActionUnavailable(self._client.name, "its server does not know the goal, or not any more")
 
     async def cancel(self) -> bool:
-        """Ask the server to cancel it; returns whether it does, or did so already.
+        """Ask the server to cancel it; returns whether the server accepts, or accepted before.
 
-        The goal ends when `result` says so. False where the server refuses, and where the goal has ended.
-        Raises ActionUnavailable where the server leaves before it answers. Cancellation: the goal may be
-        canceled all the same.
+        The goal ends when `result` says so. Returns False if the server refuses or the goal has ended. Raises
+        ActionUnavailable if the server leaves before it answers. After a cancellation of this call, the goal
+        may still be canceled.
         """
         if self._outcome is not None:
             return False
@@ -166,7 +168,7 @@ class ClientGoal:
 
 
 class _Sent:
-    """A goal on its way, and who waits to hear whether it is accepted; nobody, where that was cancelled."""
+    """A goal sent but not yet answered, and the future of its answer, cancelled with the caller."""
 
     def __init__(self, goal: ClientGoal, answer: asyncio.Future[Any]) -> None:
         self.goal = goal
@@ -208,7 +210,7 @@ class ActionClient:
     async def open(self) -> None:
         """Appear in the graph; `async with` does it.
 
-        Raises as `Node.create_client`. Cancellation: not open.
+        Raises the errors of `Node.create_client`. After a cancellation it is not open.
         """
         ends = ClientEndpoints()
         await ends.open(
@@ -227,7 +229,7 @@ class ActionClient:
 
     @done_anyway
     async def close(self) -> None:
-        """Leave the graph. Goals go on; who waits for them here gets ConnectionClosed. Twice is allowed."""
+        """Leave the graph. Goals continue; waiting calls get ConnectionClosed. Closing twice is allowed."""
         ends, self._ends = self._ends, None
         if ends is not None:
             await ends.close()
@@ -242,25 +244,28 @@ class ActionClient:
         await self.close()
 
     def server_is_ready(self) -> bool:
-        """Whether a goal would be heard at once."""
+        """Whether a server would receive a goal now."""
         return self._ends is not None and self._ends.is_ready()
 
     async def wait_for_server(self) -> None:
-        """Wait until somebody serves; use `asyncio.timeout`.
+        """Wait until a server exists; use `asyncio.timeout`.
 
-        Raises ConnectionClosed where the client is closed meanwhile. Cancellation leaves nothing behind.
+        Raises ConnectionClosed if the client is closed meanwhile. Cancellation leaves nothing behind.
         """
         await self._opened().wait_until_ready()
 
     async def send_goal(self, goal: Any, *, goal_id: bytes | None = None) -> ClientGoal:
         """Send `goal` and wait until it is accepted; returns it, with feedback and result to come.
 
-        `goal_id` is 16 bytes, by default random ones. Raises ActionUnavailable where nobody serves, the
-        server leaves before it answers, or its answer was lost with busd; GoalRejected where it does not take
-        the goal, MessageTypeError for a message of another class, LocalProtocolError where 1000 goals are on
-        their way.
+        `goal_id` is 16 bytes, random by default. Raises:
 
-        Cancellation: a goal that is accepted nevertheless is canceled.
+        - ActionUnavailable: no server exists, the server left before its answer, or its answer was lost with
+          busd
+        - GoalRejected: the server does not accept the goal
+        - MessageTypeError: a message of another class
+        - LocalProtocolError: 1000 goals are on their way
+
+        After a cancellation, a goal that the server accepts nevertheless is canceled.
         """
         ends = self._opened()
         if goal_id is None:
@@ -293,7 +298,7 @@ class ActionClient:
         return sent.goal
 
     def statistics(self) -> ActionClientStatistics:
-        """Its counters until now; they stay when it is closed."""
+        """Its counters until now; `close` keeps them."""
         return ActionClientStatistics(**self._counts, active=len(self._results))
 
     # --- inside
@@ -390,7 +395,7 @@ class ActionClient:
         self._end_goal(goal, outcome)
 
     def _without_result(self, goal: ClientGoal) -> Any:
-        """The outcome of a goal whose server has left: its end may be known, by its status."""
+        """The outcome of a goal after its server has left: its status may tell the end."""
         if goal.status not in (GoalStatus.ABORTED, GoalStatus.CANCELED):
             return ActionUnavailable(self.name, _LEFT)
         response = self._support.get_result.Response()

@@ -1,7 +1,7 @@
 """The five endpoints of an action at each of its ends, on ROS 2's names: three services and two topics.
 
-Owns: their names and policies, and the order in which they appear, so that whoever sees the last one finds
-all of them. Knows no goals: whoever makes it says what to do with each message.
+Owns: their names and policies, and the order in which they appear: a program that sees the last one finds all
+of them. Knows no goals: its maker passes a callback for each message.
 """
 
 from collections.abc import Callable
@@ -46,7 +46,7 @@ class ActionQoS(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ServerEndpoints:
-    """Those of a server; `open` makes them."""
+    """The endpoints of a server; `open` makes them."""
 
     goal: ServiceServer
     cancel: ServiceServer
@@ -66,7 +66,7 @@ class ServerEndpoints:
         on_result: Callable[[Any, RequestId], Any],
         on_end: Callable[[BusError], object] | None = None,
     ) -> None:
-        """Raises as `Node.create_service` does. Cancellation: not open.
+        """Raises the errors of `Node.create_service`. After a cancellation it is not open.
 
         `on_end` is called once no goal can come any more, whatever the cause.
         """
@@ -96,7 +96,7 @@ class ServerEndpoints:
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
     def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
-        """As `respond` of the service, behind the feedback that was published before."""
+        """As `respond` of the service, after the feedback that was published before."""
         core_of(self.feedback).hand_over()  # by the socket it would wait for the end of this turn
         self.result.respond(request_id, response, error)
 
@@ -105,7 +105,7 @@ class ServerEndpoints:
 
 
 class ClientEndpoints:
-    """Those of a client; `open` makes them."""
+    """The endpoints of a client; `open` makes them."""
 
     goal: ServiceClient
     cancel: ServiceClient
@@ -126,7 +126,7 @@ class ClientEndpoints:
         on_feedback: Callable[[Any], object] | None,
         on_status: Callable[[Any], object] | None,
     ) -> None:
-        """Raises as `Node.create_client` does. Cancellation: not open."""
+        """Raises the errors of `Node.create_client`. After a cancellation it is not open."""
         begin = name + _HIDDEN
         try:
             self.feedback = await node.create_subscription(
@@ -154,7 +154,7 @@ class ClientEndpoints:
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
     def is_ready(self) -> bool:
-        """Whether a server is there, with all that it has."""
+        """Whether a server exists, with all its endpoints."""
         return (
             self.goal.service_is_ready()
             and self.cancel.service_is_ready()
@@ -164,7 +164,7 @@ class ClientEndpoints:
         )
 
     async def wait_until_ready(self) -> None:
-        """Raises ConnectionClosed where it is closed meanwhile. Cancellation leaves nothing behind."""
+        """Raises ConnectionClosed if it is closed meanwhile. Cancellation leaves nothing behind."""
         while not self.is_ready():
             for service in (self.goal, self.cancel, self.result):
                 await service.wait_for_service()

@@ -1,9 +1,9 @@
-"""What can come of a goal other than its result.
+"""Errors of a goal that ends without success.
 
 BusError
-├── ActionUnavailable         nobody serves the action, or its server left before the goal's end
-├── GoalRejected              the server does not take the goal
-├── GoalAborted               the server gave the goal up; result
+├── ActionUnavailable         no server of the action exists, or it left before the goal's end
+├── GoalRejected              the server does not accept the goal
+├── GoalAborted               the server aborted the goal; result
 └── GoalCanceled              the goal was canceled; result
 """
 
@@ -15,7 +15,7 @@ __all__ = ["ActionUnavailable", "GoalAborted", "GoalCanceled", "GoalRejected"]
 
 
 class ActionUnavailable(BusError):
-    """Nobody serves the action, or its server has left before the goal had ended."""
+    """No server of the action exists, or its server left before the goal's end."""
 
     def __init__(self, action: str, why: str) -> None:
         super().__init__(f"action '{action}' is not available: {why}")
@@ -24,7 +24,7 @@ class ActionUnavailable(BusError):
 
 
 class GoalRejected(BusError):
-    """The server does not take the goal."""
+    """The server does not accept the goal."""
 
     def __init__(self, action: str) -> None:
         super().__init__(f"action '{action}' rejected the goal")
@@ -33,14 +33,14 @@ class GoalRejected(BusError):
 
 
 class GoalAborted(BusError):
-    """The server gave the goal up: its `execute` said so, or raised."""
+    """The server aborted the goal: its `execute` did so, or raised an exception."""
 
     def __init__(self, action: str, result: Any) -> None:
         super().__init__(f"action '{action}' aborted the goal")
         self.action = action
         """The action's full name."""
         self.result = result
-        """What the server gave nevertheless; a Result without content where it gave nothing."""
+        """The server's Result in spite of that; an empty Result if it set none."""
 
 
 class GoalCanceled(BusError):
@@ -51,4 +51,4 @@ class GoalCanceled(BusError):
         self.action = action
         """The action's full name."""
         self.result = result
-        """What had been done until then; a Result without content where the server gave nothing."""
+        """The result until then; an empty Result if the server set none."""

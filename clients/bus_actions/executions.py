@@ -1,4 +1,4 @@
-"""Which goals of a server are executed now, each as a task, and which wait for their turn.
+"""The goals of a server that are executed now, each as a task, and the goals that wait for their turn.
 
 Owns: the tasks and the queue before them. Must not know: what a goal is, its states, its messages.
 """
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class Executions(Generic[T]):
-    """Executes `at_once` goals side by side, and the others in their order when a task has ended.
+    """Executes `at_once` goals concurrently; others follow in order when a task has ended.
 
     `begin(goal)` makes the task of a goal. `on_end(goal)` is called after the end of each task.
     """
@@ -40,7 +40,7 @@ class Executions(Generic[T]):
     def cancel(self, goal: T) -> bool:
         """Cancel the task of a goal that was added and has not ended.
 
-        Returns False for one that waits: it leaves the queue, and no task is made for it.
+        Returns False for a waiting goal: it leaves the queue, and no task is made for it.
         """
         task = self._running.get(goal)
         if task is None:
@@ -50,7 +50,7 @@ class Executions(Generic[T]):
         return True
 
     def stop(self) -> tuple[list[T], list[T]]:
-        """Cancel all tasks but the one that calls this.
+        """Cancel all tasks except the calling one.
 
         Returns the goals that waited, which are not begun any more, and those with a task.
         """
@@ -60,7 +60,7 @@ class Executions(Generic[T]):
         return waiting, list(self._running)
 
     async def wait(self) -> None:
-        """Until all tasks have ended but the one that calls this."""
+        """Wait until all tasks have ended, except the calling one."""
         if others := self._others():
             await asyncio.wait(others)
 

@@ -19,7 +19,7 @@ __all__ = ["TRANSITIONS", "GoalEvent", "GoalStatus", "InvalidTransition", "next_
 
 
 class GoalStatus(IntEnum):
-    """How far a goal has come; the numbers are those of action_msgs/msg/GoalStatus.
+    """The state of a goal, with the numbers of action_msgs/msg/GoalStatus.
 
     For example:
 
@@ -36,7 +36,7 @@ class GoalStatus(IntEnum):
 
     @classmethod
     def _missing_(cls, value: object) -> "GoalStatus":
-        """What others send is not always a state."""
+        """UNKNOWN for a number that is not a state: other programs may send one."""
         return cls.UNKNOWN
 
     @property
@@ -51,7 +51,7 @@ class GoalStatus(IntEnum):
 
 
 class GoalEvent(IntEnum):
-    """What moves a goal from one state to the next."""
+    """Events that move a goal from one state to the next."""
 
     EXECUTE = 0
     CANCEL_GOAL = 1
@@ -61,7 +61,7 @@ class GoalEvent(IntEnum):
 
 
 class InvalidTransition(LocalProtocolError):
-    """A goal was to do what its state does not allow: to succeed twice, say."""
+    """A goal's state does not allow the event: succeeding twice, for example."""
 
     def __init__(self, status: GoalStatus, event: GoalEvent) -> None:
         super().__init__(
@@ -70,7 +70,7 @@ class InvalidTransition(LocalProtocolError):
         self.status = status
         """The state that the goal is in."""
         self.event = event
-        """What was to happen."""
+        """The event that the state does not allow."""
 
 
 TRANSITIONS: Final[Mapping[GoalStatus, Mapping[GoalEvent, GoalStatus]]] = MappingProxyType(
@@ -95,7 +95,7 @@ TRANSITIONS: Final[Mapping[GoalStatus, Mapping[GoalEvent, GoalStatus]]] = Mappin
 
 
 def next_status(status: GoalStatus, event: GoalEvent) -> GoalStatus:
-    """The state after `event`. Raises InvalidTransition where the table has none."""
+    """The state after `event`. Raises InvalidTransition if the table has none."""
     try:
         return TRANSITIONS[status][event]
     except KeyError:

@@ -1,4 +1,4 @@
-"""What an action server knows of its goals: their states, who is canceled by a request, which results expire.
+"""The goals of an action server: their states, the goals that a cancel request means, expiry of results.
 
 Owns: the goals by their ids and what bounds them. Pure: times are given in nanoseconds, nothing waits.
 """
@@ -17,11 +17,11 @@ ANY_GOAL: Final = bytes(16)
 """In a cancel request: no goal in particular."""
 
 MOST_ACTIVE: Final = 1000
-"""So many goals of one server are active at once; beyond, they are refused."""
+"""The most active goals of one server; further goals are refused."""
 MOST_ENDED: Final = 1000
-"""So many results are kept; beyond, the oldest goes before its time."""
+"""The most results kept; above it, the oldest is dropped before its time."""
 MOST_SHOWN: Final = 20
-"""So many of the goals that ended are in a status message, the last ones: it is sent at every change."""
+"""The most ended goals in a status message (the last ones): it is sent at every change."""
 
 
 class CancelCode(IntEnum):
@@ -34,7 +34,7 @@ class CancelCode(IntEnum):
 
 
 class Canceled(NamedTuple):
-    """Whom a cancel request means, and what is answered where that is nobody."""
+    """The goals that a cancel request means, and the answer if there are none."""
 
     code: CancelCode
     goals: "tuple[Goal, ...]"
@@ -55,9 +55,9 @@ class TooManyGoals(LocalProtocolError):
 
 
 class Goal:
-    """One goal. Its table alone changes `status`; `told` is what its server tells others of it, encoded.
+    """One goal. Only its table changes `status`; `told` is its encoded entry in status messages.
 
-    `told` is None where that is to be encoded anew.
+    `told` is None if the entry must be encoded anew.
     """
 
     __slots__ = ("ended_ns", "id", "stamp_ns", "status", "told")
@@ -99,10 +99,10 @@ class GoalTable:
             self._ended[goal.id] = self._active.pop(goal.id)
 
     def canceled_by(self, goal_id: bytes, stamp_ns: int) -> Canceled:
-        """Whom a request with that id and stamp means, as ROS 2 has it.
+        """The goals that a cancel request with that id and stamp means, by ROS 2's rules.
 
-        A goal's id: that goal. A stamp: all that were accepted until then. Both: the one and the others.
-        Neither: all.
+        A goal's id: that goal. A stamp: all goals accepted until then. Both: the one and the others. Neither:
+        all.
         """
         if goal_id != ANY_GOAL and not stamp_ns:
             goal = self.find(goal_id)
@@ -120,12 +120,12 @@ class GoalTable:
         return Canceled(CancelCode.NONE, tuple(filter(_may_be_canceled, meant)))
 
     def shown(self) -> list[Goal]:
-        """For a status message: the last that ended, then those that have not."""
+        """Goals of a status message: the last ended goals, then the active ones."""
         ended = list(islice(reversed(self._ended.values()), MOST_SHOWN))
         return [*reversed(ended), *self._active.values()]
 
     def expire(self, now_ns: int) -> list[Goal]:
-        """Forget the goals whose results nobody may ask for any more; returns them."""
+        """Forget the goals with expired results; returns them."""
         gone: list[Goal] = []
         for goal in self._ended.values():
             if len(self._ended) - len(gone) <= MOST_ENDED and not self._is_over(goal, now_ns):
@@ -136,7 +136,7 @@ class GoalTable:
         return gone
 
     def next_expiry_ns(self) -> int | None:
-        """When `expire` has something to do again; None where nothing is kept, or all is for ever."""
+        """When `expire` has something to do again; None if no result is kept, or all are kept for ever."""
         if self._keep_ns < 0 or not self._ended:
             return None
         return next(iter(self._ended.values())).ended_ns + self._keep_ns

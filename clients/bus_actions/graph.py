@@ -12,14 +12,14 @@ _MESSAGE = "_FeedbackMessage"
 
 
 def action_of_topic(topic: str) -> str | None:
-    """The action whose feedback a topic carries; None where it is any other topic."""
+    """The action of a feedback topic; None for any other topic."""
     if topic.endswith(_FEEDBACK) and len(topic) > len(_FEEDBACK):
         return topic.removesuffix(_FEEDBACK)
     return None
 
 
 def actions_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
-    """The actions whose feedback `endpoints` carry, with the names of their types; all sorted."""
+    """The actions with feedback `endpoints`, with the names of their types; all sorted."""
     return actions_of_topics((one.topic, one.type_name) for one in endpoints)
 
 
@@ -40,6 +40,6 @@ def action_servers_of(graph: Graph, action: str) -> list[GraphEndpoint]:
 
 
 def action_clients_of(graph: Graph, action: str) -> list[GraphEndpoint]:
-    """The subscriptions to its feedback, one of each client, without those of observers."""
+    """The subscriptions to its feedback, one of each client, without observers' subscriptions."""
     calling = {endpoint.node.id for endpoint in graph.clients_of(f"{action}{_SEND_GOAL}")}
     return [one for one in graph.subscriptions_of(f"{action}{_FEEDBACK}") if one.node.id in calling]

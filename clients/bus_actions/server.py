@@ -1,7 +1,7 @@
 """Action servers on asyncio: each goal is a task, and a canceled goal is a task that is cancelled.
 
-Owns: the goals' results, and the requests that wait for them. Which state follows which is in `goal_state`,
-which goals a cancel request means in `goal_table`, which goals have a task in `executions`.
+Owns: the goals' results, and the requests that wait for them. `goal_state` has the order of states,
+`goal_table` the goals that a cancel request means, `executions` the tasks of goals.
 """
 
 import asyncio
@@ -37,7 +37,7 @@ from bus_actions.goal_table import CancelCode, Goal, GoalExists, GoalTable, TooM
 __all__ = ["ActionServer", "ActionServerStatistics", "ServerGoal"]
 
 _MOST_WAITING: Final = 1000
-"""So many requests may wait for the result of one goal."""
+"""The most requests that may wait for the result of one goal."""
 _NS: Final = 1_000_000_000
 
 
@@ -58,7 +58,7 @@ class ActionServerStatistics(msgspec.Struct, frozen=True):
     canceled: int
     """Goals that were canceled."""
     aborted: int
-    """Goals given up."""
+    """Goals aborted."""
     active: int
     """Goals that have not ended."""
     feedback: int
@@ -66,7 +66,7 @@ class ActionServerStatistics(msgspec.Struct, frozen=True):
 
 
 class ServerGoal:
-    """A goal that an action server has accepted; `execute` gets it.
+    """A goal that an action server has accepted; passed to `execute`.
 
     async def execute(goal):
         yield Count.Feedback(current=1)
@@ -93,7 +93,7 @@ class ServerGoal:
 
     @property
     def status(self) -> GoalStatus:
-        """How far it has come."""
+        """Its state."""
         return self._record.status
 
     @property
@@ -107,7 +107,7 @@ class ServerGoal:
         return self._record.status is GoalStatus.CANCELING
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Tell the clients how far it is; what `yield` does with a Feedback.
+        """Publish feedback to the clients, as `yield` of a Feedback does.
 
         Raises MessageTypeError for another class, LocalProtocolError after the goal's end.
         """
@@ -116,19 +116,20 @@ class ServerGoal:
         self._server._publish_feedback(self, feedback)
 
     def succeed(self, result: Any = None) -> None:
-        """End it: what was asked for is done. What `yield` does with a Result, unless it is canceled.
+        """End it as succeeded, as `yield` of a Result does unless the goal is canceled.
 
-        `result` is what its client gets, by default what `execute` returns or yields yet. Raises
-        InvalidTransition where it has ended, MessageTypeError for another class than the action's Result.
+        The client gets `result`, by default the Result that `execute` still returns or yields. Raises
+        InvalidTransition if the goal has ended, MessageTypeError for a class other than the action's Result.
         """
         self._end(GoalEvent.SUCCEED, result)
 
     def abort(self, result: Any = None) -> None:
-        """End it: it can't be done. Arguments and errors as those of `succeed`."""
+        """End it as aborted. Arguments and errors as in `succeed`."""
         self._end(GoalEvent.ABORT, result)
 
     def canceled(self, result: Any = None) -> None:
-        """End it after a cancellation. Raises InvalidTransition where none was accepted; as `succeed`."""
+        """End it as canceled. Raises InvalidTransition if no cancellation was accepted; otherwise as
+        `succeed`."""
         self._end(GoalEvent.CANCELED, result)
 
     def _end(self, event: GoalEvent, result: Any) -> None:
@@ -142,19 +143,19 @@ class ServerGoal:
 class ActionServer:
     """Serves the action `name`; use it as `async with ActionServer(node, Fibonacci, "fibonacci", execute):`.
 
-    `execute` is called with a `ServerGoal` for each goal that is accepted. As an async generator it yields
-    Feedback, and at its end a Result: the goal has succeeded. As an `async def` without a `yield` it returns
-    the Result. A goal whose `execute` ends without a Result is aborted, and so is one that raises; the
-    exception then goes out of the node as any callback's.
+    `execute` is called with a `ServerGoal` for each accepted goal. As an async generator it yields Feedback,
+    and at its end a Result: the goal has succeeded. As an `async def` without a `yield` it returns the
+    Result. If `execute` ends without a Result or raises an exception, the goal is aborted. The exception then
+    leaves the node like one in any callback.
 
-    `goal_callback`, `def` or `async def`, gets the Goal message and says whether it is accepted; by default
-    all are. `cancel_callback` gets the ServerGoal and says whether it may be canceled; by default all may. A
-    cancellation raises `asyncio.CancelledError` in `execute`, where it awaits. A Result that it yields
-    nevertheless is what had been done until then.
+    `goal_callback`, `def` or `async def`, gets the Goal message and returns whether it is accepted; by
+    default all are. `cancel_callback` gets the ServerGoal and returns whether it may be canceled; by default
+    all may. A cancellation raises `asyncio.CancelledError` in `execute`, at an `await`. If `execute` then
+    still yields a Result, that is the result until then.
 
-    `at_once` goals are executed side by side; the others wait in their order. Results are kept for
-    `result_timeout` seconds, 1000 at most. Raises ConfigurationError for a bad name, or `at_once` below 1,
-    MessageTypeError for what is no action.
+    Up to `at_once` goals are executed concurrently; the others wait in order. Results are kept for
+    `result_timeout` seconds, at most 1000 results. Raises ConfigurationError for a bad name or `at_once`
+    below 1, MessageTypeError if the class does not define an action.
 
         async with bus.Node("counter") as node, ActionServer(node, Count, "count", execute):
             await node.spin()
@@ -205,14 +206,14 @@ class ActionServer:
 
     @property
     def goals(self) -> list[ServerGoal]:
-        """Those that have not ended, in the order in which they came."""
+        """The goals that have not ended, in their order of arrival."""
         return [self._goals[goal.id] for goal in self._table.active()]
 
     @to_be_awaited
     async def open(self) -> None:
-        """Appear in the graph; `async with` does it. On return, clients that are there can send goals.
+        """Appear in the graph; `async with` does it. On return, existing clients can send goals.
 
-        Raises as `Node.create_service`. Cancellation: not open.
+        Raises the errors of `Node.create_service`. After a cancellation it is not open.
         """
         ends = ServerEndpoints()
         await ends.open(
@@ -238,9 +239,10 @@ class ActionServer:
 
     @done_anyway
     async def close(self) -> None:
-        """Take no more goals. Those that are executed are cancelled, and end as aborted; clients are told.
+        """Accept no more goals. Goals in execution are cancelled and end as aborted; clients are notified.
 
-        Closing twice is allowed. Cancellation: closed, and clients may learn it only by our absence.
+        Closing twice is allowed. After a cancellation it is closed; clients may only notice that the server
+        is gone.
         """
         ends = self._ends
         if ends is None:
@@ -265,7 +267,7 @@ class ActionServer:
         await self.close()
 
     def statistics(self) -> ActionServerStatistics:
-        """Its counters until now; they stay when it is closed."""
+        """Its counters until now; `close` keeps them."""
         return ActionServerStatistics(**self._counts, active=len(self._table.active()))
 
     # --- goals that come
@@ -298,7 +300,8 @@ class ActionServer:
 
     @contextmanager
     def _telling(self, end: Literal["goal", "cancel"], request_id: RequestId) -> Iterator[None]:
-        """Tell the client where a callback of the program's raises, which then goes on as any callback's."""
+        """Notify the client if a callback of the program raises; the exception then leaves as any
+        callback's."""
         try:
             yield
         except Exception as error:
@@ -373,7 +376,7 @@ class ActionServer:
             goal._result = result
 
     def _settle(self, goal: ServerGoal) -> None:
-        """Its execution has ended: send the result to those who wait for it."""
+        """Its execution has ended: send the result to the waiting clients."""
         if goal.is_active:
             if goal.status is GoalStatus.ACCEPTED:  # it was never begun
                 self._advance(goal, GoalEvent.EXECUTE)
@@ -396,7 +399,7 @@ class ActionServer:
             self._settle(goal)
 
     def _stop(self, reason: BusError | None = None) -> None:
-        """No goals can come any more: give up those that are here."""
+        """No more goals can arrive: abort the existing ones."""
         self._is_stopped = True
         if self._expiry is not None:
             self._expiry.cancel()

@@ -13,7 +13,7 @@ __all__ = ["monotonic_offset_ns"]
 
 
 def monotonic_offset_ns(path: "str | Path" = "/proc/self/timens_offsets") -> int:
-    """What this process's monotonic clock is ahead of that of the first time namespace; 0 without any."""
+    """Nanoseconds that this process's monotonic clock is ahead of the first time namespace; 0 without any."""
     try:
         with open(path, encoding="utf-8") as file:  # noqa: PTH123 - programs need not import pathlib for it
             for line in file:

@@ -93,12 +93,11 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         return self
 
     def publish(self, message: M, timeout: float | None = None) -> None:
-        """Publish `message`. On return it is in the ring, and was sent where it goes by socket. From any
-        thread.
+        """Publish `message`, from any thread. On return it is in the ring, and sent to socket subscriptions.
 
-        Where the QoS is reliable + keep all and there is no room, it waits until the subscriptions have taken
-        more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
-        `bus.Publisher.publish`.
+        If the QoS is reliable + keep all and there is no room, it waits until the subscriptions take more,
+        for up to `timeout` seconds. TimeoutError means that the message was not published. Also raises the
+        errors of `bus.Publisher.publish`.
         """
         core = self._core
         sender = core.sender
@@ -119,7 +118,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
             self._wait_for_room(message, timeout)
 
     def wait_for_subscriptions(self, number: int = 1, timeout: float | None = None) -> None:
-        """Wait until at least `number` subscriptions are matched, and are there to be woken.
+        """Wait until at least `number` subscriptions are matched and can be woken.
 
         Raises TimeoutError after `timeout` seconds.
         """
@@ -157,7 +156,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
             )
 
     def close(self) -> None:
-        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        """Hand over published messages, leave the graph. Closing twice is allowed."""
         if self._core.refusal is None:
             self._warn_if_unreceived()
             self._foreground.run(self._native.close)
@@ -201,7 +200,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
 class BlockingSubscription(_BlockingEndpoint, Generic[M]):
     """Receives messages of one type on one topic; made by `BlockingNode.create_subscription`.
 
-    `for message in subscription` waits for each; `listen` not for ever.
+    `for message in subscription` waits for each message without a time limit; `listen` takes a timeout.
 
         for message in subscription.listen(timeout=1):
             print(message.data)
@@ -222,7 +221,7 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
         return self.listen()
 
     def listen(self, timeout: float | None = None) -> Iterator[M]:
-        """The messages as they come; ends when none has come for `timeout` seconds.
+        """Yield messages as they arrive; ends when none has arrived for `timeout` seconds.
 
         Raises ConnectionClosed once it is closed.
         """
@@ -242,7 +241,7 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
         return taken[0], self._core.info(taken)
 
     def take(self) -> tuple[M, MessageInfo] | None:
-        """The oldest waiting message and its info; None where none waits. Never blocks."""
+        """The oldest waiting message and its info, or None. Never blocks."""
         self._foreground.check()
         self._foreground.attend()
         return self._native.take()

@@ -35,10 +35,10 @@ M = TypeVar("M", bound=msgspec.Struct)
 
 
 class BlockingNode:
-    """A node that waits in each call; made by `bus.connect`, ended by `with` or `close`.
+    """A node with blocking calls; made by `bus.connect`, ended by `with` or `close`.
 
-    What `publish`, `listen`, `wait_for_message` and `call` need is made at their first use for a topic or
-    service, and kept: what comes between two calls of `listen` is there for the second, within the depth.
+    `publish`, `listen`, `wait_for_message` and `call` create their endpoint at the first use for a topic or
+    service, and keep it. So a second call of `listen` gets the messages since the first, within the depth.
 
         with bus.connect("script") as node:
             node.publish("chatter", String(data="hi"))
@@ -48,7 +48,7 @@ class BlockingNode:
         self.name: str = node.name
         """Its own name, without the namespace, after remapping."""
         self.namespace: str = node.namespace
-        """With a slash in front; `/` where it has none."""
+        """Starts with a slash; `/` for none."""
         self.full_name: str = node.full_name
         """Namespace and name, as the graph shows them."""
         self._node = node
@@ -89,8 +89,8 @@ class BlockingNode:
     def publish(self, topic: str, message: Any, qos: QoS = 10, timeout: float | None = None) -> None:
         """Publish `message` on `topic`; see `BlockingPublisher.publish`.
 
-        Every subscription that is there gets it, also where the script ends next. One that is still to come
-        does not: `create_publisher(...).wait_for_subscriptions()` waits for it.
+        Every existing subscription gets it, even if the script ends right away. A subscription that starts
+        later does not: `create_publisher(...).wait_for_subscriptions()` waits for one.
         """
         publisher = self._publishers.get((topic, qos))
         if publisher is None:
@@ -100,24 +100,24 @@ class BlockingNode:
     def listen(
         self, message_type: type[M], topic: str, qos: QoS = 10, timeout: float | None = None
     ) -> Iterator[M]:
-        """The messages on `topic` as they come: `for message in node.listen(String, "topic", timeout=1)`.
+        """Yield messages on `topic`: `for message in node.listen(String, "topic", timeout=1)`.
 
-        It hears from this call on, and ends when none has come for `timeout` seconds.
+        Receives messages from this call on. Ends when none has arrived for `timeout` seconds.
         """
         return self._subscription(message_type, topic, qos).listen(timeout)
 
     def wait_for_message(
         self, message_type: type[M], topic: str, qos: QoS = 10, timeout: float | None = None
     ) -> M:
-        """The next message on `topic`. Raises TimeoutError where none comes within `timeout` seconds."""
+        """The next message on `topic`. Raises TimeoutError if none arrives within `timeout` seconds."""
         return self._subscription(message_type, topic, qos).receive(timeout)[0]
 
     def call(self, service_type: type[Any], name: str, request: Any, timeout: float | None = None) -> Any:
         """Call the service `name` and wait for its answer.
 
-        Raises TimeoutError where none comes within `timeout` seconds, else as `bus.ServiceClient.call`:
-        ServiceUnavailable where nobody serves (see `wait_for_service`), ServiceError where the service's
-        callback raised.
+        Raises TimeoutError if none arrives within `timeout` seconds, and the errors of
+        `bus.ServiceClient.call`: ServiceUnavailable if no server exists (see `wait_for_service`),
+        ServiceError if the service's callback raised an exception.
         """
         client = self._client(service_type, name)
         return self._opened().run_or_tell(
@@ -125,7 +125,7 @@ class BlockingNode:
         )
 
     def wait_for_service(self, service_type: type[Any], name: str, timeout: float | None = None) -> None:
-        """Wait until somebody serves `name`. Raises TimeoutError after `timeout` seconds."""
+        """Wait until a server of `name` exists. Raises TimeoutError after `timeout` seconds."""
         client = self._client(service_type, name)
         self._opened().run_or_tell(
             client.wait_for_service, timeout, lambda: f"no server for '{client.service_name}'"
@@ -142,10 +142,10 @@ class BlockingNode:
     def create_publisher(
         self, message_type: type[M] | MessageSchema, topic: str, qos: QoS = 10
     ) -> BlockingPublisher[Any]:
-        """A publisher of `message_type` on `topic`, which every subscription that is there knows on return.
+        """Create a publisher of `message_type` on `topic`; on return every existing subscription knows it.
 
-        With a `MessageSchema` in place of a class, messages are published as the bytes that they are encoded
-        to. Raises as `bus.Node.create_publisher`.
+        With a `MessageSchema` instead of a class, messages are published as encoded bytes. Raises the errors
+        of `bus.Node.create_publisher`.
         """
         foreground, node = self._opened(), self._node
         publisher: BlockingPublisher[Any] = foreground.run(
@@ -186,8 +186,10 @@ class BlockingNode:
         raw: bool = False,
         views: bool = False,
     ) -> BlockingSubscription[Any]:
-        """A subscription of its own to `topic`: it gets every message whose publish begins after its return,
-        within its depth. Parameters and errors are those of `bus.Node.create_subscription`.
+        """Create a separate subscription to `topic`.
+
+        It gets every message whose publishing begins after the return, within its depth. Takes the parameters
+        of `bus.Node.create_subscription`, and raises its errors.
         """
         node = self._node
         foreground = self._opened()
@@ -197,9 +199,9 @@ class BlockingNode:
         return BlockingSubscription(foreground, native)
 
     def sleep(self, seconds: float) -> None:
-        """Sleep, while what has to be said to busd is said.
+        """Sleep; meanwhile the node keeps sending to busd what is due.
 
-        `time.sleep` does as well where no QoS of this node asks for a sign of life (liveliness with a lease).
+        `time.sleep` is enough if no QoS of this node has liveliness with a lease.
         """
         deadline_ns = deadline_after(seconds)
         foreground = self._opened()
@@ -212,7 +214,7 @@ class BlockingNode:
         return self._node.get_logger()
 
     def resolve_topic_name(self, topic: str) -> str:
-        """The full name of `topic` as this node means it, after expansion and remapping."""
+        """The full name of `topic` in this node, after expansion and remapping."""
         return self._node.resolve_topic_name(topic)
 
     def graph(self, *, statistics: bool = False) -> Graph:
@@ -220,14 +222,14 @@ class BlockingNode:
         return self._opened().run(lambda: self._node.graph(statistics=statistics))
 
     def wait_for_graph(self, condition: Callable[[Graph], bool], timeout: float | None = None) -> Graph:
-        """Wait until `condition(graph)` holds; returns that graph. Raises TimeoutError after `timeout`
+        """Wait until `condition(graph)` is true; returns that graph. Raises TimeoutError after `timeout`
         seconds."""
         return self._opened().run_or_tell(
             lambda: self._node.wait_for_graph(condition), timeout, lambda: "the graph is not as it should be"
         )
 
     def close(self) -> None:
-        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        """Hand over published messages, leave the graph. Closing twice is allowed."""
         if self._is_closed:
             return
         if self._foreground.failure is None:
@@ -274,11 +276,14 @@ def connect(
 ) -> BlockingNode:
     """A node for a script, connected; use it as `with bus.connect("talker") as node:`.
 
-    The parameters are those of `bus.Node`. The node belongs to the thread that connected; only `publish` may
-    be called from any.
+    Takes the parameters of `bus.Node`. The node belongs to the thread that connected; only `publish` may be
+    called from any thread.
 
-    Raises ConfigurationError for a name that breaks the rules, BrokerUnavailable where no busd answers and
-    none could be started, LocalProtocolError where an event loop runs in this thread: that is for `bus.Node`.
+    Raises:
+
+    - ConfigurationError: the name breaks the rules
+    - BrokerUnavailable: no busd answers and none could be started
+    - LocalProtocolError: an event loop runs in this thread; use `bus.Node` there
     """
     try:
         node = Node(

@@ -13,7 +13,7 @@ EACH = 128
 
 
 class Ages:
-    """`window`: what was counted since the last report; where that is nothing, what that report had."""
+    """`window`: messages since the last report, or that report's figures if there were none."""
 
     __slots__ = ("_last", "count", "most_ns", "sum_ns")
 
@@ -43,7 +43,7 @@ class Ages:
         return (self.count, self.sum_ns, self.most_ns) if self.count else self._last
 
     def report(self) -> tuple[int, int, int]:
-        """What was counted since the last call, as `window` has it; what comes is of the next."""
+        """The counts since the last call, as for `window`; later messages count for the next call."""
         since = self.count, self.sum_ns, self.most_ns
         if self.count:
             self._last = since

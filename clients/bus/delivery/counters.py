@@ -1,4 +1,4 @@
-"""The counters of one subscription: what was published to it, and what has become of every message.
+"""The counters of one subscription: messages published to it, and the fate of every message.
 
 Adds up what this process has counted (`bus.delivery.receiver`) and what the present broker and earlier ones
 have reported. Must not know where messages come from.
@@ -17,7 +17,7 @@ from bus.wire.messages import Dropped
 class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Totals of one subscription.
 
-    At a quiet moment, expected is delivered + queued + all that was dropped.
+    While no message is on its way, expected = delivered + queued + all dropped messages.
 
         print(subscription.statistics().dropped)
     """
@@ -34,13 +34,13 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     publishers: int
     """Publishers matched now."""
     expected: int = 0
-    """Messages that its publishers have published to it since they were matched, history included: by their
-    sequence numbers. Those of publishers that have gone stay counted."""
+    """Messages that its publishers have published to it since they were matched, history included, by their
+    sequence numbers. Messages of departed publishers stay counted."""
     at_ns: int = 0
-    """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
+    """Time of counting: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
     age_count: int = 0
-    """Messages of the last half second whose age was looked at when they were taken: the time since they were
-    published. All, where they are few. Of the last half second in which there were some."""
+    """Messages with a measured age (the time from publishing to taking), in the last half second that had
+    messages. If there are few messages, all are measured."""
     age_sum_ns: int = 0
     """The sum of these ages, in nanoseconds."""
     age_max_ns: int = 0

@@ -1,7 +1,7 @@
 """Loans of a publisher: a place for a long field, which the caller fills and then publishes or discards.
 
-By shared memory the place is in the ring itself, so that nothing is copied; else it is a buffer of its own.
-A publisher has one loan at a time, and publishes nothing else meanwhile. Loaded with the first loan.
+By shared memory the buffer is in the ring itself, so nothing is copied; otherwise it is a separate buffer. A
+publisher has one loan at a time, and publishes nothing else meanwhile. Loaded with the first loan.
 """
 
 from typing import Protocol
@@ -15,7 +15,7 @@ from bus.wire.runs import Buffer
 
 
 class Lender(Protocol):
-    """What lending needs of the publisher's sender."""
+    """The methods of the publisher's sender that lending uses."""
 
     ring: ShmSender | None
     socket: SocketSender

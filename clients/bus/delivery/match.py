@@ -76,7 +76,7 @@ class GateEvent(Enum):
 
 
 class FeedState(Enum):
-    """Where a match stands for its subscription: what it reads, and whether more will come."""
+    """The state of a match for its subscription: its source of messages, and whether more will come."""
 
     __hash__ = object.__hash__
 
@@ -178,7 +178,7 @@ class LocalMatch(Generic[_S, _E]):
 
     transitions: ClassVar[Mapping[Any, Mapping[Any, Any]]]
     kinds: ClassVar[tuple[str, str]]
-    """What this end is, and what the other."""
+    """Roles of this endpoint and its peer."""
 
     def __init__(self, owner: Owner, matched: m.Matched, state: _S) -> None:
         self._owner = owner
@@ -186,7 +186,7 @@ class LocalMatch(Generic[_S, _E]):
         self.state = state
 
     def on(self, event: _E) -> None:
-        """`event` happens. Raises MatchError where it can't."""
+        """`event` happens. Raises MatchError if the state does not allow it."""
         state = self.transitions[self.state].get(event)
         if state is None:
             raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")

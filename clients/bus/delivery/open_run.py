@@ -35,13 +35,13 @@ class OpenRun(Protocol):
     is_mine: Callable[[], bool] | None
 
     def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
-        """Take a sample into the run that is open; False where it has no room or none is open.
+        """Take a sample into the run that is open; False if it has no room or none is open.
 
         Without a stamp it is stamped now. False on another thread.
         """
 
     def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
-        """Take a sample as the first of a new run. Raises ValueError where one is open."""
+        """Take a sample as the first of a new run. Raises ValueError if one is open."""
 
     def end(self, endpoint: int, first_seq: int, flags: int, /) -> Buffer:
         """The run's frame towards the broker: the head, DATA_HEAD_BYTES long, and the records."""
@@ -66,14 +66,14 @@ class OpenRun(Protocol):
         """How the messages of class `kind` are checked and encoded (`TypeSupport.steps`)."""
 
     def publish(self, message: Any, /) -> bool | bytes:
-        """Check, encode and take a message; True, or False where nothing was done.
+        """Check, encode and take a message; True, or False if nothing was done.
 
         False also for an error of the check or the encoder, and before `prepare`. The encoded message (bytes)
         where only the run has no room.
         """
 
     def write(self, payload: Buffer, /) -> bool:
-        """Take an encoded message; False where nothing was done."""
+        """Take an encoded message; False if nothing was done."""
 
 
 def open_run() -> OpenRun:

@@ -46,7 +46,7 @@ class Waiters(Protocol):
     def __bool__(self) -> bool: ...
 
     async def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for the next `release`; False where the time is over first. Raises what `fail` was given."""
+        """Wait for the next `release`; False if the time is over first. Raises what `fail` was given."""
 
     def release(self) -> None: ...
 
@@ -64,7 +64,7 @@ class ReaderProcess(Protocol):
         """Whether it is this event loop itself."""
 
     def is_alive(self) -> bool:
-        """Whether the process still runs; True also where that can't be found out."""
+        """Whether the process still runs; True also if that can't be found out."""
 
 
 class ShmPort(Protocol):
@@ -84,7 +84,7 @@ class ShmPort(Protocol):
     # --- readers
 
     def allot_slot(self) -> int | None:
-        """A slot for one match; None where all are in use."""
+        """A slot for one match; None if all are in use."""
 
     def give_back(self, slot: int, /) -> None: ...
 
@@ -118,7 +118,7 @@ class Port(Protocol):
         """Send a message (or frame) about `owner`; nothing where the broker does not know it now."""
 
     def send_now(self, frame: Buffer, /) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
+        """Send a data frame at once if nothing is queued; returns whether it was sent."""
 
     def gather(self, owner: Owner, /) -> None:
         """`owner` has begun a run: it is to hand it over when the turn of the loop ends."""
@@ -127,25 +127,25 @@ class Port(Protocol):
         """`queue` has runs for the broker."""
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """Send queued data, as far as the socket accepts it."""
 
     def wrote(self) -> None:
         """The socket takes bytes again: what waited was sent, or can be now."""
 
     async def wait_for_drain(self, queue: RunQueue, /) -> None:
-        """Wait until the socket has all that was in `queue`."""
+        """Wait until the socket has accepted everything in `queue`."""
 
     def report(self, owner: Owner, /) -> None:
         """The counters of `owner` have changed: report them to the broker soon."""
 
     def is_quiet(self) -> bool:
-        """Whether all that the broker has sent was read; True also where there is none."""
+        """Whether everything that the broker has sent was read; True also if there is none."""
 
     # --- shared memory
 
     @property
     def shm_context(self) -> ShmPort | None:
-        """None where no memory is shared."""
+        """None if no memory is shared."""
 
     # --- the event loop
 
@@ -165,7 +165,7 @@ class Port(Protocol):
         """Call after this turn of the loop."""
 
     def soon_threadsafe(self, call: Callable[..., object], /, *args: Any) -> object:
-        """As `soon`, from any thread. Raises RuntimeError where the loop has ended."""
+        """As `soon`, from any thread. Raises RuntimeError if the loop has ended."""
 
     def later(self, delay_s: float, call: Callable[..., object], /, *args: Any) -> Timer: ...
 

@@ -73,7 +73,7 @@ class Receiver(Generic[M]):
         self.ahead: deque[Taken[M]] = deque()
         """Decoded ahead, not yet delivered."""
         self.reader: shm.native.Reader[PublisherProxy] | None = None
-        """The native Reader, which takes samples out of the rings; None where no memory is shared."""
+        """The native Reader, which takes samples out of the rings; None if no memory is shared."""
         self.stamp_ns = 0
         """Stamp of the last sample taken out of a ring."""
         self.on_report_due: Callable[[], object] = _ignore

@@ -86,7 +86,7 @@ class Recipients:
         self._may_return = False  # matches of an earlier broker may be made again
         self._return: Timer | None = None  # the end of that
         self.on_all_back: Callable[[], object] = int
-        """Called when nobody is awaited any more."""
+        """Called when no recipient is awaited any more."""
         self.on_fewer: Callable[[], object] = int
         """Called when a subscription that was lost does not count any more."""
 

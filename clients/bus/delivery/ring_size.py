@@ -47,8 +47,7 @@ class RingSize:
     ) -> tuple[int, int] | None:
         """Capacity and index length of the next ring, with room for a message of `size` bytes.
 
-        `keep`: records that must stay. `must`: also beyond the limit for depth. None where the ring is to
-        stay.
+        `keep`: records that must stay. `must`: also beyond the limit for depth. None if the ring is to stay.
         """
         capacity = max(2 * writer.capacity, _power_of_two(4 * (size + RING_HEAD_BYTES)), self._usual_capacity)
         if not must:

@@ -1,11 +1,11 @@
 """The way of a publisher's samples through the broker: numbered, gathered into runs, queued.
 
-A sample leaves at once, unless the one before left a moment ago: then it is gathered with those that follow
-into a run, which leaves when it is full or when the turn of the event loop ends. So a paced publisher has the
+A sample is sent at once, unless the previous one was sent a moment ago. Then it is gathered with later
+samples into a run, sent when it is full or when the turn of the event loop ends. So a paced publisher has the
 latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
 
-How much may leave is the window's matter (`bus.delivery.window`), and who must not miss anything is that of
-the recipients (`bus.delivery.recipients`).
+`bus.delivery.window` decides how much may be sent, `bus.delivery.recipients` which subscriptions must not
+miss anything.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The part of a publisher or subscription that users do not see: what its link and delivery work with.
+"""The internal part of a publisher or subscription, used by its link and delivery.
 
 Owns its number at the broker, its matches, its control messages and its end. The user's object holds this
 one, and this one knows nothing of the user's.
@@ -65,7 +65,7 @@ class EndpointCore(Generic[M]):
 
     kind = ""
     consequence = ""
-    """What an incompatible type means for the messages, in a warning."""
+    """The consequence of an incompatible type for the messages, in a warning."""
     lease_s: float | None = None
     """Within what time the broker wants a sign of life, or None if it wants none."""
 
@@ -97,7 +97,7 @@ class EndpointCore(Generic[M]):
         self.deadline: DeadlineWatch | None = None
         self._missed_deadlines = 0
         self.besides: m.Report | None = None
-        """Counters that are reported besides those that are counted here."""
+        """Counters reported in addition to the ones counted here."""
         self._incompatible: IncompatibleEndpoints | None = None
 
     # --- for the user's object
@@ -185,7 +185,7 @@ class EndpointCore(Generic[M]):
         raise NotImplementedError
 
     def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """A control message from the broker about this endpoint, and what came with it."""
+        """A control message from the broker about this endpoint, and its descriptors."""
         match message:
             case m.Matched():
                 self.add_match(message)
@@ -240,7 +240,7 @@ class EndpointCore(Generic[M]):
                 self.on_error(error)
 
     def describe_incompatible_qos(self) -> str:
-        """For a warning: what was discovered, and what it means for the messages."""
+        """For a warning: the discovery, and its consequence for the messages."""
         raise NotImplementedError
 
     def newest_ns(self) -> int:

@@ -1,4 +1,4 @@
-"""What users can do with publishers and subscriptions alike."""
+"""The public methods that publishers and subscriptions share."""
 
 from collections.abc import Mapping
 from typing import Generic, Protocol, TypeVar
@@ -29,7 +29,7 @@ class Endpoint(Generic[M]):
         self.node_name: str = core.node_name
         """The full name of its node."""
         self.type: type[M] = core.support.cls
-        """The message class; `bytes` where messages stay encoded because there is none."""
+        """The message class; `bytes` if messages stay encoded because there is no class."""
         self.qos: QoSProfile = core.qos
         """The policies that it was made with."""
         self.gid: bytes = core.gid
@@ -47,26 +47,26 @@ class Endpoint(Generic[M]):
 
     @property
     def matches(self) -> tuple[Match, ...]:
-        """The endpoints that this one is matched with now; none while busd is away, and once it is closed."""
+        """The endpoints matched with this one now; none while busd is away or once this one is closed."""
         return tuple(self._core.matches.values())
 
     def report_besides(
         self, *, samples: int = 0, bytes: int = 0, dropped: Mapping[str, int] | None = None
     ) -> None:
-        """Totals that are shown in the graph besides those that are counted here: for bridges, whose messages
-        go other ways too.
+        """Add totals to this endpoint's counters in the graph; for bridges, with messages by other routes.
 
-        `samples` and their `bytes` crossed to the other bus; `dropped` by reason, a text of up to 32
-        characters. Each call replaces what the one before said.
+        `samples` and their `bytes` crossed to the other bus. `dropped` is by reason, a text of up to 32
+        characters. Each call replaces the figures of the previous call.
         """
         self._core.report_besides(samples, bytes, dropped or {})
 
     @done_anyway
     async def close(self) -> None:
-        """Leave the graph, a publisher after it has handed over what was published. Closing twice is allowed.
+        """Leave the graph; a publisher first hands over published messages. Closing twice is allowed.
 
-        Handing over takes 5 s at most; the log says what was lost. Calls that wait here raise
-        ConnectionClosed. Cancellation: closed, and what was not handed over is lost.
+        Handing over takes 5 s at most; the log says how many messages were lost. Calls that wait on this
+        endpoint raise ConnectionClosed. After a cancellation it is closed; messages not yet handed over are
+        lost.
         """
         await self._core.close()
 

@@ -59,7 +59,7 @@ class IncompatibleEndpoints:
             task.cancel()
 
     async def _explain(self, message: m.Incompatible) -> None:
-        """Say where the two definitions of the type differ, not only that they do."""
+        """Describe where the two definitions of the type differ."""
         from bus.types.diff import difference
 
         core, task = self._core, asyncio.current_task()

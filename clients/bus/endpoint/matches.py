@@ -26,7 +26,7 @@ class Match(msgspec.Struct, frozen=True):
     qos: QoSProfile
     """Its QoS."""
     route: str
-    """How messages travel: `shm` or `socket`; `bridge` where the subscription is on another bus."""
+    """How messages travel: `shm` or `socket`; `bridge` if the subscription is on another bus."""
 
 
 class Matches(dict[int, Match]):

@@ -45,13 +45,13 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
     queued: int
     """Messages not yet handed over to busd."""
     replaced: int
-    """Messages that the depth, or a bound of 64 MiB, replaced before they were handed over."""
+    """Messages replaced before they were handed over, because of the depth or a bound of 64 MiB."""
     refused: int
     """Calls of `publish` that found no room (reliable + keep all)."""
     subscriptions: int
     """Subscriptions matched now."""
     at_ns: int = 0
-    """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
+    """Time of counting: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
 
 
 class PublisherCore(EndpointCore[M]):
@@ -78,7 +78,7 @@ class PublisherCore(EndpointCore[M]):
         if qos.liveliness is Liveliness.AUTOMATIC:
             self.lease_s = qos.liveliness_lease_duration
         self.refused = 0
-        """Calls that found no room, besides those that the sender counts."""
+        """Calls that found no room, in addition to the sender's count."""
         self._own_gid = self.gid if gid is None else new_gid()
         self._lost_liveliness = 0
         ring = None if by_socket else ShmSender.make(node.link, self, node.logger)

@@ -34,7 +34,7 @@ Role: TypeAlias = Literal["", "mirror", "tap"]
 
 
 class Bridging(TypedDict, total=False):
-    """What bridges ask of `Node.create_subscription` besides."""
+    """Further arguments of `Node.create_subscription`, for bridges."""
 
     gid: bytes | None
     local_only: bool
@@ -42,7 +42,7 @@ class Bridging(TypedDict, total=False):
 
 
 class SubscriptionOptions(Bridging, total=False):
-    """What else a subscription is made with."""
+    """Further options of a subscription."""
 
     decode: Callable[[Any], Any] | None
     busy_poll: float
@@ -50,7 +50,7 @@ class SubscriptionOptions(Bridging, total=False):
 
 
 class MessageInfo(NamedTuple):
-    """About one message.
+    """Times, numbers and publisher of one message.
 
     For example:
 
@@ -59,16 +59,16 @@ class MessageInfo(NamedTuple):
     """
 
     source_timestamp: int
-    """When it was published, or came about elsewhere (`Publisher.publish_encoded`): nanoseconds of the wall
+    """Time of publishing, or of its origin elsewhere (`Publisher.publish_encoded`): nanoseconds of the wall
     clock."""
     received_timestamp: int
-    """When it came to this process: nanoseconds of the wall clock."""
+    """Time of arrival in this process: nanoseconds of the wall clock."""
     publication_sequence_number: int
-    """Which one of its publisher's messages it is, from 1."""
+    """Its number among its publisher's messages, from 1."""
     reception_sequence_number: int
-    """Which one of those that this subscription has delivered, from 1."""
+    """Its number among the messages that this subscription delivered, from 1."""
     publisher_gid: bytes
-    """Whose it is: the `gid` of its publisher."""
+    """The `gid` of its publisher."""
 
 
 class SubscriptionCore(EndpointCore[M]):
@@ -118,7 +118,7 @@ class SubscriptionCore(EndpointCore[M]):
         self.on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
         self.on_lost: Callable[[bytes], object] | None = None
-        """Called with the gid of a publisher whose process has ended, or was cut off, without leaving."""
+        """Called with a publisher's gid if its process ended, or was cut off, without leaving."""
         self.rings: ShmReceiver | None = None
         if link.shm_context is not None and self._role != "mirror":
             self.rings = ShmReceiver(link, link.shm_context, self, self._miss)
@@ -177,7 +177,7 @@ class SubscriptionCore(EndpointCore[M]):
         return self._arrivals.wait()
 
     def info(self, taken: Taken[M]) -> MessageInfo:
-        """What users learn of a message besides the message."""
+        """The information that users get besides a message."""
         _, stamp_ns, seq, proxy, received_ns = taken
         offset_ns = self.link.wall_offset_ns
         return MessageInfo(

@@ -39,7 +39,7 @@ async def start(
 ) -> None:
     """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first.
 
-    Its log goes beside the socket. Raises BrokerUnavailable with the reason where it ends or hangs.
+    Its log goes beside the socket. Raises BrokerUnavailable with the reason if it ends or hangs.
     Cancellation: it goes on.
     """
     from pathlib import Path

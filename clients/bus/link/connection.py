@@ -81,7 +81,7 @@ class Connection:
         self._unshared = shm_context
         """How other processes wake this one; None once the broker has it, or if no memory is shared."""
         self._loss: Exception | None = None
-        """What ended the connection; None, too, if the broker closed it without a word."""
+        """The cause of the connection's end; None, too, if the broker closed it without a word."""
         self._farewell = ""
         self.heard_ns = 0
         """When anything last came from the broker; the owner sets it."""
@@ -98,7 +98,7 @@ class Connection:
     async def open(self, path: str, patience: Patience, *, may_start: bool = True) -> None:
         """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
 
-        Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
+        Raises BrokerUnavailable; its subclass NotNow if another attempt may help. Cancellation: closed.
         """
         self.path = path
         sock = await open_socket(path, patience, may_start=may_start)
@@ -149,7 +149,7 @@ class Connection:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether all that has come was read."""
+        """Whether all received data was read."""
         return self._stream is None or self._stream.is_quiet
 
     def share(self) -> None:
@@ -164,12 +164,12 @@ class Connection:
         return self._stream is not None and self._stream.writing is not WriteState.OPEN
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """Send queued data, as far as the socket accepts it."""
         if self._stream is not None:
             self._stream.flush()
 
     def send_now(self, frame: Buffer) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
+        """Send a data frame at once if nothing is queued; returns whether it was sent."""
         return self._stream is not None and self._stream.send_now(frame)
 
     async def request(
@@ -177,9 +177,12 @@ class Connection:
     ) -> A:
         """Send `message`, the request `number` (of `numbers`); returns the answer, which is a `kind`.
 
-        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
-        it says nothing at all for ANSWER_S, RemoteProtocolError where it answers something else,
-        ConnectionClosed where the connection ends first.
+        Raises:
+
+        - ConfigurationError, QuotaExceeded, AccessDenied: the broker refuses
+        - TimeoutError: the broker sends nothing at all for ANSWER_S
+        - RemoteProtocolError: the answer is of another kind
+        - ConnectionClosed: the connection ends first
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")

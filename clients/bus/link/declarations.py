@@ -243,7 +243,7 @@ class Declarations:
             admission.act(answer)
 
     def concerned(self, news: Any) -> LinkEndpoint | None:
-        """The endpoint that a message is about; None where it is about none, or one that is closed."""
+        """The endpoint that a message is about; None if it is about no endpoint, or a closed one."""
         field = _ABOUT.get(type(news))
         return None if field is None else self.by_id.get(getattr(news, field), gone)()
 

@@ -26,7 +26,7 @@ class GraphMirror:
         """Changes that came in the same read as the snapshot."""
 
     def begin(self, snapshot: m.GraphSnapshot) -> None:
-        """Raises RemoteProtocolError where busd contradicts itself."""
+        """Raises RemoteProtocolError if busd contradicts itself."""
         graph = graph_of(snapshot)
         self._nodes = {one.id: one for one in graph.nodes}
         self._publishers = {one.id: one for one in graph.publishers}
@@ -40,7 +40,7 @@ class GraphMirror:
             self.change(change)
 
     def change(self, change: m.GraphChanged) -> None:
-        """Raises RemoteProtocolError where busd contradicts itself."""
+        """Raises RemoteProtocolError if busd contradicts itself."""
         if not self._is_begun:
             self._early.append(change)
             return

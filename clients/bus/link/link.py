@@ -81,7 +81,7 @@ class Link:
     async def acquire(cls, path: str) -> "Link":
         """The link of this event loop to the socket `path`, connected.
 
-        Raises BrokerUnavailable where no broker answers and none could be started.
+        Raises BrokerUnavailable if no broker answers and none could be started.
         """
         loop = asyncio.get_running_loop()
         for link in cls.all():
@@ -154,7 +154,7 @@ class Link:
         self._set_heartbeat()
 
     def declared_again(self) -> None:
-        """The present broker knows all that the last one knew."""
+        """The present broker knows everything that the last one knew."""
         if self.observers:
             self.observers.ask()
         self.flush()
@@ -202,7 +202,7 @@ class Link:
             self.connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:
-        """Whether all that the broker has sent was read; True also where there is none."""
+        """Whether everything that the broker has sent was read; True also if there is none."""
         return not self._incoming.is_receiving and (self.connection is None or self.connection.is_quiet)
 
     async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
@@ -215,7 +215,7 @@ class Link:
         """The description of a type on the bus, as its endpoints gave it (`bus.types.schema`, in
         MessagePack).
 
-        Raises ConfigurationError where no endpoint has it.
+        Raises ConfigurationError if no endpoint has it.
         """
         answer = await self.request(
             lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
@@ -224,7 +224,7 @@ class Link:
         return answer.schema
 
     def watch(self) -> "GraphObservers":
-        """Those who are called when the graph has changed."""
+        """The callbacks for changes of the graph."""
         if self.observers is None:
             from bus.link.observing import GraphObservers
 
@@ -240,7 +240,7 @@ class Link:
         self.gathered.add(publisher)
 
     def send_now(self, frame: Buffer) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
+        """Send a data frame at once if nothing is queued; returns whether it was sent."""
         return self.connection is not None and self.connection.send_now(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
@@ -249,12 +249,15 @@ class Link:
             self.connection.outbox.make_ready(queue)
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """Send queued data, as far as the socket accepts it."""
         if self.connection is not None:
             self.connection.flush()
 
     async def wait_for_drain(self, queue: RunQueue) -> None:
-        """Wait until the socket has all that was in `queue`. Raises ConnectionClosed where the link ends."""
+        """Wait until the socket has accepted everything in `queue`.
+
+        Raises ConnectionClosed if the link ends.
+        """
         is_chosen = False
         while not is_chosen:
             if self.failure is not None:

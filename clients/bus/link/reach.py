@@ -96,8 +96,9 @@ def no_answer_yet(path: str | os.PathLike[str]) -> str:
 def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:
     """A non-blocking socket, connected to the broker at `path`.
 
-    Raises FileNotFoundError or ConnectionRefusedError where nobody listens there, BacklogFull where too
-    many wait to be accepted, and BrokerUnavailable where it can't be connected to or is not to be trusted.
+    Raises FileNotFoundError or ConnectionRefusedError if no process listens there, BacklogFull if too many
+    connections wait to be accepted, and BrokerUnavailable if the socket can't be connected to or is not
+    trusted.
     """
     sock = _Socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

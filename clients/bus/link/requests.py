@@ -1,7 +1,7 @@
 """Requests that the broker has not answered yet, and how long they wait.
 
 A broker that owes an answer and has said nothing at all for ANSWER_S counts as hung. One that is only busy
-says something meanwhile, and is waited for. What requests and answers are about is of no concern here.
+says something meanwhile, and is waited for. Independent of the content of requests and answers.
 """
 
 import asyncio
@@ -35,7 +35,7 @@ class Source(Protocol):
 
     @property
     def is_quiet(self) -> bool:
-        """Whether all that has come was read."""
+        """Whether all received data was read."""
 
 
 class Request(msgspec.Struct):

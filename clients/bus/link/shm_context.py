@@ -40,7 +40,7 @@ class ReaderProcess:
         self.bell = shm.native.Bell(segments.map_readers(segment), doorbell.number)
 
     def is_alive(self) -> bool:
-        """Whether the process still runs; True also where that can't be found out."""
+        """Whether the process still runs; True also if that can't be found out."""
         try:
             process = Descriptor(os.pidfd_open(self.pid))
         except ProcessLookupError:
@@ -55,7 +55,7 @@ class ReaderProcess:
 class ShmContext:
     """`on_news(owners)` gets the owners of the readers for whom something has come, and must not raise.
 
-    Raises OSError where the machine has no memory or descriptors left.
+    Raises OSError if the machine has no memory or descriptors left.
     """
 
     def __init__(self, on_news: Callable[[Collection[Any]], None]) -> None:
@@ -133,7 +133,7 @@ class ShmContext:
     # --- slots
 
     def allot_slot(self) -> int | None:
-        """A slot of the readers' segment; None where all are in use."""
+        """A slot of the readers' segment; None if all are in use."""
         if not self._slots:
             self._slots += [slot for slot in self._pinned_slots if self.readers.is_free(slot)]
             self._pinned_slots = [slot for slot in self._pinned_slots if slot not in self._slots]

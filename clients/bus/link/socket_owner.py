@@ -1,8 +1,8 @@
 """Whose socket a program may use, and in which folder busd may have its files.
 
-By default busd's socket is in a folder of the user's own. Under /tmp another user may have made it first, and
-would then get all that we send. Owns these two checks. Where the user has named a path, whose socket it is is
-the user's choice.
+The default socket of busd is in a private folder of the user. Under /tmp another user may have made it first,
+and would then get all that we send. Owns these two checks. If the user named a path, the owner of its socket
+is the user's choice.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""The publishers and subscriptions of one node, those of its services and clients among them.
+"""The publishers and subscriptions of one node, including those in its services and clients.
 
 Owns: how they are declared, kept while they are open, counted, and closed with the node. Must not know: what
 they are made of, or for.
@@ -20,7 +20,7 @@ _LEAST_SWEPT = 16
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
-    """Totals of one node's open endpoints; those of its services, and of /rosout, are among them.
+    """Totals of one node's open endpoints, including the endpoints of its services and of /rosout.
 
     For example:
 
@@ -75,11 +75,11 @@ class NodeEndpoints:
                 raise result
 
     def end(self, reason: BusError) -> None:
-        """End those that are open: their `close` was cut short."""
+        """End the open endpoints: their `close` was cut short."""
         _end_open(self._all, reason)
 
     def forget_ids(self) -> None:
-        """The ids are those of an earlier broker: nothing must be sent about them."""
+        """The ids are from an earlier broker: nothing must be sent about them."""
         for endpoint in self._all:
             endpoint.id = 0
 
@@ -90,7 +90,7 @@ class NodeEndpoints:
         return publishers, len(used) - publishers
 
     def statistics(self) -> NodeStatistics:
-        """The sums over those that are open."""
+        """The sums over open endpoints."""
         used = self._open()
         publishers = [one.statistics() for one in used if one.kind == "publisher"]
         subscriptions = [one.statistics() for one in used if one.kind != "publisher"]

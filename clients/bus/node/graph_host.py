@@ -29,7 +29,7 @@ class GraphHost:
     async def graph(self, *, statistics: bool = False) -> Graph:
         """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
 
-        Waits for a busd that is away. Raises ConnectionClosed where the node is not open.
+        If busd is away, waits until it is back. Raises ConnectionClosed if the node is not open.
 
             graph = await node.graph()
         """
@@ -41,11 +41,11 @@ class GraphHost:
         return graph_of(snapshot)
 
     async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
-        """Wait until `condition(graph)` holds; returns that graph.
+        """Wait until `condition(graph)` is true; returns that graph.
 
-        `condition` is called again at every change, for changes in quick succession once: so a large graph in
-        which much comes and goes costs little. Waits without an end: use `asyncio.timeout`. Cancellation
-        leaves nothing behind.
+        `condition` is called again at every change, and once for changes in quick succession, so a large
+        graph with many changes costs little. Has no time limit: use `asyncio.timeout`. Cancellation leaves
+        nothing behind.
 
             await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
@@ -58,10 +58,10 @@ class GraphHost:
     def watch_graph(self) -> AsyncGenerator[Graph, None]:
         """The graph now, and again after every change, until the node is closed.
 
-        busd sends only what has changed, so that a large graph costs little too. Several changes while the
-        body of the loop works come as one: the next graph is the newest. It goes on over a restart of busd,
-        and waits for a busd that is silent. Raises ConnectionClosed where the node is not open. Cancellation,
-        or leaving the loop, leaves nothing behind.
+        busd sends only the changes, so a large graph costs little, too. Several changes while the loop's body
+        works come as one: the next graph is the newest. It continues after a restart of busd, and waits while
+        busd is silent. Raises ConnectionClosed if the node is not open. Cancellation, or leaving the loop,
+        leaves nothing behind.
 
             async for graph in node.watch_graph():
                 if "/chatter" in graph.topics():
@@ -70,10 +70,10 @@ class GraphHost:
         return self._graphs()
 
     async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
-        """A class for a type that is on the bus, made from the description that travels with it.
+        """A class for a type that is on the bus, made from the description sent with the type.
 
-        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
-        endpoint has that type.
+        `type_name` and `type_hash` are fields of a `GraphEndpoint`. Raises ConfigurationError if no endpoint
+        has that type.
 
             publisher = (await node.graph()).publishers_of("/chatter")[0]
             cls = await node.get_type(publisher.type_name, publisher.type_hash)
@@ -83,10 +83,10 @@ class GraphHost:
         return build((await self.get_schema(type_name, type_hash)).description)
 
     async def get_schema(self, type_name: str, type_hash: str) -> MessageSchema:
-        """How a type that is on the bus is described there; for programs that need no class of it.
+        """The description of a type that is on the bus; for programs that don't need a class of it.
 
-        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
-        endpoint has that type.
+        `type_name` and `type_hash` are fields of a `GraphEndpoint`. Raises ConfigurationError if no endpoint
+        has that type.
 
             publisher = (await node.graph()).publishers_of("/chatter")[0]
             schema = await node.get_schema(publisher.type_name, publisher.type_hash)
@@ -115,5 +115,5 @@ class GraphHost:
         raise NotImplementedError
 
     def _opened(self) -> NodeContext:
-        """Raises ConnectionClosed where the node is not open."""
+        """Raises ConnectionClosed if the node is not open."""
         raise NotImplementedError

@@ -61,17 +61,16 @@ def _parse(arguments: Sequence[str]) -> Arguments:
 class Node(ParameterHost, GraphHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
-    `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
-    of the node's name and namespace, parameters, log level); by default the program's own. `socket` and
-    `domain` choose the bus, by default as `busd --help` says. `rosout=False` keeps log lines off the topic
-    /rosout.
+    - `arguments`: command-line arguments, by default the program's. The node obeys the ones after --ros-args:
+      remapping of topics, of the node's name and namespace, parameters, log level.
+    - `socket` and `domain` choose the bus, by default as `busd --help` says.
+    - `rosout=False` keeps log lines off the topic /rosout.
+    - `origin` is for bridges: the node represents a node on another bus.
 
     An exception in a callback or timer cancels the body of the `async with`, which then raises it.
 
     Raises ConfigurationError for a wrong name, CommandLineError for wrong `arguments`, StartError for
     BUSD_DOMAIN and the like; on entering, BrokerUnavailable. The last three end a program with one line.
-
-    `origin` is for bridges: the node stands for one of another bus.
 
         async with bus.Node("talker", namespace="robot") as node:
             publisher = await node.create_publisher(String, "chatter")
@@ -99,7 +98,7 @@ class Node(ParameterHost, GraphHost):
         self.name: str = self._arguments.node_name(name)
         """Its own name, without the namespace, after remapping."""
         self.namespace: str = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
-        """With a slash in front; `/` where it has none."""
+        """Starts with a slash; `/` for none."""
         self._declared = LinkNode(self.name, self.namespace, origin, made_at)
         self._reminder = CloseReminder(self._declared, must_be_closed=self._must_be_closed)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
@@ -131,10 +130,10 @@ class Node(ParameterHost, GraphHost):
 
     @to_be_awaited
     async def open(self) -> None:
-        """Connect, start a busd where none listens, and appear in the graph; `async with` does it.
+        """Connect to busd, start one if none listens, and appear in the graph; `async with` does it.
 
-        Raises BrokerUnavailable where no busd answers and none could be started, AccessDenied and
-        QuotaExceeded as busd's rules say. Cancellation: not open.
+        Raises BrokerUnavailable if no busd answers and none could be started, AccessDenied and QuotaExceeded
+        as busd's rules say. After a cancellation the node is not open.
         """
         if asyncio._get_running_loop() is None:
             from bus.process.mistakes import no_loop
@@ -163,10 +162,11 @@ class Node(ParameterHost, GraphHost):
 
     @done_anyway
     async def close(self) -> None:
-        """Stop the timers, hand over what was published, close all that the node has made, leave the graph.
+        """Stop timers, hand over published messages, close everything the node made, leave the graph.
 
-        Takes 5 s at most where busd does not take what was published; the log says what that lost.
-        Closing twice is allowed. Cancellation: closed, and what was not handed over is lost.
+        If busd does not accept the published messages, this takes at most 5 s; the log says how many were
+        lost. Closing twice is allowed. After a cancellation the node is closed; messages not yet handed over
+        are lost.
         """
         link, self._link = self._link, None
         if link is None:
@@ -234,18 +234,18 @@ class Node(ParameterHost, GraphHost):
         events: PublisherEvents | None = None,
         gid: bytes | None = None,
     ) -> Publisher[Any]:
-        """A publisher of `message_type`, any `msgspec.Struct`, on `topic`.
+        """Create a publisher of `message_type`, any `msgspec.Struct`, on `topic`.
 
         `topic` is relative to the node's namespace, private with `~/` in front, or absolute with `/`. An int
-        as `qos` is keep last with that depth. `events` are callbacks for what happens to it. With a
-        `MessageSchema` in place of a class, messages are published as the bytes that they are encoded to.
+        as `qos` means keep last with that depth. `events` are callbacks for its events. With a
+        `MessageSchema` instead of a class, messages are published as encoded bytes.
 
-        On return every subscription that existed is matched. Raises ConfigurationError for a bad name or
-        QoS, MessageTypeError for a class that is no message type, QuotaExceeded above busd's limits,
-        AccessDenied, ConnectionClosed where the node is not open. Cancellation: not created.
+        On return every subscription that existed is matched. After a cancellation the publisher does not
+        exist. Raises ConfigurationError (bad name or QoS), MessageTypeError (not a message type),
+        QuotaExceeded (busd's limits), AccessDenied (its access rules) and ConnectionClosed (of the node).
 
-        `gid` is for bridges: the gid of a publisher of another bus for which this one stands. Where an
-        endpoint with it is on this bus already, that raises ConfigurationError.
+        `gid` is for bridges: the gid of the publisher on another bus that this one represents. If this bus
+        already has an endpoint with that gid, this raises ConfigurationError.
 
             publisher = await node.create_publisher(String, "chatter", 10)
         """
@@ -336,32 +336,33 @@ class Node(ParameterHost, GraphHost):
         busy_poll: float = 0.0,
         **bridging: Unpack[Bridging],
     ) -> Subscription[Any]:
-        """A subscription to `message_type` on `topic`; names, QoS and events as with `create_publisher`.
+        """Create a subscription to `message_type` on `topic`; names, QoS, events as in `create_publisher`.
 
-        `callback` is `def` or `async def`, of (message) or (message, info). Calls of one subscription never
-        overlap. Without a callback, iterate: `async for message in subscription`. With `raw`, messages are
-        delivered as the bytes that came, undecoded and unchecked. With `views`, fields of bytes are read-only
-        views into shared memory, not copied; each holds its message there for as long as it lives, seven of
-        a publisher at most (those beyond are copied).
+        - `callback`: `def` or `async def`, of (message) or (message, info). Its calls never overlap. Without
+          one, iterate: `async for message in subscription`.
+        - `raw`: messages are delivered as the received bytes, undecoded and unchecked.
+        - `views`: fields of bytes are read-only views into shared memory, not copies. Each view keeps its
+          message there while it exists, for at most seven messages of a publisher; further ones are copied.
+        - `busy_poll`: for this many seconds after each message the process polls for the next one without
+          sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU.
 
-        In place of a class, `message_type` may be a `MessageSchema`; or the name of a type, looked up on
-        the topic, then on the bus, then among those that come with busd; or None for the type that the
-        topic has. Where there is none yet, this waits for it, without an end: use `asyncio.timeout`.
-        Messages are then of `to_class` of the `schema` of the subscription, or with `raw` bytes.
+        Instead of a class, `message_type` may be a `MessageSchema`, or None for the type of the topic, or
+        the name of a type, searched on the topic, then on the bus, then among the types that come with busd.
+        If no such type exists yet, this waits for it, without a time limit: use `asyncio.timeout`. Messages
+        are then of class `to_class` of the subscription's `schema`, or bytes with `raw`.
 
-        `busy_poll`: for so many seconds after each message this process looks for the next one without
-        sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU as
-        long as messages come.
+        `bridging` is for bridges:
 
-        `bridging` is for bridges. `gid`: that of a subscription on another bus for which this one stands,
-        with the error of `create_publisher`. `local_only=True`: it matches only publishers of nodes without
-        an origin. `role="mirror"`: it is matched, counted, shown and warned of as any, but gets no messages
-        here, and nobody waits for it. `role="tap"`: it takes messages for mirrors, and is in no count; one
-        that is reliable + keep all matches only publishers that are so too, another one only all others.
+        - `gid`: the gid of the subscription on another bus that this one represents.
+        - `local_only=True`: it matches only publishers of nodes without an origin.
+        - `role="mirror"`: it is matched, counted, shown and warned of as any subscription. It gets no
+          messages here, and no publisher waits for it.
+        - `role="tap"`: it takes messages for mirrors, and no count includes it. A reliable + keep-all tap
+          matches only publishers with that QoS, any other tap only the other publishers.
 
-        On return it gets every message whose publish begins later, within its depth. Raises as
-        `create_publisher`, and ConfigurationError where the topic has several types that it may be.
-        Cancellation: not created.
+        It gets every message whose publishing begins after the return, within its depth. It raises the errors
+        of `create_publisher`, and ConfigurationError if the topic has several possible types. After a
+        cancellation the subscription does not exist.
 
             subscription = await node.create_subscription(String, "chatter", 10, print)
             recorded = await node.create_subscription(None, "chatter", 10, print, raw=True)
@@ -406,13 +407,12 @@ class Node(ParameterHost, GraphHost):
     ) -> ServiceServer:
         """Serve `service_type`, a class as `bus.Service` says, as `name`.
 
-        `callback` is `def` or `async def`, of (request), and returns the response; or of (request, response),
-        of which the second is there to be filled and returned. Calls of an async one run side by side, up to
-        a hundred. An exception goes to the client as ServiceError, and out of the node as any callback's.
-        For `on_request`, in place of a callback, see `ServiceServer`. By default `qos` is keep last 1000.
-
-        Raises as `create_publisher`, TypeError for both or neither of a callback and `on_request`.
-        Cancellation: not created.
+        `callback` is `def` or `async def`. It takes (request) and returns the response, or takes (request,
+        response), fills the response and returns it. Up to a hundred calls of an async callback run
+        concurrently. An exception goes to the client as ServiceError, and out of the node like one in any
+        callback. For `on_request`, instead of a callback, see `ServiceServer`. `qos` is keep last 1000 by
+        default. Raises the errors of `create_publisher`, and TypeError for both or neither of `callback` and
+        `on_request`. After a cancellation the server does not exist.
 
             server = await node.create_service(
                 AddTwoInts, "add", lambda request: AddTwoInts.Response(sum=request.a + request.b)
@@ -444,10 +444,10 @@ class Node(ParameterHost, GraphHost):
         *,
         on_response: Callable[[int, Any], object] | None = None,
     ) -> ServiceClient:
-        """A client of the service `name`; on return it knows the servers that are there.
+        """Create a client of the service `name`; on return it knows the existing servers.
 
-        By default `qos` is keep last 1000. For `on_response` see `ServiceClient`. Raises as
-        `create_publisher`. Cancellation: not created.
+        `qos` is keep last 1000 by default. For `on_response` see `ServiceClient`. Raises the errors of
+        `create_publisher`. After a cancellation the client does not exist.
 
             client = await node.create_client(AddTwoInts, "add")
         """
@@ -466,8 +466,7 @@ class Node(ParameterHost, GraphHost):
     def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
         """Call `callback`, `def` or `async def`, without arguments, every `period_s` seconds; see `Timer`.
 
-        Raises ConfigurationError for a period below 0 or above 1e9, ConnectionClosed where the node is not
-        open.
+        Raises ConfigurationError for a period below 0 or above 1e9, ConnectionClosed if the node is not open.
 
             timer = node.create_timer(0.5, lambda: publisher.publish(String(data="tick")))
         """
@@ -490,7 +489,7 @@ class Node(ParameterHost, GraphHost):
         return self._logger
 
     def resolve_topic_name(self, topic: str) -> str:
-        """The full name of `topic` as this node means it, after expansion and remapping.
+        """The full name of `topic` in this node, after expansion and remapping.
 
         Raises ConfigurationError for a bad name.
         """
@@ -498,16 +497,16 @@ class Node(ParameterHost, GraphHost):
         return self._arguments.topic(full, self.name, self.namespace)
 
     def resolve_service_name(self, name: str) -> str:
-        """The full name of a service as this node means it; by the rules for topics.
+        """The full name of service `name` in this node, by the rules for topics.
 
         Raises ConfigurationError for a bad name.
         """
         return self.resolve_topic_name(name)
 
     async def spin(self) -> None:
-        """Wait for ever while callbacks and timers work; an exception of theirs ends the `async with`.
+        """Wait for ever while callbacks and timers work; an exception in one ends the `async with`.
 
-        Raises ConnectionClosed where the node is not open. Cancellation is the way to end it.
+        Raises ConnectionClosed if the node is not open. Cancellation is the way to end it.
         """
         self._opened()
         await asyncio.get_running_loop().create_future()
@@ -571,7 +570,8 @@ class Node(ParameterHost, GraphHost):
             link.forget_node(self._declared)
 
     def _fail(self, error: BaseException) -> None:
-        """A callback raised: end the body of the `async with`, or tell the event loop where there is none."""
+        """A callback raised an exception: end the body of the `async with`, or report to the event loop
+        without one."""
         if self._error is not None:
             return
         if self._body is not None:

@@ -32,8 +32,7 @@ class Rosout:
         self._is_open = False
 
     async def open(self, declare: Callable[[EndpointCore[Any]], Awaitable[None]]) -> None:
-        """Declare it ahead of all that the program declares, and don't keep the program waiting for the
-        answer."""
+        """Declare it before the program's endpoints, without making the program wait for the answer."""
         link = self._core.link
         self._is_open = True
         self._logger.add_sink(self._sink)  # what is logged until the answer comes waits for it

@@ -35,4 +35,4 @@ class ParameterOwner(Protocol):
     ) -> Publisher[Any]: ...
 
     def _opened(self) -> NodeContext:
-        """Raises ConnectionClosed where the node is not open."""
+        """Raises ConnectionClosed if the node is not open."""

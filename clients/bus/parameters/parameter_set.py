@@ -131,7 +131,7 @@ class ParameterSet:
         return name in self._store.declared
 
     def get(self, name: str) -> Any:
-        """Raises ParameterError where it is not declared, or has no value yet."""
+        """Raises ParameterError if it is not declared, or has no value yet."""
         declared = self.find(name)
         if declared.parameter.type_ is ParameterType.NOT_SET and not declared.rules.is_dynamic:
             raise self._error(name, f"has no value yet; give it one on the command line: -p {name}:=...")

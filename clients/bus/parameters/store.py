@@ -73,7 +73,7 @@ class ParameterStore(Generic[P]):
         return wanted
 
     def unknown(self, wanted: Iterable[P]) -> list[str]:
-        """Names of those that nobody declared."""
+        """Names of parameters that are not declared."""
         return [one.name for one in wanted if one.name not in self.declared]
 
     def set(self, wanted: list[P]) -> Outcome:

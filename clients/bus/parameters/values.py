@@ -24,7 +24,7 @@ SEPARATOR = "."
 
 UNDECLARED = "Invalid access to undeclared parameter(s)"
 WRONG_TYPE = "Wrong parameter type"
-"""What the reason begins with where a value has another type than was declared."""
+"""The start of the reason if a value has another type than declared."""
 
 _TOLERANCE = 1e-6
 
@@ -141,7 +141,7 @@ class Rules(NamedTuple):
         )
 
     def with_type_of(self, one: Setting) -> "Rules":
-        """The type is the one that the first value had, or the present one's where it may change."""
+        """The type is that of the first value, or of the current value if it may change."""
         is_fixed = not self.is_dynamic and one.type_ is ParameterType.NOT_SET
         return self if is_fixed else self._replace(type_=one.type_)
 

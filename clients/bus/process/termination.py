@@ -79,7 +79,7 @@ def die_at_interrupt() -> None:
 
 
 def heed_interrupts() -> None:
-    """Undo `die_at_interrupt`: a Ctrl-C raises KeyboardInterrupt again, for those who must tidy up."""
+    """Undo `die_at_interrupt`: a Ctrl-C raises KeyboardInterrupt again, so that programs can tidy up."""
     import signal
 
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:

@@ -14,7 +14,7 @@ class Waiters:
         return bool(self._waiting)
 
     async def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for the next `release`; False where the time is over first. Raises what `fail` was given.
+        """Wait for the next `release`; False if the time is over first. Raises what `fail` was given.
 
         Cancellation leaves nothing behind.
         """

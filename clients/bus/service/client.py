@@ -51,11 +51,11 @@ class ServiceClientStatistics(msgspec.Struct, frozen=True):
     requests: int
     """Requests sent."""
     responses: int
-    """Answers that were waited for, those that only name an error included."""
+    """Answers to waiting calls, including error answers."""
     errors: int
-    """Of these, the ones that only name an error."""
+    """Error answers among `responses`."""
     late: int
-    """Answers that no call waited for: to calls that were cancelled, or answered by another server."""
+    """Answers without a waiting call: the call was cancelled, or another server answered it."""
     pending: int
     """Calls that wait now."""
     servers: int
@@ -85,8 +85,8 @@ class _Call:
 class ServiceClient(ServiceBase):
     """Calls one service; made by `Node.create_client`.
 
-    `on_response` is for calls by `send_request`: it gets a request's number, and the response or the error
-    (a BusError) that is in its place, on the event loop.
+    `on_response` is for calls by `send_request`. It is called on the event loop with the request's number,
+    and with the response or an error (a BusError).
 
         response = await client.call(AddTwoInts.Request(a=1, b=2))
     """
@@ -131,13 +131,16 @@ class ServiceClient(ServiceBase):
         return core_of(self._replies), self._requests_core
 
     async def call(self, request: Any) -> Any:
-        """Send `request` and wait for its answer, which may take for ever: use `asyncio.timeout`.
+        """Send `request` and wait for its answer, without a time limit: use `asyncio.timeout`.
 
-        Raises ServiceUnavailable where nobody serves, whoever does leaves before the answer, or the call was
-        lost with busd; ServiceError where the service's callback raised; LocalProtocolError where 1000 calls
-        wait already; else as `Publisher.publish`.
+        Raises the errors of `Publisher.publish`, and:
 
-        Cancellation leaves nothing behind; the service may do its work all the same.
+        - ServiceUnavailable: no server exists, the server left before its answer, or the call was lost with
+          busd
+        - ServiceError: the service's callback raised an exception
+        - LocalProtocolError: 1000 calls wait already
+
+        Cancellation leaves nothing behind in the client; the server may still carry out the request.
         """
         self._check_served()
         answer: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
@@ -157,33 +160,33 @@ class ServiceClient(ServiceBase):
         return outcome
 
     def send_request(self, request: Any) -> int:
-        """Send `request`; its answer goes to `on_response`, with the number that this returns. Never blocks,
-        and may be called from any thread.
+        """Send `request` and return its number; `on_response` gets the answer with that number.
 
-        Returns 0 where there is no room, as `Publisher.publish` returns False: it was not sent. It does not
-        look whether anybody serves; where nobody does, the call waits until `forget`. Raises as `call`.
+        Never blocks, and may be called from any thread. Returns 0 if there is no room (when
+        `Publisher.publish` returns False): the request was not sent. Does not check that a server exists.
+        Without one, the call stays pending until `forget`. Raises the errors of `call`.
         """
         if self._on_response is None:
             raise LocalProtocolError("send_request is for clients that were made with on_response")
         return self._send(request, self._on_response)
 
     def forget(self, number: int) -> bool:
-        """Wait for an answer no more; returns whether there was such a call."""
+        """Stop waiting for an answer; returns whether there was such a call."""
         return self._calls.pop(number, None) is not None
 
     def service_is_ready(self) -> bool:
-        """Whether a call would be heard at once."""
+        """Whether a server would receive a call now."""
         return self._requests_core.count_ready() > 0
 
     async def wait_for_service(self) -> None:
-        """Wait until somebody serves; use `asyncio.timeout`.
+        """Wait until a server exists; use `asyncio.timeout`.
 
-        Raises ConnectionClosed where the client is closed meanwhile. Cancellation leaves nothing behind.
+        Raises ConnectionClosed if the client is closed meanwhile. Cancellation leaves nothing behind.
         """
         await self._requests.wait_for_subscriptions()
 
     def statistics(self) -> ServiceClientStatistics:
-        """Its counters until now; they stay when it is closed."""
+        """Its counters until now; `close` keeps them."""
         return ServiceClientStatistics(
             requests=self._sent,
             responses=self._answered,
@@ -204,7 +207,7 @@ class ServiceClient(ServiceBase):
         return f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
 
     def _check_served(self) -> None:
-        """Raises ServiceUnavailable where nobody serves; with busd away, nobody knows. Raises as `call`."""
+        """Raises ServiceUnavailable if no server exists; can't tell while busd is away. Raises as `call`."""
         if not self._servers and self._requests_core.id:
             if self._requests_core.refusal is not None:
                 raise again(self._requests_core.refusal)
@@ -302,8 +305,8 @@ class ServiceClient(ServiceBase):
     def _ask(self) -> None:
         """Ask the server, which is back, what has become of calls in doubt.
 
-        It answers behind what it has answered before. Where there are several, what one knows says nothing
-        of the others.
+        It answers behind what it has answered before. With several servers, one server's state says nothing
+        about the others.
         """
         if len(self._servers) != 1:
             return

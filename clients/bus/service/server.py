@@ -37,7 +37,7 @@ _MOST_LOST: Final = 1000
 
 
 class RequestId(NamedTuple):
-    """Which client's call it is, and which one of these; given to `on_request` of a `ServiceServer`.
+    """Identifies a call by its client and number; passed to `on_request` of a `ServiceServer`.
 
     For example:
 
@@ -61,9 +61,9 @@ class ServiceServerStatistics(msgspec.Struct, frozen=True):
     requests: int
     """Requests taken."""
     responses: int
-    """Answers sent, those that only name an error included."""
+    """Answers sent, including error answers."""
     errors: int
-    """Of these, the ones that only name an error."""
+    """Error answers among `responses`."""
     refused: int
     """Answers for which there was no room (QoS keep all)."""
     dropped: dict[str, int]
@@ -71,17 +71,18 @@ class ServiceServerStatistics(msgspec.Struct, frozen=True):
     clients: int
     """Clients matched now."""
     skipped: int
-    """Of the requests, those not carried out because their client had died before their turn."""
+    """Requests not carried out because their client had died before their turn."""
 
 
 class ServiceServer(ServiceBase):
     """Serves one service; made by `Node.create_service`.
 
-    With `callback`, it is called for each request and what it returns is the answer. With `on_request` in its
-    place, that is called with the request and its RequestId, and `respond` is to be called later; an
-    `async def on_request` gets the next request when it is done with this one.
+    `callback` is called for each request; its result is the answer. `on_request` instead is called with the
+    request and its RequestId, and the program calls `respond` later. An `async def on_request` gets the next
+    request after it has finished the current one.
 
-    Requests whose client has died before their turn are skipped and counted: they hold up no living client.
+    If a client died before its request's turn, the request is skipped and counted. It delays no living
+    client.
 
         server = await node.create_service(AddTwoInts, "later", on_request=start_work)
     """
@@ -127,10 +128,10 @@ class ServiceServer(ServiceBase):
         return core_of(self._replies), core_of(self._requests)
 
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
-        """Answer a request, with `error` instead of `response` where that is not empty; from any thread.
+        """Answer a request with `response`, or with `error` if that is not empty; from any thread.
 
-        A second answer to a request, and one to a client that has gone, do nothing. Returns False where there
-        was no room for it (QoS keep all), as `Publisher.publish` does. Raises MessageTypeError for a wrong
+        A second answer to a request has no effect, nor has an answer to a departed client. Returns False if
+        there was no room (QoS keep all), as `Publisher.publish` does. Raises MessageTypeError for a wrong
         response, PayloadTooLarge above the limit, ConnectionClosed after `close`.
         """
         if error:
@@ -145,14 +146,14 @@ class ServiceServer(ServiceBase):
         return True
 
     async def wait_for_room(self) -> None:
-        """After `respond` found no room: wait until it is worth trying again.
+        """After `respond` found no room: wait until a new attempt may succeed.
 
-        Raises ConnectionClosed where the server is closed meanwhile. Cancellation leaves nothing behind.
+        Raises ConnectionClosed if the server is closed meanwhile. Cancellation leaves nothing behind.
         """
         await self._replies.wait_for_room()
 
     def statistics(self) -> ServiceServerStatistics:
-        """Its counters until now; they stay when it is closed."""
+        """Its counters until now; `close` keeps them."""
         requests = self._requests.statistics()
         return ServiceServerStatistics(
             requests=self._taken,
@@ -168,7 +169,7 @@ class ServiceServer(ServiceBase):
     async def close(self) -> None:
         """Take no more requests, hand over the answers, leave the graph. Closing twice is allowed.
 
-        Callbacks that are still at work are cancelled; their clients get ServiceUnavailable.
+        Callbacks that still run are cancelled; their clients get ServiceUnavailable.
         """
         await self._close()
 

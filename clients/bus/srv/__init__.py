@@ -38,7 +38,7 @@ class Service:
     """Base of a service's definition: two message classes, `Request` and `Response`, within it.
 
     `__type_name__` is `<package>/srv/<Class>` for the classes under bus.srv, `local/srv/<Class>` elsewhere,
-    or what the class itself sets. It is no object at run time: see `Node.create_service` and
+    or the name that the class itself sets. It is never instantiated: see `Node.create_service` and
     `Node.create_client`.
 
         class Scale(bus.Service):

@@ -217,7 +217,7 @@ class Stream:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether all that has come was read."""
+        """Whether all received data was read."""
         try:
             self._sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -450,7 +450,7 @@ class Stream:
         self._drop_descriptors()
 
     def _drop_descriptors(self) -> None:
-        """Close those that came; those that were to go may have other owners."""
+        """Close received descriptors; descriptors to be sent may have other owners."""
         self.session.drop_descriptors()
         self.session.reader.close()
         self.outbox.clear_control()

@@ -79,9 +79,9 @@ def described_service(name: str) -> tuple[tuple[str, bytes], tuple[str, bytes]] 
 
 
 def find_class(name: str) -> type[Struct] | None:
-    """The native class of `std_msgs/msg/String` (or `std_msgs/String`); None where there is no such message.
+    """The native class of `std_msgs/msg/String` (or `std_msgs/String`); None if there is no such message.
 
-    Raises ConfigurationError where its definition is malformed.
+    Raises ConfigurationError if its definition is malformed.
     """
     if name.count("/") == 1:
         name = name.replace("/", "/msg/")

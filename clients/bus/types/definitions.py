@@ -58,8 +58,8 @@ _MAX_FOLDERS: Final = 5000
 def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
     """The definition of `std_msgs/msg/String`, `std_srvs/srv/SetBool` or the like.
 
-    Raises ConfigurationError where there is none, where it is malformed, and where it names a type that
-    doesn't exist. That of another definition is no error before that one is asked for.
+    Raises ConfigurationError if it is missing or malformed, or names a type that doesn't exist. A fault in
+    another definition raises only when that definition is requested.
     """
     return _load(_found(name), name)
 

@@ -27,8 +27,8 @@ _DIGEST: Final = 17
 def difference(publisher: bytes, subscription: bytes, ends: tuple[str, str] | None = None) -> str | None:
     """The first field that differs: `field 'pose.x' is float64 at the publisher and float32 at ...`.
 
-    Both are descriptions as they travel (`schema`, in MessagePack), and `ends` what their owners are
-    called. None where one of them is broken, or nothing that counts differs.
+    Both are descriptions as they travel (`schema`, in MessagePack), and `ends` what their owners are called.
+    None if one of them is broken, or nothing relevant differs.
     """
     try:
         one, other = (msgspec.msgpack.decode(data, type=Form) for data in (publisher, subscription))
@@ -104,7 +104,7 @@ def _start(form: Form) -> str:
 
 
 def _ends(publisher: Form) -> tuple[str, str]:
-    """What the two ends are called in the text."""
+    """The names of the two ends in the text."""
     if _start(publisher) == publisher.root:
         return "the publisher", "the subscription"
     return (

@@ -19,7 +19,7 @@ from bus.wire.runs import Buffer
 M = TypeVar("M", bound=msgspec.Struct)
 
 LONG_BYTES = 64 << 10
-"""From this length on, it pays to leave a field of bytes where it is."""
+"""The length from which not copying a field of bytes pays off."""
 
 LONG_TEXT = 256 << 10
 """From this length on, it pays for ASCII text, too: its UTF-8 is what Python holds."""

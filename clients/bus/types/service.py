@@ -1,4 +1,5 @@
-"""What travels between a client and a service: a request or a reply in an envelope that says whose it is.
+"""Messages between a client and a service: a request or a reply in an envelope with the call's client and
+number.
 
 Owns: the two envelopes, and how their types are described on the bus. On the wire an envelope is an array
 with the message's own encoding as its last element, so that any class with a TypeSupport will do. Must not
@@ -208,7 +209,7 @@ def keeping_all(qos: QoSProfile) -> QoSProfile:
 def message_of(envelope: type[Struct]) -> type[Struct]:
     """The class of the message within, out of a class that was made of an envelope's schema.
 
-    Raises ConfigurationError where it is the schema of something else.
+    Raises ConfigurationError if it is the schema of another kind of type.
     """
     schema = describe(envelope)
     root, types = schema["root"], schema["types"]

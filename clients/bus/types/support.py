@@ -210,7 +210,7 @@ def type_hash(cls: type[Struct]) -> str:
 
 
 def hash_and_description(cls: type[Struct]) -> tuple[str, bytes]:
-    """What the bus is told of a class besides its name. Of those of bus.msg it is known already.
+    """The hash and description of a class. For classes of bus.msg both are precomputed.
 
     Raises as `type_support`.
     """
@@ -247,7 +247,7 @@ def wrong_class(cls: type[Any], message: object) -> MessageTypeError:
 def find_type(name: str) -> type[Struct] | None:
     """The class called `std_msgs/msg/String` (or `std_msgs/String`): ready-made, or made of its definition.
 
-    None where there is neither. Raises ConfigurationError where the definition is malformed.
+    None where there is neither. Raises ConfigurationError if the definition is malformed.
     """
     from bus.types.classes import find_class
 

@@ -1,9 +1,9 @@
 """Frames out of a stream of bytes: incremental and bounded, and a large payload is never copied twice.
 
-The shell reads into `get_buffer()` and says how much came with `received(n)`. Small frames are cut out of one
-buffer; a frame that does not fit gets a buffer of its own, which grows with what really arrives, so that a
-length that lies costs us no memory. The frames of one read are cut a few at a time
-(`cut`), so that the caller can stop in between without having paid for all of them.
+The shell reads into `get_buffer()` and says how much came with `received(n)`. Small frames share one buffer.
+A frame that does not fit gets its own buffer, which grows as data arrives, so a forged length cannot make us
+allocate memory. The frames of one read are cut a few at a time (`cut`), so that the caller can stop in
+between without having paid for all of them.
 
 The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
@@ -88,7 +88,7 @@ class FrameReader:
         self._large = None
 
     def get_buffer(self) -> memoryview:
-        """Where the next bytes of the stream belong; never empty. What came before must have been cut."""
+        """The buffer for the next bytes of the stream; never empty. What came before must have been cut."""
         if self._large is None:
             return self._view[self._end :] if self._end else self._view
         return self._large[self._large_end : self._large_room]
@@ -300,7 +300,7 @@ class FrameReader:
 
 
 def _parse(view: memoryview, start: int, stop: int, is_broker: bool) -> bytes | Run:
-    """The frame from `start` to `stop`, as a copy; a long body stays where it is, in a buffer of its own."""
+    """The frame from `start` to `stop`, as a copy; a long body stays in its own buffer."""
     if view[start + LENGTH_BYTES] == CONTROL:
         return view[start + FRAME_HEAD_BYTES : stop].tobytes()
     _, _, flags, _, endpoint, address, first_seq, count, zero = _unpack_data_head(view, start)

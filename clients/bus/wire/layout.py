@@ -1,4 +1,4 @@
-"""Where the bytes of a frame stand.
+"""The layout of a frame's bytes.
 
 Owns offsets, sizes and numbers of the wire. Everything is little-endian.
 

@@ -59,8 +59,8 @@ class Hello(Message, frozen=True, tag="hello"):
 
     The broker sets `lease_s`: a client that is silent for longer counts as hung; `background`: a client has
     started this broker and it ends when it is idle, so that a client may start the next one; `began_ns`: when
-    it began, which tells it from an earlier one with the same process id. `clock_ns`, from a client: what its
-    monotonic clock is ahead of that of the machine's first time namespace.
+    it began, which tells it from an earlier one with the same process id. `clock_ns`, from a client:
+    nanoseconds by which its monotonic clock is ahead of the machine's first time namespace.
     """
 
     version: int

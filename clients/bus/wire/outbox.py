@@ -1,4 +1,4 @@
-"""What waits to be sent over one connection, and in which order.
+"""The frames queued for one connection, and their order.
 
 Control frames go first, in their order; then the ready queues of runs, each in turn, so that one flooded
 queue does not hold up the others. A control frame that carries descriptors keeps its place but is sent by a
@@ -46,7 +46,7 @@ class Outbox:
     def take(self) -> tuple[list[Buffer], int, tuple[Descriptor, ...]]:
         """Buffers to send now, their size, about TAKE_BYTES, and the descriptors that go with them.
 
-        Empty where nothing waits.
+        Empty if nothing waits.
         """
         buffers: list[Buffer] = []
         size = 0

@@ -1,4 +1,4 @@
-"""What the messages GraphSnapshot, GraphChanged and Peers are made of.
+"""The records in the messages GraphSnapshot, GraphChanged and Peers.
 
 Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold. Must not
 know the messages that carry them.
@@ -12,7 +12,7 @@ from bus.wire.bounds import Buses, BusId
 
 
 class Origin(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """Where a node comes from that a bridge has brought here: it lives on another bus.
+    """The origin of a node that a bridge mirrors here: it is on another bus.
 
     For example:
 
@@ -20,15 +20,15 @@ class Origin(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """
 
     bridge: BusId
-    """Which kind of bridge brought it: `zenoh`, say."""
+    """The kind of bridge that mirrors it, such as `zenoh`."""
     bus: BusId
-    """The id of the bus that it came from last."""
+    """The id of the last bus before this one."""
     via: Buses = ()
-    """The buses that it came through before, its own first; empty where it lives on `bus`."""
+    """The buses before `bus`, its own bus first; empty if `bus` is its own."""
 
     @property
     def home(self) -> str:
-        """The bus on which it lives."""
+        """The node's own bus."""
         return self.via[0] if self.via else self.bus
 
     @property
@@ -48,9 +48,13 @@ class NodeRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """Live counters of an endpoint.
 
-    Of a publisher: samples and bytes published. Of a subscription: samples and bytes delivered, samples
-    waiting (in busd and in the process), samples dropped by reason, and samples published to it since
-    its matches began. When all is quiet, that is samples + queued + dropped.
+    A publisher's counters are samples and bytes published. A subscription has more:
+
+    - samples and bytes delivered
+    - samples waiting, in busd and in the process
+    - samples dropped, by reason
+    - samples expected: published to it since its matches began; while no message is on its way, samples +
+      queued + dropped
 
         graph = await node.graph(statistics=True)
         print([one.statistics.samples for one in graph.publishers])
@@ -67,11 +71,12 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     expected: int = 0
     """Messages published to a subscription since its matches began."""
     at_ns: int = 0
-    """When `samples` and `bytes` were counted: nanoseconds of the monotonic clock, which all processes of the
-    machine share (`time.monotonic_ns`); 0 where its process has not said. The way to a rate."""
+    """Time at which `samples` and `bytes` were counted, to compute a rate. In nanoseconds of the monotonic
+    clock, which all processes of the machine share (`time.monotonic_ns`); 0 if its process has not reported
+    it."""
     age_count: int = 0
-    """Messages whose age, the time since they were published, was looked at when they were taken: of those
-    that a subscription took in the half second up to `at_ns`. All, where they are few."""
+    """Messages with a measured age (the time from publishing to taking by a subscription), in the half second
+    up to `at_ns`. If there are few messages, all are measured."""
     age_sum_ns: int = 0
     """The sum of these ages, in nanoseconds."""
     age_max_ns: int = 0
@@ -97,7 +102,7 @@ class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
 
 class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """What one process makes busd hold.
+    """The resources of busd that one process uses.
 
     `queued_bytes` are samples that wait for it, `history_bytes` those kept for its publishers,
     `control_bytes` control frames that wait for it. `topics` are those that its endpoints are on.

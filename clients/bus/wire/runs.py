@@ -54,7 +54,7 @@ class Run(msgspec.Struct, eq=False, gc=False):
     received_ns: int = 0
     """When the subscription's process got the run; monotonic clock."""
     origin: object = None
-    """What the subscription knows of the publisher."""
+    """The subscription's knowledge of the publisher."""
     is_resumed: bool = False
     """The numbers missing before it went by another route and are not lost."""
     only_for: int = 0
@@ -337,7 +337,7 @@ class RunQueue:
         return dropped
 
     def peek_stamp(self) -> int | None:
-        """Stamp of the oldest sample; None where there is none or its run is malformed."""
+        """Stamp of the oldest sample; None if there is none or its run is malformed."""
         if not self.runs or self.offset + RECORD_HEAD_BYTES > len(self.runs[0].body):
             return None
         stamp_ns: int = _unpack_record(self.runs[0].body, self.offset)[1]

@@ -57,7 +57,7 @@ MISSING = "the descriptors did not arrive; are the limits reached?"
 
 
 class Carried(NamedTuple):
-    """A message that claims descriptors, and those that came with it: all that it claims, or none."""
+    """A message that claims descriptors, and the descriptors received with it: all or none."""
 
     message: Message
     descriptors: tuple[Descriptor, ...]
@@ -87,7 +87,7 @@ class Session:
         """What came with the `count` bytes now in the reader's buffer, in order; one run alone in a tuple.
 
         The buffer is in use until the iteration has ended: before that, nothing may be read into it.
-        Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
+        Iterating raises RemoteProtocolError if the peer broke a rule, after all earlier messages.
         """
         if self.state is not State.OPEN or self.descriptors:
             self.reader.came(count)
@@ -109,7 +109,7 @@ class Session:
         self.reader.max_data_bytes = max(self.reader.max_data_bytes, most)
 
     def drop_descriptors(self) -> None:
-        """Close those that wait for their messages."""
+        """Close the descriptors that wait for their messages."""
         while self.descriptors:
             _close(self.descriptors.popleft())
 
