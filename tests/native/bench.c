@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#define RING_LARGE (32u << 10) /* as in the product */
 #include "check.h"
 
 enum { MOST = 1 << 20 };
@@ -48,6 +49,7 @@ static void measure_alone(uint32_t size, uint64_t capacity, unsigned burst, size
     struct ring_writer w;
     struct ring_reader r;
     ring_writer_attach(&w, memory);
+    w.keep = burst;
     open_reader(&r, memory, NULL);
     ring_join(&r, 0);
     for (size_t i = 0; i < readers; i++)
