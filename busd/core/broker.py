@@ -4,7 +4,7 @@
     effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
     way = broker.passage(now_ns, peer, endpoint)       may the shell pass on a run by itself? (`passed_on`)
-    effects = broker.go_on(now_ns, peer)               while a peer is in `broker.unfinished`
+    effects = broker.go_on(now_ns, peer)               while a peer is in `broker.tasks.unfinished`
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
 
@@ -44,11 +44,12 @@ from busd.core.quotas import Quotas
 from busd.core.registry import Registry
 from busd.core.router import Router
 from busd.core.routing_times import RoutingTimes
+from busd.core.settings import AccessReview, Settings
 from busd.core.shm_routes import Routes
 from busd.core.silence import Silences
 from busd.core.tasks import Task, Tasks
 from busd.core.timers import NEVER_NS, Timers
-from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
+from busd.core.work import FRAME, LOOKS_PER_UNIT, Meter, Work
 
 
 class Broker:
@@ -69,7 +70,7 @@ class Broker:
         clock_ns: int = 0,
         lives: Callable[[int], bool] = lambda pid: True,
     ) -> None:
-        self.limits = limits or Limits()
+        limits = limits or Limits()
         self.graph = Graph()
         self.routing_times = RoutingTimes()
         self.meter = Meter()
@@ -77,33 +78,27 @@ class Broker:
         self._peers: dict[PeerId, Peer] = {}
         self.timers = Timers()
         self._out: list[Effect] = []
-        self._withheld: dict[PeerId, list[Effect]] = {}
-        tasks = self._tasks = Tasks(self._peers, self.meter, self._out, self._withheld)
-        self.unfinished = tasks.unfinished
-        """Peers, present or gone, to go on with before what they send is handled. Opaque to the shell."""
-        self.has_work = tasks.has_work
+        tasks = self.tasks = Tasks(self._peers, self.meter, self._out)
         emit = self._out.append
-        quotas = self._quotas = Quotas(self.limits)
-        self._drops = Drops(self.timers, emit)
-        overload = self._overload = Overload(quotas, self._drops, emit, tasks.begin)
+        quotas = self._quotas = Quotas(limits)
+        drops = Drops(self.timers, emit)
+        overload = Overload(quotas, drops, emit, tasks.begin)
         self._router = Router(
             emit,
-            self._drops,
+            drops,
             overload,
             self.meter,
             tasks.begin,
-            window_bytes=self.limits.keep_all_window_bytes,
-            window_samples=self.limits.keep_all_window_messages,
+            window_bytes=limits.keep_all_window_bytes,
+            window_samples=limits.keep_all_window_messages,
         )
         silences = Silences(self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut)
         self.passed_on = self._router.passed_on
-        lease_ns = int(self.limits.lease_s * 1e9)
+        lease_ns = int(limits.lease_s * 1e9)
         self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=silences)
-        self._access_guard = AccessGuard(self.graph, access or Access(uid), tasks.begin)
-        self.entrance = Entrance(
-            self._peers, quotas, self._access_guard, self._leases, silences, clock_ns=clock_ns
-        )
-        operator = Operator(self._access_guard, uid)
+        access_guard = AccessGuard(self.graph, access or Access(uid), tasks.begin)
+        self.entrance = Entrance(self._peers, quotas, access_guard, self._leases, silences, clock_ns=clock_ns)
+        operator = Operator(access_guard, uid)
         self._absentees = Absentees(self.timers, emit, self.meter)
         self._registry = Registry(
             self.graph,
@@ -112,13 +107,13 @@ class Broker:
             self._leases,
             self._router,
             overload,
-            self._access_guard,
+            access_guard,
             self._absentees,
-            Places(self.timers, emit, self.meter, self._drops, lives),
+            Places(self.timers, emit, self.meter, drops, lives),
         )
         routes = Routes(self.graph, quotas, self._registry, self._router, overload)
         queries = self._queries = Queries(
-            self.graph, quotas, self._access_guard, self.routing_times, self.meter, self._absentees, pid=pid
+            self.graph, quotas, access_guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
         self._handlers: dict[type[m.Message], Callable[..., Work | None]] = {
             m.Ping: self._on_ping,
@@ -145,6 +140,8 @@ class Broker:
             m.StopBroker: operator.stop,
             m.Reload: operator.reload,
         }
+        review = AccessReview(access_guard, queries, self._out, tasks, self._cut)
+        self.settings = Settings(limits, quotas, self._leases, self._router, overload, self._registry, review)
 
     def reconfigure(
         self, now_ns: int, limits: Limits, rules: tuple[TopicRule, ...], access: Access
@@ -154,17 +151,7 @@ class Broker:
         What is over a limit stays, except samples and history that are too many bytes. Topic rules and limits
         of single messages hold for endpoints made from now on, a lease for processes that come from now on.
         """
-        self.limits = limits
-        self._quotas.reconfigure(limits)
-        self._registry.rules = rules
-        self._leases.lease_ns = int(limits.lease_s * 1e9)
-        self._router.reconfigure(
-            window_bytes=limits.keep_all_window_bytes,
-            window_samples=limits.keep_all_window_messages,
-        )
-        self._overload.bound_all(now_ns, self._peers.values())
-        if access.rules != self._access_guard.access.rules:  # that asks for each endpoint of each guest
-            self._renew_access(access)
+        self.settings.change(now_ns, limits, rules, access, self._peers.values())
         return self._take_effects()
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
@@ -190,22 +177,22 @@ class Broker:
             self._quotas.spend(now_ns, peer, message, self.graph, self._out)
             work = self._handlers[type(message)](now_ns, peer, message, self._out, *descriptors)
             if work is not None:
-                self._tasks.do(now_ns, Task(peer, work, message))
+                self.tasks.do(now_ns, Task(peer, work, message))
         except BusError as error:
             self._turn_down(now_ns, peer, message, error)
         return self._take_effects()
 
     def go_on(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """Go on with what was begun for a peer, present or gone."""
-        if (task := self.unfinished.pop(peer_id, None)) is not None:
+        if (task := self.tasks.unfinished.pop(peer_id, None)) is not None:
             if peer_id in self._peers:
                 self._leases.note_alive(now_ns, task.peer)  # it is we who are late, not the peer
             try:
-                self._tasks.do(now_ns, task)
+                self.tasks.do(now_ns, task)
             except BusError as error:
                 self._turn_down(now_ns, task.peer, task.message, error)
-        if peer_id in self._tasks.feeds:
-            self._tasks.feed(now_ns, peer_id)
+        if peer_id in self.tasks.feeds:
+            self.tasks.feed(now_ns, peer_id)
         self.is_overfull = self._router.is_overfull
         return self._take_effects()
 
@@ -230,7 +217,7 @@ class Broker:
             self.is_overfull = self._router.is_overfull
         except RemoteProtocolError as error:
             self._cut(now_ns, peer, str(error))
-        if self._out or self._withheld:
+        if self._out or self.tasks.withheld:
             self._out[:0] = out
             return self._take_effects()
         return out
@@ -241,7 +228,7 @@ class Broker:
         None: the run must be given to `route`.
         """
         peer = self._peers.get(peer_id)
-        if peer is None or peer.is_silent or peer.lapsed or self._withheld or self.is_overfull:
+        if peer is None or peer.is_silent or peer.lapsed or self.tasks.withheld or self.is_overfull:
             return None
         peer.last_heard_ns = now_ns
         publisher = peer.endpoints.get(EndpointId(endpoint))
@@ -264,11 +251,7 @@ class Broker:
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
-        meter = self.meter
-        meter.left -= len(peer.perishable) // QUEUES_PER_UNIT
-        for subscription in peer.perishable:
-            while meter.left > 0 and (price := self._drops.expire(now_ns, subscription)):
-                meter.left -= price
+        self._router.expire(now_ns, peer)
         return self._take_effects()
 
     def note_alive(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
@@ -280,12 +263,9 @@ class Broker:
     def farewell(self, now_ns: int) -> list[Effect]:
         """The daemon ends: report to each subscription the drops that are not reported yet."""
         self._absentees.farewell(now_ns)
-        self._tasks.feed_all(now_ns)
+        self.tasks.feed_all(now_ns)
         self._router.trim(now_ns)
-        for peer in self._peers.values():
-            for subscription in peer.subscriptions():
-                if subscription.is_drop_report_due:
-                    self._drops.report(subscription)
+        self._router.report_drops(self._peers.values())
         return self._take_effects()
 
     def next_deadline_ns(self) -> int | None:
@@ -306,8 +286,8 @@ class Broker:
         change = self.graph.changes.take()
         if change is not None:
             self.meter.left -= self._queries.notify(change, self._out)
-        if self._withheld:
-            self._tasks.withhold()
+        if self.tasks.withheld:
+            self.tasks.withhold()
         out = self._out.copy()  # work that is not finished goes on with the list
         self._out.clear()
         return out
@@ -345,9 +325,9 @@ class Broker:
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
         peer.has_gone = True
-        self._tasks.drop(peer)
+        self.tasks.drop(peer)
         self._queries.forget(peer)
-        self._tasks.do(now_ns, Task(peer, self._depart(peer)))
+        self.tasks.do(now_ns, Task(peer, self._depart(peer)))
 
     def _depart(self, peer: Peer) -> Work:
         """Take all that `peer` had out of the graph. Its requests are dropped."""
@@ -386,19 +366,3 @@ class Broker:
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
         self._registry.own_endpoint(peer, message.endpoint).report = message
-
-    def _renew_access(self, access: Access) -> None:
-        """New access rules: each guest is held against them in turns of its own, before what else waits."""
-        self._access_guard.renew(access)
-        for peer in self._peers.values():
-            if not access.is_free(peer.uid):
-                self._tasks.begin(peer.id, self._review(peer), is_first=True)
-
-    def _review(self, peer: Peer) -> Work:
-        """Cut off a peer that has what the rules deny; back again, it is refused that."""
-        fault = yield from self._access_guard.find_fault(peer)
-        if fault:
-            now_ns = yield 0
-            self._cut(now_ns, peer, fault)
-        else:
-            yield from self._queries.renew(peer, self._out)

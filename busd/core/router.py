@@ -18,7 +18,7 @@ from bus.wire.runs import Run
 from busd.core.crowd import NOT_SENT, Crowd, Loss, News
 from busd.core.drops import Drops
 from busd.core.effects import Effect
-from busd.core.entities import Match, Publisher, Subscription
+from busd.core.entities import Match, Peer, Publisher, Subscription
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import give_credit, release
 from busd.core.overload import Overload
@@ -259,6 +259,21 @@ class Router:
                 self._drops.drop(now_ns, subscription, DropReason.REPLACED, replaced)
             self._overload.bound(now_ns, subscription)
         self._overfull.clear()
+
+    def expire(self, now_ns: int, peer: Peer) -> None:
+        """Drop samples that outlived their lifespan while they waited for `peer`. Stops with the meter."""
+        meter = self._meter
+        meter.left -= len(peer.perishable) // QUEUES_PER_UNIT
+        for subscription in peer.perishable:
+            while meter.left > 0 and (price := self._drops.expire(now_ns, subscription)):
+                meter.left -= price
+
+    def report_drops(self, peers: Iterable[Peer]) -> None:
+        """Report to each subscription the drops that are not reported yet."""
+        for peer in peers:
+            for subscription in peer.subscriptions():
+                if subscription.is_drop_report_due:
+                    self._drops.report(subscription)
 
     def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
         """A run for one subscription, of samples that the others had before; as `route`."""

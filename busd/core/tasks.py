@@ -31,26 +31,23 @@ class Task(msgspec.Struct):
 
 
 class Tasks:
-    """The tasks of `peers`, and of peers that have gone. Their effects go to `out`.
-
-    `withheld`: effects that peers do not get yet, by peer; only for peers that have a task.
-    """
+    """The tasks of `peers`, and of peers that have gone. Their effects go to `out`."""
 
     def __init__(
         self,
         peers: dict[PeerId, Peer],
         meter: Meter,
         out: list[Effect],
-        withheld: dict[PeerId, list[Effect]],
     ) -> None:
         self.unfinished: dict[PeerId, Task] = {}
-        """Tasks to go on with, by peer, present or gone."""
+        """Of peers, present or gone: done before what they send next is handled. Opaque to the shell."""
         self.feeds: dict[PeerId, deque[Task]] = {}
         """What is done beside them, for peers that are present."""
+        self.withheld: dict[PeerId, list[Effect]] = {}
+        """Effects that peers do not get yet, by peer; only for peers that have a task."""
         self._peers = peers
         self._meter = meter
         self._out = out
-        self._withheld = withheld
 
     def has_work(self, peer_id: PeerId) -> bool:
         """Whether there is something to go on with for a peer."""
@@ -68,13 +65,13 @@ class Tasks:
                     self.unfinished[peer.id] = task
                     self._out.append(Later(peer.id))
                     if peer.withheld:
-                        self._withheld.setdefault(peer.id, [])
+                        self.withheld.setdefault(peer.id, [])
                     return
         except StopIteration:
             pass
-        if peer.id in self._withheld:
+        if peer.id in self.withheld:
             self.withhold()
-            self._out += self._withheld.pop(peer.id)
+            self._out += self.withheld.pop(peer.id)
         peer.withheld = 0
 
     def begin(self, peer_id: PeerId, work: Work, *, is_first: bool = False) -> None:
@@ -115,7 +112,7 @@ class Tasks:
         """The peer goes, and what was begun for it with it."""
         self.unfinished.pop(peer.id, None)
         self.feeds.pop(peer.id, None)
-        self._withheld.pop(peer.id, None)
+        self.withheld.pop(peer.id, None)
         peer.withheld = 0
 
     def withhold(self) -> None:
@@ -125,7 +122,7 @@ class Tasks:
     def _is_withheld(self, effect: Effect) -> bool:
         if not isinstance(effect, Send | Flush):
             return False
-        news = self._withheld.get(effect.peer)
+        news = self.withheld.get(effect.peer)
         if news is None or not _concerns(effect, self._peers[effect.peer].withheld):
             return False
         news.append(effect)

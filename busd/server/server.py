@@ -49,7 +49,7 @@ class Server:
         find_fault: Callable[[], Awaitable[str]] | None = None,
         reload: Callable[[], str] | None = None,
     ) -> None:
-        self.limits: Limits = broker.limits
+        self.limits: Limits = broker.settings.limits
         self.is_background = idle_s is not None
         self.began_ns = monotonic_ns()
         self._loop = asyncio.get_running_loop()

@@ -161,7 +161,7 @@ class Serving:
 
     def _settle(self, peer: PeerId) -> None:
         """If the core has forgotten a peer that has gone, nobody need wait for that any more."""
-        if peer not in self._broker.unfinished and self._gone.pop(peer, None) is not None:
+        if peer not in self._broker.tasks.unfinished and self._gone.pop(peer, None) is not None:
             self.check_early()
 
     def _is_early(self, connection: PeerConnection) -> bool:
@@ -219,7 +219,7 @@ class Serving:
             party.left -= 1 + len(self._connections) // LOOKS_PER_UNIT
             self._early.add(connection)
             return
-        if party.left > 0 and not connection.is_held and connection.id not in self._broker.unfinished:
+        if party.left > 0 and not connection.is_held and connection.id not in self._broker.tasks.unfinished:
             items, connection.items = connection.items, None
             if items is None:
                 may_be_more = connection.stream.read_on()
@@ -238,7 +238,7 @@ class Serving:
 
     def _go_on(self, peer: PeerId) -> None:
         """Go on with what the broker has begun for a peer, or for one that has gone."""
-        if self._broker.has_work(peer):
+        if self._broker.tasks.has_work(peer):
             now_ns = monotonic_ns()
             try:
                 self._effects.carry_out(self._broker.go_on(now_ns, peer))
@@ -275,7 +275,7 @@ class Serving:
                     effects.carry_out(broker.handle(now_ns, peer, item))
                 if stream.reading is _CLOSED:
                     break
-                if meter.left <= 0 or connection.is_held or peer in broker.unfinished:
+                if meter.left <= 0 or connection.is_held or peer in broker.tasks.unfinished:
                     connection.items = left
                     self.resume(connection)
                     break

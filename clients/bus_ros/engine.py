@@ -2,8 +2,8 @@
 
 A thread that spins runs the loop itself, so that a message costs no change of threads. While that thread is
 in a callback of the user's, no thread runs the loop; where that lasts, or no thread spins at all, the keeper,
-a thread in the background, runs it: discovery and delivery go on. Owns the loop, the keeper and the waiting,
-and keeps what all executors share; must not know nodes or callbacks.
+a thread in the background (`bus_ros.keeper`), runs it: discovery and delivery go on. Owns the loop and the
+waiting, and keeps what all executors share; must not know nodes or callbacks.
 
 A thread that waits is woken by `Waiter.set`, for what it waits for is there, or by `Waiter.release`, to look
 again. `Engine.settle` and `nudge` have the keeper run the loop; `GuardedLoop.wake` ends the loop's wait.
@@ -22,13 +22,13 @@ from typing import Any, Protocol, TypeVar
 
 from bus.errors import ForkError, again
 from bus.process.shared_loop import GuardedLoop
+from bus_ros.keeper import Keeper, KeeperState
 
 T = TypeVar("T")
 
+_ASLEEP = KeeperState.ASLEEP
 _SHUT = (None,)
 _TURN_S = 1.0
-_TICK_S = 0.02
-"""For so long, or twice, a thread may be away from the loop before the keeper runs it."""
 
 
 class Sleeper(Protocol):
@@ -58,17 +58,13 @@ class Engine:
         self._runner: Waiter | Engine | None = None  # runs the loop; the engine stands for the keeper
         self._blocked: deque[Waiter] = deque()  # these wait while another thread runs it
         self._turns = 0
+        self._turns_seen = -1  # by the keeper
         self.held = 0
         """Callback groups that are held: executors look at groups while there are any."""
         self.passed_over: set[Sleeper] = set()
         """Executors that left something in line because of its group."""
-        self._is_urgent = True
-        self._is_asleep = False
         self.failure: ForkError | None = None
-        self._is_closed = False
-        self._bell = Lock()
-        self._bell.acquire()
-        self._keeper = threading.Thread(target=self._keep, name="bus keeper", daemon=True)
+        self._keeper = Keeper(self.loop, self._keep)
         self._keeper.start()
 
     def run(
@@ -146,16 +142,14 @@ class Engine:
 
     def nudge(self) -> None:
         """Have the keeper run the loop at once; also in a signal's handler."""
-        self._is_urgent = True
-        self._wake_keeper()
+        self._keeper.nudge()
 
     def close(self) -> None:
         """Stop the keeper, and close the loop."""
         with self.loop:
-            self._is_closed = True
+            self._keeper.close()
             if self._runner is self:
                 self.loop.stop()
-            self.nudge()
         self._keeper.join()
         with self.loop:
             if self._runner is not None:
@@ -209,9 +203,8 @@ class Engine:
                 self._main_waiter = None
             if self._blocked:
                 self._pass_on()
-            elif self._is_asleep:
-                self._is_asleep = False
-                self._wake_keeper()
+            elif self._keeper.state is _ASLEEP:
+                self._keeper.wake()
 
     def sleep(self, waiter: "Waiter", sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
         """Wait without the loop for what `sleep` brings (`Reader.wait`), which wakes up in fewer steps.
@@ -236,9 +229,8 @@ class Engine:
                 self._main_waiter = None
             if self._blocked:
                 self._pass_on()
-            elif self._is_asleep:
-                self._is_asleep = False
-                self._wake_keeper()
+            elif self._keeper.state is _ASLEEP:
+                self._keeper.wake()
 
     def is_waited_on(self, waiter: "Waiter") -> bool:
         """Whether a thread is in `wait` with it."""
@@ -277,32 +269,20 @@ class Engine:
         else:
             waiter.release()
 
-    # --- the keeper
+    def _keep(self, is_urgent: bool) -> bool:
+        """The keeper's turn: run the loop if no thread did since the last turn, or at once.
 
-    def _keep(self) -> None:
-        """Run the loop where no thread did for a tick, or at once where it is urgent."""
-        seen = -1
-        while True:
-            with self.loop:
-                if self._is_closed:
-                    return
-                is_idle = self._turns == seen
-                if self._runner is None and (is_idle or self._is_urgent):
-                    self._runner = self
-                    self._is_urgent = False
-                    self.loop.run()
-                    self._runner = None
-                    self._turns += 1
-                    self._pass_on()
-                self._is_urgent = False
-                self._is_asleep = self._runner is not None and is_idle
-                seen = self._turns
-                timeout_s = -1 if self._is_asleep else _TICK_S
-            self._bell.acquire(True, timeout_s)
-
-    def _wake_keeper(self) -> None:
-        with suppress(RuntimeError):  # released already: the wake-up is pending
-            self._bell.release()
+        Returns whether the keeper may sleep: a thread has run the loop all the time.
+        """
+        is_idle = self._turns == self._turns_seen
+        if self._runner is None and (is_idle or is_urgent):
+            self._runner = self
+            self.loop.run()
+            self._runner = None
+            self._turns += 1
+            self._pass_on()
+        self._turns_seen = self._turns
+        return is_idle and self._runner is not None
 
 
 async def _cancel_all(tasks: set[asyncio.Task[Any]]) -> None:

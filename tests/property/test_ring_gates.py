@@ -92,18 +92,18 @@ class World:
         self.route.disconnected()
 
     def look(self, *_: None) -> None:
-        self.route._forget_left()
+        self.route.gates.forget_left()
 
     def check(self) -> None:
-        route, gates = self.route, list(self.route._gates.values())
+        route, gates = self.route, list(self.route.gates.by_gid.values())
         expected = [gate for gate in gates if gate.state in (GateState.EXPECTED, GateState.UNSURE)]
         holds = [gate.hold for gate in expected if gate.is_lossless]
-        if route._is_lossless:
-            holds.append(route._known_seq + 1)
+        if route.gates.is_lossless:
+            holds.append(route.gates.known_seq + 1)
         assert route.writer.hold == min(holds, default=0)
-        assert route.count_expected(()) == len(expected)
+        assert route.gates.count_unattached(()) == len(expected)
         if route.writer.keep != FOR_EVER:
-            assert route.writer.keep == max(route._depth, *(gate.depth for gate in gates), 1)
+            assert route.writer.keep == max(route.gates.depth, *(gate.depth for gate in gates), 1)
 
 
 @given(ACTIONS, st.booleans())

@@ -128,7 +128,7 @@ class Story:
         self.seen = seen
         world, broker = self.world, self.world.broker
         access = Access(UID, rules(seen))
-        world.carry_out(broker.reconfigure(world.now_ns, broker.limits, (), access))
+        world.carry_out(broker.reconfigure(world.now_ns, broker.settings.limits, (), access))
 
     def observe_again(self) -> None:
         self.alice.observe()

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from bus_ros.rclpy import subscription as subscriptions
+from bus_ros.rclpy.impl.handover import Handover
 from neighbours import wait_until
 from rclpy_world import Int64, World, arguments, arrived, in_thread, is_waiting, world
 
@@ -19,13 +19,13 @@ COUNT = 50
 def handed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The numbers of the messages that were handed over."""
     numbers: list[int] = []
-    hand = subscriptions.Subscription._hand
+    handed = Handover.receive
 
-    def _hand(self: Any, message: Any) -> None:
+    def receive(self: Any, message: Any) -> None:
         numbers.append(message.data)
-        hand(self, message)
+        handed(self, message)
 
-    monkeypatch.setattr(subscriptions.Subscription, "_hand", _hand)
+    monkeypatch.setattr(Handover, "receive", receive)
     return numbers
 
 
@@ -145,13 +145,13 @@ def test_an_interrupt_keeps_what_was_handed_over(
     executor = world.executor(node)
     publisher.publish(Int64(data=0))
     world.spin_executor_until(lambda: heard, executor)
-    loop, hand = executor._engine.loop, type(subscription)._hand
+    loop, handed = executor._engine.loop, Handover.receive
 
-    def _hand(self: Any, message: Any) -> None:
-        hand(self, message)
+    def receive(self: Any, message: Any) -> None:
+        handed(self, message)
         loop.is_interrupted = True  # as a signal's handler does
 
-    monkeypatch.setattr(type(subscription), "_hand", _hand)
+    monkeypatch.setattr(Handover, "receive", receive)
     subscription.leave()
     subscription._on_message()
 
@@ -181,7 +181,7 @@ def test_one_that_waits_for_messages_alone_is_given_up(world: World, handed: lis
     lone, second = (other.create_publisher(Int64, topic, 10) for topic in "tu")
     with world.spinning(node) as executor:
         publish_singly(lone, range(10), heard, executor)
-        assert executor.lone is subscription
+        assert executor.lone is subscription._handover
         second.publish(Int64(data=10))
         wait_until(lambda: len(heard) > 10)
         publish_singly(lone, range(11, 20), heard, executor)

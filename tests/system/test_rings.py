@@ -40,13 +40,13 @@ async def test_sends_lose_nothing_that_is_read_in_the_same_loop(node: bus.Node) 
     publisher = await node.create_publisher(Int32, "t", 1000)
     await publisher.wait_for_subscriptions()
     ring = publisher._sender.ring
-    assert ring is not None and ring.is_read_here
+    assert ring is not None and ring.gates.is_read_here
     for number in range(20_000):
         await publisher.send(Int32(data=number))
     await until(lambda: len(heard) == 20_000)
     assert heard == list(range(20_000))
     await subscription.close()
-    await until(lambda: not ring.is_read_here)
+    await until(lambda: not ring.gates.is_read_here)
 
 
 class TestGrowth:

@@ -74,7 +74,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
     "rclpy.node.Node": {"native", "own_entities", "own_executor", "receive_one", "waiting"},
     "rclpy.publisher.Publisher": {"event_callbacks", "is_destroyed", "native", "node"},
-    "rclpy.subscription.Subscription": {"event_callbacks", "native", "sleep"},
+    "rclpy.subscription.Subscription": {"batch", "event_callbacks", "native"},
     "rclpy.signals.SignalHandlerGuardCondition": {"is_destroyed"},
     "rclpy.service.Service": {"begin", "events", "forget_events", "native", "on_request"},
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},

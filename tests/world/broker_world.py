@@ -180,7 +180,7 @@ class World:
                 process.read()
         for peer in late:
             self.between()
-            if self.broker.has_work(peer):
+            if self.broker.tasks.has_work(peer):
                 self.refill()
                 self.carry_out(self.broker.go_on(self.now_ns, peer))
                 if self.broker.is_overfull:
@@ -221,7 +221,7 @@ class Process:
         self._requests = count(1)
         self._types: set[tuple[str, str]] = set()
         self._node: Node | None = None
-        self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.limits.message_bytes)
+        self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.settings.limits.message_bytes)
         self._from_broker = Session(Role.CLIENT)
         greeting = m.Hello(
             version=PROTOCOL_VERSION,

@@ -533,7 +533,7 @@ class ClientWorld(broker_world.World):
         self.broker = Broker(
             self._limits,
             (),
-            self.broker._access_guard.access,
+            self.broker.settings.access.guard.access,
             uid=broker_world.UID,
             pid=1,
             lives=self.alive.__contains__,

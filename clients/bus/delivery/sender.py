@@ -176,7 +176,7 @@ class Sender:
 
     def count_expected(self, besides: Container[int]) -> int:
         """Matches by the ring whose reader has not named its slot yet, other than `besides`."""
-        return 0 if self.ring is None else self.ring.count_expected(besides)
+        return 0 if self.ring is None else self.ring.gates.count_unattached(besides)
 
     @property
     def queued(self) -> int:
@@ -411,7 +411,7 @@ class Sender:
                 ring.writer.write,
                 lend_field=ring.writer.lend_field,
                 publish_packed=ring.writer.publish_packed,
-                spares_turns=not ring.is_read_here,
+                spares_turns=not ring.gates.is_read_here,
             )
 
     def _fewer_by_socket(self) -> None:

@@ -40,6 +40,195 @@ _FORGET_S = 1.0
 _log = get_logger("bus")
 
 
+class Gates:
+    """The matches of a publisher by its ring, and which records the ring must keep for them.
+
+    `writer` writes the ring; after each change, the caller has it obey by `apply`.
+    """
+
+    def __init__(self, port: Port, owner: Owner, writer: "shm.native.Writer") -> None:
+        qos = owner.qos
+        keeps_all = qos.history is History.KEEP_ALL
+        self._port = port
+        self._owner = owner
+        self._writer = writer
+        self.is_lossless = qos.is_lossless
+        """Whether the publisher waits for its lossless matches."""
+        self.by_gid: dict[bytes, Gate] = {}
+        self.depth = 1 if keeps_all else qos.depth
+        """The publisher's own."""
+        self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
+        self._depths: Counter[int] = Counter()
+        """Of the matches, each with how many have it: so that a change does not need a scan of thousands."""
+        self._unattached: dict[int, Gate] = {}  # by key
+        self._holds: list[tuple[int, int]] = []
+        """Of the lossless gates that are not attached: a heap of (hold, key)."""
+        self._left: dict[tuple[ReaderProcess, int], Gate] = {}
+        """Gates of ended matches whose readers may still pin records, by slot."""
+        self._here: set[bytes] = set()
+        """The matches with subscriptions of this event loop."""
+        self.known_seq = 0
+        """Matches that begin up to here are known. If the publisher is lossless, the ring holds the rest."""
+        self._forget: Timer | None = None
+        writer.hold, writer.keep = int(self.is_lossless), self.keep  # as `apply`: no match is known yet
+
+    @property
+    def is_read_here(self) -> bool:
+        """Whether a subscription of this event loop reads the ring."""
+        return bool(self._here)
+
+    @property
+    def keep(self) -> int:
+        """Records that must stay: the largest depth."""
+        return FOR_EVER if self._keeps_history else max(self.depth, *self._depths, 1)
+
+    def apply(self, *, keeps_all: bool) -> None:
+        """Have the writer keep what they need; `keeps_all`: it is to reuse no record for now."""
+        holds, unattached = self._holds, self._unattached
+        while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_lossless):
+            heappop(holds)
+        first = holds[0][0] if holds else FOR_EVER
+        if self.is_lossless:
+            first = min(first, self.known_seq + 1)
+        self._writer.hold = 0 if first == FOR_EVER else first
+        self._writer.keep = FOR_EVER if keeps_all else self.keep
+
+    def count_unattached(self, besides: Container[int]) -> int:
+        """Matches whose reader has not named its slot yet, other than `besides`."""
+        if not besides:
+            return len(self._unattached)
+        return sum(gate.matched.other not in besides for gate in self._unattached.values())
+
+    def find(self, gid: bytes, other: int) -> Gate | None:
+        """The match of `gid`, if it is the one with `other` (0: any)."""
+        gate = self.by_gid.get(gid)
+        return gate if gate is not None and other in (0, gate.matched.other) else None
+
+    def dead(self) -> list[bytes]:
+        """Matches that no broker reports, and whose process has ended."""
+        return [
+            gid
+            for gid, gate in self.by_gid.items()
+            if gate.state in STALE and gate.place is not None and not gate.place[0].is_alive()
+        ]
+
+    def stale(self) -> list[bytes]:
+        """Matches that the present broker has not made."""
+        return [gid for gid, gate in self.by_gid.items() if gate.state in STALE]
+
+    # --- what happens to them
+
+    def add(self, matched: m.Matched) -> None:
+        """The broker makes a match, for the first time or again."""
+        gate = self.by_gid.get(matched.gid)
+        if gate is not None and gate.state not in STALE:
+            # Two endpoints claim one gid, which brokers don't check: the newer match counts.
+            self.remove(matched.gid, is_lost=True)
+            gate = None
+        if gate is None:
+            gate = Gate(self._owner, matched, self._writer.seq_since(matched.at_ns))
+            gate.on(GateEvent.MATCH)
+            self.by_gid[matched.gid] = self._unattached[gate.key] = gate
+            if gate.is_lossless:
+                heappush(self._holds, (gate.hold, gate.key))
+        else:
+            gate.on(GateEvent.MATCH)
+            self._forget_depth(gate)
+            gate.matched = matched
+            if self.is_lossless and matched.qos.is_lossless:
+                self.set_lossless(matched.gid, is_on=True)  # it is back
+        self._depths[gate.depth] += 1
+
+    def attach(self, gid: bytes, process: ReaderProcess, slot: int) -> None:
+        """The reader of a match names its slot."""
+        gate = self.by_gid[gid]
+        gate.on(GateEvent.ATTACH)
+        place, first_key = (process, slot), gate.key
+        if gate.place != place:  # else it has read on, while busd was away
+            before = self._left.pop(place, None)
+            if before is not None:
+                before.on(GateEvent.FORGET)
+                gate.key = before.key  # the reader is back, and may have pins: its old gate goes on
+            self._writer.add_gate(gate.key, process.bell, slot, is_lossless=gate.is_lossless)
+            gate.place = place
+        self._unattached.pop(first_key, None)
+        if process.is_here:
+            self._here.add(gid)
+
+    def remove(self, gid: bytes, *, is_lost: bool) -> None:
+        """The match has ended. `is_lost`: its reader may live, and read and pin until its process ends."""
+        gate = self.by_gid[gid]
+        gate.on(GateEvent.LOSE if is_lost else GateEvent.UNMATCH)
+        del self.by_gid[gid]
+        self._forget_depth(gate)
+        self._unattached.pop(gate.key, None)
+        self._here.discard(gid)
+        if gate.place is not None:
+            self._left[gate.place] = gate
+            self._writer.make_lossy(gate.key)
+            self._forget_later(0)  # one scan for all that end at once
+
+    def disconnect(self) -> None:
+        """The broker is gone."""
+        for gate in self.by_gid.values():
+            gate.on(GateEvent.DISCONNECT)
+
+    def set_lossless(self, gid: bytes, *, is_on: bool) -> None:
+        """Whether the publisher waits for a match."""
+        gate = self.by_gid.get(gid)
+        if gate is None or gate.is_lossless is is_on:
+            return
+        gate.is_lossless = is_on
+        if gate.place is None and is_on:
+            heappush(self._holds, (gate.hold, gate.key))
+        elif gate.place is not None and is_on:
+            process, slot = gate.place
+            self._writer.add_gate(gate.key, process.bell, slot, is_lossless=True)
+        elif gate.place is not None:
+            self._writer.make_lossy(gate.key)
+
+    def make_all_lossy(self) -> None:
+        """Wait for no match any more."""
+        for gate in self.by_gid.values():
+            self._writer.make_lossy(gate.key)
+            gate.is_lossless = False
+        self._holds.clear()
+
+    def forget_left(self) -> None:
+        """Drop the gates that hold nothing any more; a process that has ended holds nothing."""
+        is_alive: dict[ReaderProcess, bool] = {}
+        for place, gate in tuple(self._left.items()):
+            process, _ = place
+            holds = gate.state is GateState.LOST or self._writer.has_pins(gate.key)
+            if holds and process not in is_alive:
+                is_alive[process] = process.is_alive()
+            if not holds or not is_alive[process]:
+                gate.on(GateEvent.FORGET)
+                self._writer.remove_gate(gate.key)
+                del self._left[place]
+        self._forget_later(_FORGET_S)
+
+    def clear(self) -> None:
+        """The ring is closed."""
+        self.by_gid.clear()
+        self._unattached.clear()
+        self._left.clear()
+        if self._forget is not None:
+            self._forget.cancel()
+
+    def _forget_later(self, seconds: float) -> None:
+        if self._forget is not None:
+            self._forget.cancel()
+        self._forget = None
+        if self._left:
+            self._forget = self._port.later(seconds, self.forget_left)
+
+    def _forget_depth(self, gate: Gate) -> None:
+        self._depths[gate.depth] -= 1
+        if not self._depths[gate.depth]:
+            del self._depths[gate.depth]
+
+
 class ShmSender:
     """Makes the ring of `owner`. Raises OSError where there is no memory or descriptor for it."""
 
@@ -50,14 +239,11 @@ class ShmSender:
         self._port = port
         self._shm_context = shm_context
         self._owner = owner
-        self._is_lossless = qos.is_lossless
-        keeps_all = qos.history is History.KEEP_ALL
-        self._depth = 1 if keeps_all else qos.depth
-        self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
-        self._size = RingSize(port.now_ns, keeps_all=keeps_all)
+        self._size = RingSize(port.now_ns, keeps_all=qos.history is History.KEEP_ALL)
         self.descriptor, memory = segments.make_ring(FIRST_CAPACITY, FIRST_INDEX, 1)
         self._announced: Descriptor | None = None
-        self.writer = shm.native.Writer(memory, self._depth)
+        self.writer = shm.native.Writer(memory, qos.depth if qos.history is History.KEEP_LAST else 1)
+        self.gates = Gates(port, owner, self.writer)
         self.writer.is_report_due = False
         if port.is_shared:
             self.writer.is_mine = port.owns_thread
@@ -67,21 +253,10 @@ class ShmSender:
             self.writer.longest = LONG_TEXT
         # Long fields of bytes must not be encoded with the rest.
         self.can_publish = not support.bytes_fields
-        # So that a match that comes or goes costs no look at all of thousands.
-        self._gates: dict[bytes, Gate] = {}
-        self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
-        self._unattached: dict[int, Gate] = {}  # by key
-        self._holds: list[tuple[int, int]] = []  # of the lossless ones of these, a heap: (hold, key)
-        # Gates of ended matches whose readers may still pin records, by slot.
-        self._left: dict[tuple[ReaderProcess, int], Gate] = {}
-        self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
-        self._forget: Timer | None = None
         self._return: Timer | None = None
         self._rest: Timer | None = None  # while it runs, laps of the first ring don't matter
         self._why_not = ""  # the ring could not grow
         self._is_early = False
-        self._known_seq = 0  # matches that begin up to here are known
-        self._set_hold()
 
     @classmethod
     def make(cls, port: Port, owner: Owner, logger: Logger) -> "ShmSender | None":
@@ -174,27 +349,24 @@ class ShmSender:
         writer = self.writer
         if self._move_known():
             return True
-        if self._is_lossless:
+        if self.gates.is_lossless:
             # Not without a broker: readers would not learn of the new ring, and the one they have would stay
             # full.
             return bool(self._owner.id) and is_filled_by_few(writer) and self._grow(0, must=False)
         # Keep last, and a subscription that keeps all: take more memory, and where that ends, lose samples.
         if self._grow(0, must=False):
             return True
-        for gate in self._gates.values():
-            writer.make_lossy(gate.key)
-            gate.is_lossless = False
-        self._holds.clear()
+        self.gates.make_all_lossy()
         self._set_hold()
         return True
 
     def _move_known(self) -> bool:
         """Stop holding for matches yet unknown, up to `latest`. Returns whether that changed anything."""
         latest = self.writer.latest
-        if not self._is_lossless or self._known_seq == latest or not self._port.is_quiet():
+        if not self.gates.is_lossless or self.gates.known_seq == latest or not self._port.is_quiet():
             return False
         # All matches made so far are known here; later ones start after `latest`.
-        self._known_seq = latest
+        self.gates.known_seq = latest
         self._set_hold()
         return True
 
@@ -218,17 +390,6 @@ class ShmSender:
 
     # --- readers
 
-    def count_expected(self, besides: Container[int]) -> int:
-        """Matches whose reader has not named its slot yet, other than `besides`."""
-        if not besides:
-            return len(self._unattached)
-        return sum(gate.matched.other not in besides for gate in self._unattached.values())
-
-    @property
-    def is_read_here(self) -> bool:
-        """Whether a subscription of this event loop reads the ring."""
-        return bool(self._here)
-
     def expect(self, matched: m.Matched) -> None:
         """A match by this route: hold what its reader must find, until it names its slot."""
         is_small = self._watches_laps and not self.writer.is_lent
@@ -236,24 +397,7 @@ class ShmSender:
             # Growing now holds nothing up. Later, busd may be slow or gone, and readers would wait for it.
             self._is_early = True
             ShmSender._early += 1
-        gate = self._gates.get(matched.gid)
-        if gate is not None and gate.state not in STALE:
-            # Two endpoints claim one gid, which brokers don't check: the newer match counts.
-            self.unmatched(matched.gid, is_lost=True)
-            gate = None
-        if gate is None:
-            gate = Gate(self._owner, matched, self.writer.seq_since(matched.at_ns))
-            gate.on(GateEvent.MATCH)
-            self._gates[matched.gid] = self._unattached[gate.key] = gate
-            if gate.is_lossless:
-                heappush(self._holds, (gate.hold, gate.key))
-        else:
-            gate.on(GateEvent.MATCH)
-            self._forget_depth(gate)
-            gate.matched = matched
-            if self._is_lossless and matched.qos.is_lossless:
-                self.set_waiting(matched.gid, is_on=True)  # it is back
-        self._depths[gate.depth] += 1
+        self.gates.add(matched)
         self._set_hold()
 
     def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
@@ -261,25 +405,13 @@ class ShmSender:
 
         Raises OSError or ValueError, saying what is wrong with that.
         """
-        gate = self._gates.get(gid)
-        if gate is None or gate.matched.other != attached.subscription:
+        if self.gates.find(gid, attached.subscription) is None:
             return  # the match is gone again, or another one has its gid now
         if len(descriptors) != attached.descriptors:
             raise OSError(MISSING)
         segment, doorbell = descriptors
         process = self._shm_context.reader_process(segment, doorbell, attached.pid)
-        gate.on(GateEvent.ATTACH)
-        place, first_key = (process, attached.slot), gate.key
-        if gate.place != place:  # else it has read on, while busd was away
-            before = self._left.pop(place, None)
-            if before is not None:
-                before.on(GateEvent.FORGET)
-                gate.key = before.key  # the reader is back, and may have pins: its old gate goes on
-            self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_lossless)
-            gate.place = place
-        self._unattached.pop(first_key, None)
-        if process.is_here:
-            self._here.add(gid)
+        self.gates.attach(gid, process, attached.slot)
         self._set_hold()
 
     def unmatched(self, gid: bytes, other: int = 0, *, is_lost: bool = False) -> None:
@@ -287,33 +419,14 @@ class ShmSender:
 
         `is_lost`: its reader may live, and read and pin until its process ends.
         """
-        gate = self._gates.get(gid)
-        if gate is None or other not in (0, gate.matched.other):
+        if self.gates.find(gid, other) is None:
             return
-        gate.on(GateEvent.LOSE if is_lost else GateEvent.UNMATCH)
-        del self._gates[gid]
-        self._forget_depth(gate)
-        self._unattached.pop(gate.key, None)
-        self._here.discard(gid)
-        if gate.place is not None:
-            self._left[gate.place] = gate
-            self.writer.make_lossy(gate.key)
-            self._forget_later(0)  # one look for all that go at once
+        self.gates.remove(gid, is_lost=is_lost)
         self._set_hold()
 
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
         """Whether to wait for a lossless match; not while its process is silent."""
-        gate = self._gates.get(gid)
-        if gate is None or gate.is_lossless is is_on:
-            return
-        gate.is_lossless = is_on
-        if gate.place is None and is_on:
-            heappush(self._holds, (gate.hold, gate.key))
-        elif gate.place is not None and is_on:
-            process, slot = gate.place
-            self.writer.add_gate(gate.key, process.bell, slot, is_lossless=True)
-        elif gate.place is not None:
-            self.writer.make_lossy(gate.key)
+        self.gates.set_lossless(gid, is_on=is_on)
         self._set_hold()
 
     def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
@@ -330,41 +443,34 @@ class ShmSender:
         """The broker is gone. Readers read on, and the next broker matches them again."""
         if self._return is not None:
             self._return.cancel()
-        for gate in self._gates.values():
-            gate.on(GateEvent.DISCONNECT)
+        self.gates.disconnect()
         self._set_hold()
 
     def declared(self, answer: m.Created) -> None:
         """A broker knows the publisher now; a reader that is not back after RETURN_S counts as gone."""
-        self._depth = answer.depth or 1
+        self.gates.depth = answer.depth or 1
         self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
         if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
             self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
         self._set_hold()
-        if self._gates:
+        if self.gates.by_gid:
             self._return = self._port.later(RETURN_S, self._drop_stale)
 
     def drop_dead_readers(self) -> bool:
         """Stop waiting for processes that have ended and no broker reports; returns whether there were
         any."""
-        gone = [
-            gid
-            for gid, gate in self._gates.items()
-            if gate.state in STALE and gate.place is not None and not gate.place[0].is_alive()
-        ]
+        gone = self.gates.dead()
         for gid in gone:
             self.unmatched(gid)
         return bool(gone)
 
     def close(self) -> None:
         """Let go of the ring; readers read it to its end."""
-        self._gates.clear()
-        self._unattached.clear()
-        self._left.clear()
+        self.gates.clear()
         ShmSender._early -= self._is_early
         self._shm_context.stop_waiting(self)
-        for timer in (self._return, self._forget, self._rest):
+        for timer in (self._return, self._rest):
             if timer is not None:
                 timer.cancel()
 
@@ -378,51 +484,13 @@ class ShmSender:
             self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner.id))
 
     def _drop_stale(self) -> None:
-        for gid, gate in tuple(self._gates.items()):
-            if gate.state in STALE and self._owner.id:
+        if self._owner.id:
+            for gid in self.gates.stale():
                 self.unmatched(gid, is_lost=True)
                 self._shm_context.wake_waiting(self)
 
-    def _forget_left(self) -> None:
-        """Drop the gates that hold nothing any more; a process that has ended holds nothing."""
-        is_alive: dict[ReaderProcess, bool] = {}
-        for place, gate in tuple(self._left.items()):
-            process, _ = place
-            holds = gate.state is GateState.LOST or self.writer.has_pins(gate.key)
-            if holds and process not in is_alive:
-                is_alive[process] = process.is_alive()
-            if not holds or not is_alive[process]:
-                gate.on(GateEvent.FORGET)
-                self.writer.remove_gate(gate.key)
-                del self._left[place]
-        self._forget_later(_FORGET_S)
-
-    def _forget_later(self, seconds: float) -> None:
-        if self._forget is not None:
-            self._forget.cancel()
-        self._forget = None
-        if self._left:
-            self._forget = self._port.later(seconds, self._forget_left)
-
-    def _forget_depth(self, gate: Gate) -> None:
-        self._depths[gate.depth] -= 1
-        if not self._depths[gate.depth]:
-            del self._depths[gate.depth]
-
     def _set_hold(self) -> None:
-        holds, unattached = self._holds, self._unattached
-        while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_lossless):
-            heappop(holds)
-        first = holds[0][0] if holds else FOR_EVER
-        if self._is_lossless:
-            first = min(first, self._known_seq + 1)
-        self.writer.hold = 0 if first == FOR_EVER else first
-        self.writer.keep = FOR_EVER if self._watches_laps else self._keep
-
-    @property
-    def _keep(self) -> int:
-        """Records that must stay: the largest depth."""
-        return FOR_EVER if self._keeps_history else max(self._depth, *self._depths, 1)
+        self.gates.apply(keeps_all=self._watches_laps)
 
     @property
     def _watches_laps(self) -> bool:
@@ -442,10 +510,10 @@ class ShmSender:
         `must`: also beyond the limit, which is for depth.
         """
         writer = self.writer
-        sizes = self._size.larger(writer, size, self._keep, must=must)
+        sizes = self._size.larger(writer, size, self.gates.keep, must=must)
         if sizes is None:
             return False
-        self._forget_left()
+        self.gates.forget_left()
         try:
             descriptor, memory = segments.make_ring(*sizes, writer.carry_from(FOR_EVER))
             writer.move(memory)

@@ -34,14 +34,10 @@ A = TypeVar("A", bound=m.Message)
 _SHORTEST_BEAT_S = 0.01
 
 
-class Link:
-    """Got by `Link.acquire`, given back with `release`."""
+class LoopCalls:
+    """The running event loop as delivery uses it (`bus.delivery.port.Port`)."""
 
-    _links: ClassVar["weakref.WeakValueDictionary[int, Link]"] = weakref.WeakValueDictionary()
-    """By their ids."""
-
-    def __init__(self, path: str) -> None:
-        self.path = path
+    def __init__(self) -> None:
         self.loop = asyncio.get_running_loop()
         self.guarded_loop = self.loop if isinstance(self.loop, GuardedLoop) else None
         self.is_shared = self.guarded_loop is not None
@@ -50,6 +46,36 @@ class Link:
         self.soon = self.loop.call_soon
         self.soon_threadsafe = self.loop.call_soon_threadsafe
         self.later = self.loop.call_later
+
+    async def turn(self) -> None:
+        """Let the loop have a turn."""
+        await asyncio.sleep(0)
+
+    def waiters(self) -> Waiters:
+        return Waiters(self.loop)
+
+    def start(self, work: Coroutine[Any, Any, None], name: str) -> Callable[[], None]:
+        """Run `work` as a task; returns what cancels it, unless the task itself calls that."""
+        task = self.loop.create_task(work, name=name)
+        # asyncio reports a pending task that the collector finds; here the node is reported, and only that.
+        task._log_destroy_pending = False  # type: ignore[attr-defined]
+
+        def cancel() -> None:
+            if task is not asyncio.current_task():
+                task.cancel()
+
+        return cancel
+
+
+class Link(LoopCalls):
+    """Got by `Link.acquire`, given back with `release`."""
+
+    _links: ClassVar["weakref.WeakValueDictionary[int, Link]"] = weakref.WeakValueDictionary()
+    """By their ids."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__()
+        self.path = path
         self.wall_offset_ns = time_ns() - monotonic_ns()
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
@@ -299,27 +325,6 @@ class Link:
                 connection.note_standstill(now_ns)
             connection.turn_ns = now_ns
         self.send_about(endpoint, frames)
-
-    # --- the event loop, for delivery
-
-    async def turn(self) -> None:
-        """Let the loop have a turn."""
-        await asyncio.sleep(0)
-
-    def waiters(self) -> Waiters:
-        return Waiters(self.loop)
-
-    def start(self, work: Coroutine[Any, Any, None], name: str) -> Callable[[], None]:
-        """Run `work` as a task; returns what cancels it, unless the task itself calls that."""
-        task = self.loop.create_task(work, name=name)
-        # asyncio reports a pending task that the collector finds; here the node is reported, and only that.
-        task._log_destroy_pending = False  # type: ignore[attr-defined]
-
-        def cancel() -> None:
-            if task is not asyncio.current_task():
-                task.cancel()
-
-        return cancel
 
     def _set_heartbeat(self) -> None:
         connection = self.connection

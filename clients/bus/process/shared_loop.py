@@ -55,14 +55,16 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     `is_interrupted`: the main thread raises it once it has given the guard away.
     """
 
+    # asyncio's own attributes, of which typeshed knows nothing.
+    _ready: deque[Any]
+    _scheduled: list[Any]
+    _stopping: bool
+    _timer_cancelled_count: int
+    _clock_resolution: float
+    _thread_id: int | None
+    _csock: socket.socket
+
     def __init__(self) -> None:
-        # asyncio's own, of which typeshed knows nothing.
-        self._ready: deque[Any]
-        self._scheduled: list[Any]
-        self._stopping: bool
-        self._timer_cancelled_count: int
-        self._clock_resolution: float
-        self._thread_id: int | None
         self.is_interrupted = False
         self.interruption: type[KeyboardInterrupt] = KeyboardInterrupt
         """What `check` raises."""
@@ -76,7 +78,6 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Whether this thread holds the guard; with no frame of Python's own."""
         self.on_signal: Callable[[], object] = int
         self._signals = _NOBODY
-        self._csock: socket.socket
         self._contenders: deque[None] = deque()  # its methods are atomic
         self.is_waiting = False
         """Whether the thread that runs it waits for events."""

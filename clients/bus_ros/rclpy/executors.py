@@ -16,7 +16,7 @@ from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
 from bus_ros.rclpy.impl.executor_parts import TimeoutObject, WakeGuard, await_or_execute
-from bus_ros.rclpy.subscription import Subscription
+from bus_ros.rclpy.impl.handover import Handover
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
 from bus_ros.rclpy.timer import NEVER_NS, Timer
 
@@ -87,9 +87,9 @@ class Executor:
         self.waiter = Waiter(self._engine)
         self._nodes: list[_Node] = []
         self.ready: deque[Ready] = deque()
-        self.handed: set[Subscription[Any]] = set()  # they hand it messages as they come
-        self.last_handed: Subscription[Any] | None = None
-        self.lone: Subscription[Any] | None = None  # it alone had messages of late
+        self.handed: set[Handover] = set()  # they hand it messages as they come
+        self.last_handed: Handover | None = None
+        self.lone: Handover | None = None  # it alone had messages of late
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
@@ -140,8 +140,8 @@ class Executor:
                 return
             node.own_executor = None
             self._nodes.remove(node)
-            for subscription in [one for one in self.handed if one.node is node]:
-                subscription.leave()
+            for handover in [one for one in self.handed if one.subscription.node is node]:
+                handover.end()
             for entity in [one for one in self.ready if isinstance(one, Entity) and one.node is node]:
                 self.ready.remove(entity)
                 if entity.is_timer:

@@ -10,11 +10,12 @@ from bus.base.callbacks import is_async, takes_info
 from bus.endpoint.endpoint import core_of
 from bus.subscription import MessageInfo as NativeInfo
 from bus.subscription import Subscription as NativeSubscription
-from bus_ros.engine import Engine, Waiter
+from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Line, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.exceptions import RCLError
 from bus_ros.rclpy.impl.callback_checks import check_arguments
+from bus_ros.rclpy.impl.handover import Handover
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 
@@ -69,15 +70,13 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._receiver = core_of(native).receiver
         self._take_messages = self._receiver.take_messages
         self._wants_info = takes_info(callback)
-        self._batch = 1  # of messages to be taken at once
+        self.batch = 1
+        """How many messages are taken at once."""
         self._takes_one = self.is_async or self._wants_info
         self._filter: Callable[[Any], bool] | None = None
         self._filter_options = ContentFilterOptions()
         super().__init__(node, callback_group)
-        self._handed_to: Line | None = None  # the executor that may be handed a message as it comes
-        self._wait: Any = None
-        self._is_waited_for = False  # a thread is in `sleep`, and takes what comes: the order stays
-        self._is_quiet = False  # nobody wants to hear of losses, for which each message would be looked at
+        self._handover = Handover(engine, self)
         with engine.loop:
             native.set_arrival_callback(self._on_message)
 
@@ -178,17 +177,10 @@ class Subscription(Entity, Destroyable, Generic[M]):
     # --- for the executor
 
     def leave(self) -> None:
-        if (executor := self._handed_to) is not None:
-            executor.handed.discard(self)
-            if executor.last_handed is self:
-                executor.last_handed = executor.lone = None
-                executor.waiter.set()  # it may be in `sleep`
-        self._handed_to = None
-        if self._receiver.reader is not None:
-            self._receiver.reader.forget_callback()
+        self._handover.end()
 
     def take(self, most: int) -> Work | None:
-        if self._is_waited_for:
+        if self._handover.is_waited_for:
             return None
         if self._takes_one:
             taken = self.native.take()
@@ -200,17 +192,17 @@ class Subscription(Entity, Destroyable, Generic[M]):
         receiver = self._receiver
         if receiver.ahead:
             return self._callback, receiver.ahead.popleft()[:1]
-        if self._batch == 2 and not receiver.has_more:
-            self._batch = 1  # the one before was alone
+        if self.batch == 2 and not receiver.has_more:
+            self.batch = 1  # the one before was alone
             return None
-        number = min(self._batch, most)
+        number = min(self.batch, most)
         messages = self._take_messages(number)
         if not messages:
-            self._batch = 1
+            self.batch = 1
             single = receiver.take()
             return None if single is None else (self._callback, single[:1])
         if number == 1:
-            self._batch = 2
+            self.batch = 2
             return self._callback, (messages[0],)
         return self._call_with, (messages, self.node.own_executor)
 
@@ -232,62 +224,20 @@ class Subscription(Entity, Destroyable, Generic[M]):
         finally:
             if rest := list(left):
                 self._engine.call(self._put_back, rest)
-        if len(messages) == self._batch:
-            self._batch = min(2 * self._batch, 64) if monotonic_ns() < end_ns else 1
-
-    def sleep(self, waiter: Waiter, deadline_ns: int) -> bool:
-        """Wait for the next message alone, in fewer steps than the loop does; returns whether it is in line.
-
-        False where something else has happened, or is to be done first.
-        """
-        if self._is_waited_for or (executor := self._handed_to) is None:
-            return False
-        self._is_waited_for = True
-        try:
-            message = self._engine.sleep(waiter, self._wait, deadline_ns)
-        finally:
-            self._is_waited_for = False
-        if executor is self._handed_to and not self._receiver.has_rejected:
-            if message is not None:
-                self._hand(message)
-            return message is not None
-        if message is not None:
-            self._receiver.put_back([message])
-        self.notify()  # another executor passed over it meanwhile, or `take` is to report something
-        return False
+        if len(messages) == self.batch:
+            self.batch = min(2 * self.batch, 64) if monotonic_ns() < end_ns else 1
 
     def _on_message(self) -> None:
         """A message has come. The next one may be handed to an executor that just waits for it."""
-        executor = self.node.own_executor
-        if executor is not self._handed_to and not self._takes_one and self.native.qos.deadline is None:
-            self.leave()
-            if executor is not None and self._receiver.reader is not None and not self.is_destroyed:
-                self._handed_to = executor
-                executor.handed.add(self)
-                self._receiver.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
-                self._wait = self._receiver.quick_wait(with_info=False)
-                self._is_quiet = core_of(self.native).events.message_lost is None
+        executor, handover = self.node.own_executor, self._handover
+        if executor is not handover.executor and not self._takes_one and self.native.qos.deadline is None:
+            handover.begin(executor)
         self.notify()
-
-    def _hand(self, message: M) -> None:
-        """The native reader took it, while the executor's thread runs the loop and has nothing else to do."""
-        self._batch = 2
-        self._receiver.ahead.append((message, 0, 0, None, 0))
-        executor = self._handed_to
-        if executor is not None and not self.is_queued:
-            self.is_queued = executor.waiter.is_set = True
-            executor.ready.append(self)
-            executor.lone = self if executor.last_handed is self and self._is_quiet else None
-            executor.last_handed = self
 
     def _put_back(self, messages: list[M]) -> None:
-        self._batch = 1
+        self.batch = 1
         self._receiver.put_back(messages)
         self.notify()
-
-
-def _raise(error: Exception) -> None:
-    raise error
 
 
 def _info(info: NativeInfo) -> MessageInfo:

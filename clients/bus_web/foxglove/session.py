@@ -74,6 +74,28 @@ class ServerInfo(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+class Absence:
+    """Whether busd is away, and whether it has only just come back."""
+
+    def __init__(self) -> None:
+        self.is_on = False
+        self._settled_s = 0.0
+
+    def begin(self) -> None:
+        self.is_on = True
+
+    def end(self, now_s: float) -> bool:
+        """busd answers. Returns whether it did not before."""
+        was_on, self.is_on = self.is_on, False
+        if was_on:
+            self._settled_s = now_s + _RETURN_S
+        return was_on
+
+    def was_recent(self, now_s: float) -> bool:
+        """Whether programs may still be on their way back."""
+        return now_s < self._settled_s
+
+
 class Session(Watcher):
     """Speaks with the client at `socket` until that ends (`run`).
 
@@ -91,8 +113,7 @@ class Session(Watcher):
         self._news = asyncio.Event()
         self._has_looked = asyncio.Event()
         """Since it came: what was seen of the bus before may be long ago."""
-        self._is_lost = False
-        self._keep_until_s = 0.0
+        self._absence = Absence()
         self._channels = Channels(formats, client)
         self._subscriptions = Subscriptions()
         self._looks = Looks(hub.subscriptions, self)
@@ -137,15 +158,13 @@ class Session(Watcher):
     # --- of the hub
 
     def looked(self, *, is_new: bool) -> None:
-        if self._is_lost:
-            self._is_lost = False
-            self._keep_until_s = self._loop.time() + _RETURN_S
+        if self._absence.end(self._loop.time()):
             self._client.notify(protocol.text("removeStatus", statusIds=["bus"]))
         self._has_looked.set()
         self._news.set()
 
     def lost(self, text: str) -> None:
-        self._is_lost = True
+        self._absence.begin()
         self._client.say(Level.WARNING, f"the bus is away: {text}", "bus")
 
     # --- of the subscriptions
@@ -182,10 +201,10 @@ class Session(Watcher):
             await self._news.wait()
             await self._client.drain()
             self._news.clear()
-            if self._is_lost or not self._hub.has_looked:
+            if self._absence.is_on or not self._hub.has_looked:
                 continue
             graph = self._hub.model.graph
-            is_back = self._loop.time() < self._keep_until_s
+            is_back = self._absence.was_recent(self._loop.time())
             if self._clock.follow(graph, keep=is_back):
                 self._introduce()
                 if self._clock.is_there:

@@ -118,7 +118,7 @@ class Scene:
         ring = publisher._sender.ring
         assert ring is not None
         self.ring = ring
-        self.gate = ring._gates[self.subscription.gid]
+        self.gate = ring.gates.by_gid[self.subscription.gid]
         if state in (GateState.UNSURE, GateState.READING_ON):
             self.lose_busd()
         assert self.gate.state is state
@@ -126,11 +126,11 @@ class Scene:
 
     def check(self) -> None:
         """The tables that go with the state."""
-        gate, ring = self.gate, self.ring
+        gate, gates = self.gate, self.ring.gates
         is_gone = gate.state in (GateState.LEFT, GateState.LOST, GateState.ENDED)
-        assert (ring._gates.get(self.subscription.gid) is not gate) is is_gone
-        assert (gate in ring._unattached.values()) is (gate.state in (GateState.EXPECTED, GateState.UNSURE))
-        assert (gate in ring._left.values()) is (gate.state in (GateState.LEFT, GateState.LOST))
+        assert (gates.by_gid.get(self.subscription.gid) is not gate) is is_gone
+        assert (gate in gates._unattached.values()) is (gate.state in (GateState.EXPECTED, GateState.UNSURE))
+        assert (gate in gates._left.values()) is (gate.state in (GateState.LEFT, GateState.LOST))
 
     # --- what happens
 
@@ -216,7 +216,7 @@ def test_what_is_lost_and_comes_back_goes_on_with_the_same_gate() -> None:
     scene.world.settle()
     assert scene.gate.state is GateState.ENDED
     scene.check()
-    after = scene.ring._gates[scene.subscription.gid]
+    after = scene.ring.gates.by_gid[scene.subscription.gid]
     assert (after.state, after.key, after.place) == (GateState.ATTACHED, scene.gate.key, scene.gate.place)
 
 

@@ -41,7 +41,7 @@ class Crowd(Story):
         action()
         self.world.budget, self.world.between = 1 << 62, lambda: None
         self.world.refill()
-        assert not self.world.broker.unfinished
+        assert not self.world.broker.tasks.unfinished
         assert left <= 0, f"it had {after - left} pieces"
 
     def come_back_knowing_nothing(self) -> Subscription:

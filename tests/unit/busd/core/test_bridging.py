@@ -177,7 +177,7 @@ class TestGids:
 
         def come_back() -> None:
             world.between = lambda: None
-            assert world.broker.unfinished
+            assert world.broker.tasks.unfinished
             made.append(again.publisher("/topic", stands_for=GID))
 
         world.budget, world.between = 1, come_back

@@ -23,7 +23,7 @@ def rule(topics: str, actions: tuple[Action, ...], uid: int = ALICE, **fields: A
 def renew(world: World, *rules: AccessRule) -> None:
     """As a SIGHUP with other rules does."""
     world.carry_out(
-        world.broker.reconfigure(world.now_ns, world.broker.limits, (), Access(UID, tuple(rules)))
+        world.broker.reconfigure(world.now_ns, world.broker.settings.limits, (), Access(UID, tuple(rules)))
     )
 
 
@@ -221,7 +221,7 @@ class TestOtherRules:
             guest.request(m.Observe(request=0), m.GraphSnapshot)
         world.broker.meter.left = 20
         rules = (rule("/guest/**", PUBLISH), rule("/own/n1??", OBSERVE))
-        effects = world.broker.reconfigure(world.now_ns, world.broker.limits, (), Access(UID, rules))
+        effects = world.broker.reconfigure(world.now_ns, world.broker.settings.limits, (), Access(UID, rules))
         assert world.broker.meter.left > 0 and len(effects) == 2
         world.broker.go_on(world.now_ns, bob.id)
         bob.die()

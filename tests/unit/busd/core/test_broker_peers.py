@@ -19,7 +19,7 @@ def assert_nothing_is_left(world: World) -> None:
     assert broker._peers == world.processes == {}
     tables = (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types.trusted)
     assert not any(tables)
-    world.advance(world.broker.limits.lease_s + 1)
+    world.advance(world.broker.settings.limits.lease_s + 1)
     world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
     assert broker.next_deadline_ns() is None, "timers hold what they look at"
 

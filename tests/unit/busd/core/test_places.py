@@ -166,4 +166,4 @@ class TestPublishersThatAreLostToo:
 
 
 def test_a_lease_is_what_the_limits_say() -> None:
-    assert World().broker.limits.lease_s * SECOND == LEASE_S * SECOND
+    assert World().broker.settings.limits.lease_s * SECOND == LEASE_S * SECOND

@@ -159,7 +159,7 @@ class TestReconfigure:
         self.renew(world, endpoints_per_peer=2)
         process.publisher("/b")
         assert process.request(m.GetPeers(request=0), m.Peers).limits["endpoints_per_peer"] == 2
-        assert world.broker.limits.endpoints_per_peer == 2
+        assert world.broker.settings.limits.endpoints_per_peer == 2
 
     def test_what_is_there_stays(self) -> None:
         world = world_of()

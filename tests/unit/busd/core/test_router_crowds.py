@@ -134,7 +134,7 @@ class TestNothingIsLost:
         stage.publisher.publish("third")
         assert stage.single.payloads == ["first", "second", "third"]
         assert stage.core().crowds == {}
-        assert not stage.world.broker.has_work(stage.crowd.id)
+        assert not stage.world.broker.tasks.has_work(stage.crowd.id)
 
     def test_few_are_left(self) -> None:
         """Then a run goes to each at once again, but not before what waits."""

@@ -40,7 +40,7 @@ def measure(world: World, action: Callable[[], object]) -> int:
 
     world.budget, world.between, world.overdrawn = BUDGET, count, 0
     action()
-    assert not world.broker.unfinished
+    assert not world.broker.tasks.unfinished
     assert world.overdrawn <= STEP
     return pieces
 
@@ -281,7 +281,7 @@ class TestMeanwhile:
         world.budget, world.between = 60, die
         with pytest.raises(ValueError):  # there is no answer
             listener.subscription("/t")
-        assert not world.broker.unfinished
+        assert not world.broker.tasks.unfinished
         graph = world.whole_graph()
         assert not graph.matches and len(graph.endpoints) == len(before.endpoints)
         assert len(talker.got(m.Unmatched)) == len(talker.got(m.Matched)) > 0
@@ -311,7 +311,7 @@ class TestMeanwhile:
 
         def renew() -> None:
             world.between = lambda: None
-            world.broker.reconfigure(world.now_ns, world.broker.limits, (), Access(UID))
+            world.broker.reconfigure(world.now_ns, world.broker.settings.limits, (), Access(UID))
 
         world.budget, world.between = 5 if asks else 60, renew
         if asks:

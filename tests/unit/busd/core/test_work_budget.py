@@ -311,7 +311,8 @@ def other_rules(world: Big) -> Callable[[], object]:
     users, some = frozenset({ALICE}), frozenset(ACTIONS) - {"observe"}
     others = [AccessRule(topics=(f"/other{n}",), actions=some, uids=users) for n in range(300)]
     access = Access(UID, (*others, AccessRule(topics=("/guest*", "/t*"), actions=some, uids=users)))
-    return lambda: world.carry_out(world.broker.reconfigure(world.now_ns, world.broker.limits, (), access))
+    limits = world.broker.settings.limits
+    return lambda: world.carry_out(world.broker.reconfigure(world.now_ns, limits, (), access))
 
 
 HANDLERS: dict[type[m.Message], tuple[Scene, ...]] = {
@@ -403,7 +404,7 @@ def a_process_with_many_ends(world: Big) -> Callable[[], object]:
 
 def a_denial_that_many_are_told(world: Big) -> Callable[[], object]:
     _listeners(world, many() // 4)
-    world.broker._access_guard.access = Access(UID)
+    world.broker.settings.access.guard.access = Access(UID)
     guest = world.process(uid=ALICE)
     guest._own_node()
     guest.declare_type(TEXT)

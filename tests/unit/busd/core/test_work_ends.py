@@ -30,7 +30,7 @@ def in_pieces(world: World, action: Callable[[], object], meanwhile: Callable[[]
     world.budget, world.between = 1, lambda: acts.pop()() if acts else None
     action()
     assert not acts, "there was only one piece"
-    assert not world.broker.unfinished
+    assert not world.broker.tasks.unfinished
 
 
 def test_a_subscription_goes_while_its_publisher_does(world: World) -> None:

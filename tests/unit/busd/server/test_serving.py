@@ -224,7 +224,7 @@ class TestBack:
             await asyncio.to_thread(old.hello)
             (connection,) = server._connections
             monkeypatch.setattr(server._broker, way, fail)
-            monkeypatch.setattr(server._broker, "has_work", lambda peer: True)
+            monkeypatch.setattr(server._broker.tasks, "has_work", lambda peer: True)
             serving = server.serving
             with pytest.raises(ZeroDivisionError):
                 if way == "detach":
