@@ -93,12 +93,13 @@ def speed_of(result: Result) -> str:
         [
             _table(["", *(one.heading for one in columns)], _speed_rows(result, columns)),
             "The best rival is that of each column. In brackets: how many times better busd by shared memory "
-            "is; **bold** where a rival is ahead. The limit is no rival: it does less, and wakes its reader "
+            "is; **bold** if a rival is ahead. The limit is no rival: it does less, and wakes its reader "
             f"for each message. {_like_for_like(columns)}"
             f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
             f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
-            f"{machine.kernel}, {machine.python}. Each system, CPU time, start, pictures, where busd loses, "
-            "and how to measure again: [benchmarks/REPORT.md](benchmarks/REPORT.md).",
+            f"{machine.kernel}, {machine.python}. Each system, CPU time, start, pictures, "
+            "the measurements that busd loses, and how to measure again: "
+            "[benchmarks/REPORT.md](benchmarks/REPORT.md).",
         ]
     )
 
@@ -154,7 +155,7 @@ def _in_short(result: Result) -> Iterator[str]:
         yield "## In short"
         yield _essentials(result, columns, (BUS, BUS_BLOCKING, BUS_SOCKET, *RIVALS, FLOOR, C_FLOOR))
         yield (
-            "In brackets: how many times better busd by shared memory is; **bold** where a rival is ahead. "
+            "In brackets: how many times better busd by shared memory is; **bold** if a rival is ahead. "
             "A limit is no rival: it does less."
         )
 
