@@ -108,9 +108,9 @@ def _like_for_like(columns: Sequence[_Essential]) -> str:
     if not any(one.way for one in columns):
         return ""
     return (
-        "The clock starts with the complete message at hand. busd tells the C library to keep the memory of "
-        "long messages, others do not, and pay page faults: *malloc alike* is with the same `MALLOC_*` in "
-        "the environment of all. "
+        "The clock starts with the complete message at hand. The C library keeps the memory of long messages "
+        "for busd, because busd tells it to; others pay page faults. *Malloc alike* is with the same "
+        "`MALLOC_*` in the environment of all. "
     )
 
 
