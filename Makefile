@@ -115,11 +115,12 @@ $(VISION_STAMP): pyproject.toml | $(TOOLS)
 mutants: $(TOOLS) ## break lines of the source one at a time, and see that tests fail (ARGS="busd/core qos")
 	@PYTHONPATH=tests $(BIN)/python -m mutants $(ARGS)
 
-lint: $(TOOLS) ## style, types and layers
+lint: $(TOOLS) ## style, types, layers, and the wording of the pages
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tests/wording.py
 
 native: ## the ring's C tests, half a minute or more, a part of `test`; nothing where gcc is not there
 	@if echo '#include <stdlib.h>' | gcc -E - >/dev/null 2>&1; then \
