@@ -448,12 +448,13 @@ async def test_a_circle_through_a_wait_is_collected() -> None:
 
 
 async def test_nothing_leaks() -> None:
+    rounds = 2000
     room = Room()
     room.sends.publish = bool
     text = object()
 
     async def use() -> None:
-        for _ in range(2000):
+        for _ in range(rounds):
             await room.sends.send(text)
             room.sends.send(text).close()
             with pytest.raises(ZeroDivisionError):
@@ -469,4 +470,5 @@ async def test_nothing_leaks() -> None:
     gc.collect()
     after = sys.getrefcount(text), sys.getrefcount(room.sends), sys.getallocatedblocks()
     assert after[:2] == before[:2]
-    assert abs(after[2] - before[2]) < 100
+    # A leak is a block in each round. The interpreter keeps about a hundred, more or fewer each time.
+    assert abs(after[2] - before[2]) < rounds // 2
