@@ -1,6 +1,6 @@
-"""Transforms: what programs import as tf2_ros, tf2_py, tf2_geometry_msgs and the like, and their programs.
+"""Transforms: the packages tf2_ros, tf2_py, tf2_geometry_msgs and the like, and their programs.
 
-The numeric core, `bus_tf2.core`, needs none of ROS; all else builds on `bus_ros`.
+The numeric core, `bus_tf2.core`, needs none of ROS. The other packages build on `bus_ros`.
 
     /tf, /tf_static --> `tf2_ros/` (listener) --> `tf2_py/` (BufferCore: messages) --> `core/` (numbers, in C)
     program --> `tf2_ros/` (Buffer: look-ups, waiting) ---------^

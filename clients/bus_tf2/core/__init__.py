@@ -1,6 +1,6 @@
-"""The numeric core of transforms, in C, with a Python twin where that was not built.
+"""The numeric core of transforms, in C, with a Python twin for installations without the C module.
 
-Owns: `FrameTree` and what its answers mean. Must not know: rclpy, messages, topics.
+Owns: `FrameTree` and the meaning of its answers. Must not know: rclpy, messages, topics.
 
 `frames.h` has the algorithm, without Python; its binding is beside it (`_core.pyi` has the types). `twin.py`
 is the same in Python, with `rotation.py`. `texts.py` has tf2's words for both.

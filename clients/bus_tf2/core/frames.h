@@ -1,8 +1,8 @@
 /* Frames and how they moved: histories of transforms, and the walk from one frame to another. No Python here.
  *
- * The rules are those of ROS 2's tf2: a static frame has one transform for all times; any other has those of the
- * last seconds, in between which is interpolated; a frame may change its parent. `clients/bus_tf2/core/twin.py` is
- * the same in Python, and tests compare the two.
+ * The rules are those of ROS 2's tf2: a static frame has one transform for all times. Any other frame has the
+ * transforms of the last seconds; times in between are interpolated. A frame may change its parent.
+ * `clients/bus_tf2/core/twin.py` is the same in Python, and tests compare the two.
  */
 #ifndef BUS_TF2_FRAMES_H
 #define BUS_TF2_FRAMES_H
@@ -25,7 +25,7 @@ enum {
 /* What a transform was refused for: a set of bits. */
 enum { IS_NAN = 1, IS_DENORMALIZED = 2, IS_OLD = 4 };
 
-/* What keeps a look-up from an answer. */
+/* Reasons why a look-up has no answer. */
 enum { UNKNOWN = 1, LOOP, UNCONNECTED, NO_DATA, ONE_VALUE, FUTURE, PAST };
 
 typedef struct {
@@ -51,7 +51,7 @@ typedef struct {
 typedef struct {
     sample *samples;
     uint32_t first, count, capacity;
-    bool is_child;  /* somebody has told its place: it has a history, which may be empty */
+    bool is_child;  /* it has received a transform, so it has a history, which may be empty */
     bool is_static;
 } frame;
 
@@ -61,13 +61,13 @@ typedef struct {
     int64_t cache_ns;
 } tree;
 
-/* Why there is no answer. Times: what was asked for, and the one that there is. */
+/* Why there is no answer. Times: the requested one, and the available one. */
 typedef struct {
     int kind;
     int64_t asked_ns, have_ns;
 } failure;
 
-/* From the source's coordinates into those of another frame. */
+/* Converts the source's coordinates into another frame's coordinates. */
 typedef struct {
     vector translation;
     quaternion rotation;
@@ -129,7 +129,7 @@ static inline quaternion as_quaternion(const matrix *m)
     return (quaternion){part[0], part[1], part[2], part[3]};
 }
 
-/* Of length one, with the sign that a rotation matrix gives. */
+/* The quaternion with length one, and with the sign that a rotation matrix gives. */
 static inline quaternion normal(quaternion q)
 {
     const matrix m = as_matrix(q);
@@ -209,7 +209,8 @@ static bool make_room(frame *of)
     return true;
 }
 
-/* Keep a sample. Returns 0, IS_OLD, or -1 without memory. What is too old goes first; one that is there is enough. */
+/* Keep a sample. Returns 0, IS_OLD, or -1 without memory. Drops samples that are too old first; a sample that the
+ * history already has is not added again. */
 static int keep(frame *of, const sample *new, int64_t cache_ns)
 {
     if (of->is_static)
@@ -251,7 +252,7 @@ static int keep(frame *of, const sample *new, int64_t cache_ns)
 /* From one time to a later one, without overflow. */
 static inline double between(int64_t from_ns, int64_t to_ns) { return (double)((uint64_t)to_ns - (uint64_t)from_ns); }
 
-/* The sample at a time (0: the newest), interpolated where there are two with one parent around it. */
+/* The sample at a time (0: the newest), interpolated if the samples around it have the same parent. */
 static bool sample_at(const frame *of, int64_t time_ns, sample *found, failure *why)
 {
     if (of->count == 0) {
@@ -305,7 +306,7 @@ static uint32_t add_frame(tree *of)
     return of->count++;
 }
 
-/* Why a transform can't be put in; 0 where it can. */
+/* Why a transform can't be put in; 0 if it can. */
 static inline int refusal(const sample *new)
 {
     const vector *moved = &new->translation;
@@ -349,7 +350,7 @@ static inline int64_t earlier(int64_t common_ns, int64_t stamp_ns)
 /* The newest parent of a frame; NO_FRAME for a root, and without data. */
 static inline uint32_t newest_parent(const frame *of) { return of->count == 0 ? NO_FRAME : newest(of)->parent; }
 
-/* The latest time at which all transforms between two frames are known; 0 where all of them are static. */
+/* The latest time at which all transforms between two frames are known; 0 if all of them are static. */
 static bool common_time(const tree *of, uint32_t target, uint32_t source, int64_t *time_ns, failure *why)
 {
     uint32_t way[MAX_DEPTH + 1]; /* frames from the source up, without itself */
@@ -454,7 +455,7 @@ static bool look_up(const tree *of, uint32_t target, uint32_t source, int64_t *t
             return false;
         }
     }
-    if (is_below) { /* the source is above the target: what the first walk found is not needed */
+    if (is_below) { /* the source is above the target: the first walk's result is not needed */
         *found = inverted(&from_target);
     } else if (at != top) {
         *why = missing;

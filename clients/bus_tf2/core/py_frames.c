@@ -1,6 +1,6 @@
 /* The module bus_tf2.core._core: frames.h for Python, limited API of Python 3.11. See _core.pyi.
  *
- * Each call is one whole operation under the GIL, so that threads need no lock of their own.
+ * Each call is one whole operation under the GIL, so threads need no extra lock.
  */
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
@@ -12,7 +12,7 @@ typedef struct {
     tree frames;
     PyObject *numbers;     /* dict: the number of a frame by its name */
     PyObject *names;       /* list */
-    PyObject *authorities; /* list: who told a frame's place last, or None */
+    PyObject *authorities; /* list: the authority of each frame's last transform, or None */
 } FrameTree;
 
 static PyObject *new_tree(PyTypeObject *type, PyObject *args, PyObject *kwargs)
@@ -74,7 +74,7 @@ static uint32_t number_of(const FrameTree *self, PyObject *name)
     return number == NULL ? NO_FRAME : (uint32_t)PyLong_AsUnsignedLong(number);
 }
 
-/* There was no memory for all that the last frame needs: take it out, so that the numbers fit. An error is set. */
+/* Memory ran out while the last frame was added: remove the frame, to keep the numbers right. An error is set. */
 static void forget_last(FrameTree *self, uint32_t number)
 {
     PyObject *type, *value, *traceback;
@@ -147,7 +147,7 @@ static PyObject *as_answer(int64_t stamp_ns, const transform *found)
     return answer;
 }
 
-/* The numbers of the frames in `args`, and whether they are one. Returns 0 where one of them is unknown. */
+/* The numbers of the frames in `args`, and whether they are one. Returns 0 if one of them is unknown. */
 static int pair_of(const FrameTree *self, PyObject *const *args, uint32_t *target, uint32_t *source, bool *is_one)
 {
     *target = number_of(self, args[0]);
@@ -232,7 +232,7 @@ static PyObject *rows(PyObject *object, PyObject *Py_UNUSED(none))
             continue;
         const bool has_times = !here->is_static && here->count > 0;
         PyObject *up = here->count == 0 ? Py_None : PyList_GetItem(self->names, newest(here)->parent);
-        /* References of its own: a garbage collection may run anything, also an insert. */
+        /* Owned references: a garbage collection may run any code, also an insert. */
         PyObject *row = Py_BuildValue("(NNNILL)", Py_XNewRef(PyList_GetItem(self->names, i)), Py_XNewRef(up),
                                       Py_XNewRef(PyList_GetItem(self->authorities, i)), here->count,
                                       (long long)latest_stamp(here),

@@ -42,7 +42,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def inverse(q: Quaternion) -> Quaternion:
-    """Of a rotation of length one."""
+    """The inverse of a rotation with length one."""
     return -q[0], -q[1], -q[2], q[3]
 
 
@@ -80,7 +80,7 @@ def from_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def matrix(q: Quaternion) -> Matrix:
-    """Of a rotation of any length but zero."""
+    """The inverse of a rotation with any length except zero."""
     x, y, z, w = q
     s = 2.0 / dot(q, q)
     xs, ys, zs = x * s, y * s, z * s

@@ -32,7 +32,7 @@ def seconds(time_ns: int) -> str:
 
 
 def frame_name_fault(name: str) -> str:
-    """What is wrong with a frame's name in a question; "" where nothing is."""
+    """The fault of a frame's name in a look-up; "" if it has none."""
     if not name:
         return "in tf2 frame_ids cannot be empty"
     return "in tf2 frame_ids cannot start with a '/'" if name.startswith("/") else ""

@@ -1,8 +1,8 @@
-"""The native core in Python: used where that was not built, and what tests hold it against.
+"""The native core in Python: used if the native core was not built, and tests compare the two.
 
-Owns: frames and how they moved, and the walk from one to another, as ROS 2's tf2 does it: a static frame
-has one transform for all times; any other has those of the last seconds, in between which is interpolated; a
-frame may change its parent. Must not know: messages, texts, ROS.
+Owns: frames, their motion, and the walk from one frame to another, as in ROS 2's tf2. A static frame has one
+transform for all times. Any other frame has the transforms of the last seconds; times in between are
+interpolated. A frame may change its parent. Must not know: messages, texts, ROS.
 """
 
 import math
@@ -29,11 +29,11 @@ __all__ = ["FrameTree"]
 MAX_DEPTH: Final = 1000
 """A longer way is a loop."""
 MAX_SAMPLES: Final = 100_000
-"""Of one frame; the oldest go first."""
+"""Limit of samples for one frame; the oldest are dropped first."""
 
 # What a transform is refused for: a set of bits.
 IS_NAN, IS_DENORMALIZED, IS_OLD = 1, 2, 4
-# What keeps a look-up from an answer.
+# Reasons why a look-up has no answer.
 UNKNOWN, LOOP, UNCONNECTED, NO_DATA, ONE_VALUE, FUTURE, PAST = range(1, 8)
 
 _SMALLEST: Final = 2.2250738585072014e-308
@@ -42,7 +42,7 @@ _stamp = attrgetter("stamp_ns")
 
 Answer = tuple[int, float, float, float, float, float, float, float]
 Failure = tuple[int, int, int]
-"""What it is, and for data that is not there the time that was asked for, and the nearest that there is."""
+"""The reason; for missing data also the requested time and the nearest available time."""
 
 
 class _Sample(NamedTuple):
@@ -197,7 +197,7 @@ class FrameTree:
         return (time_ns, *translation, *normal(rotation))
 
     def latest(self, target: str, source: str, /) -> int | Failure:
-        """The latest time at which all between the two is known; 0 where all of that is static."""
+        """The latest time at which all transforms between the two are known; 0 if all of them are static."""
         with self._lock:
             to, of = self._numbers.get(target), self._numbers.get(source)
             if to is None or of is None:
@@ -205,15 +205,15 @@ class FrameTree:
             return self._frames[to].latest_ns() if to == of else self._common_ns(to, of)
 
     def parent(self, name: str, time_ns: int, /) -> str | None:
-        """A frame's parent at a time; None where that is not known."""
+        """A frame's parent at a time; None if it is not known."""
         with self._lock:
             number = self._numbers.get(name)
             found = None if number is None else self._frames[number].at(time_ns)
             return self._frames[found.parent].name if isinstance(found, _Sample) else None
 
     def rows(self) -> list[tuple[str, str | None, str | None, int, int, int]]:
-        """Of each frame that has or had a parent: its name, the parent's name, who told it last, how many
-        transforms are kept, the latest time and the oldest."""
+        """For each frame that has or had a parent: its name, the parent's name, the authority of the last
+        transform, the number of transforms kept, the latest time and the oldest."""
         with self._lock:
             return [
                 (
@@ -250,7 +250,7 @@ class FrameTree:
         return number
 
     def _common_ns(self, target: int, source: int) -> int | Failure:
-        way: list[tuple[int, int]] = []  # up from the source: the time of each step, and where it leads
+        way: list[tuple[int, int]] = []  # up from the source: time and parent of each step
         common_ns = _NO_TIME
         at = source
         while (up := self._frames[at].newest_parent()) is not None:
@@ -309,7 +309,7 @@ class FrameTree:
         if at == top:
             turned_x, turned_y, turned_z = rotate(back, from_source[0])
             return (turned_x + x, turned_y + y, turned_z + z), multiply(back, from_source[1])
-        if at == source:  # which is above the target: what the first walk found is not needed
+        if at == source:  # which is above the target: the first walk's result is not needed
             return (x, y, z), back
         return missing or (UNCONNECTED, 0, 0)
 

@@ -1,7 +1,7 @@
 """The programs of tf2: `bus run tf2_ros static_transform_publisher`, and so on; see `bus_ros.packages`.
 
 A module for each program, with robot_state_publisher and joint_state_publisher among them. `shell.py` has
-what they share: their own arguments, and their end by a signal.
+their common parts: arguments, and the end by a signal.
 
 Invariants: options, output and exit codes are those of ROS 2's programs; a new program needs a row in the
 table of `bus_ros.packages`, by which `bus run` finds it.

@@ -1,6 +1,6 @@
-"""`bus run joint_state_publisher joint_state_publisher`: states for joints that nobody else tells.
+"""`bus run joint_state_publisher joint_state_publisher`: states for joints without another source.
 
-Owns: the positions, of defaults and of other topics, and when they go out. The robot itself is
+Owns: the positions, from defaults and from other topics, and the time of publishing. The robot itself is
 `bus_tf2.robot.urdf`.
 """
 
@@ -35,9 +35,10 @@ _FIELDS = ("position", "velocity", "effort")
 class JointStatePublisher(Node):
     """Publishes `joint_states` for the robot of `description`, or of the topic `robot_description`.
 
-    Parameters `zeros.JOINT` say where joints begin, `dependent_joints.JOINT.parent`, `.factor` and `.offset`
-    which follow others, `source_list` whose states are taken over, `delta` how far joints move with each
-    message. Raises ValueError for parameters that don't fit, with a text for its user.
+    Parameters: `zeros.JOINT` sets the first position of a joint. `dependent_joints.JOINT.parent`, `.factor`
+    and `.offset` make a joint follow another. `source_list` names the topics with states to take over.
+    `delta` is the distance that joints move with each message. Raises ValueError for parameters that don't
+    fit, with a text for the user.
     """
 
     def __init__(self, description: str | None = None, **options: Any) -> None:
@@ -159,7 +160,7 @@ class JointStatePublisher(Node):
             self._publisher.publish(made)
 
     def _state_of(self, name: str) -> dict[str, float]:
-        """Its own state, or what follows from the joint that it follows."""
+        """The joint's own state, or the state computed from the joint that it follows."""
         factor, offset, seen = 1.0, 0.0, {name}
         while name in self._follows and name not in self._states:
             follows = self._follows[name]

@@ -75,7 +75,7 @@ class RobotStatePublisher(Node):
         self.get_logger().info("Robot initialized")
         now = self.get_clock().now().to_msg()
         still = [self._stamped(joint, joint.pose(0.0), now) for joint in joints if joint.kind in FIXED]
-        # What an earlier description had is no part of this robot.
+        # Joints of an earlier description are no part of this robot.
         self._still.net_message.transforms = []
         self._still.sendTransform(still)
 
@@ -122,7 +122,7 @@ class RobotStatePublisher(Node):
         due_ns = last_ns + int(1000.0 / self._frequency) * 1_000_000
         if not self._ignores_stamps and stamp_ns < due_ns:
             return False
-        # Of others nothing is sent, so that a stranger's names take no memory.
+        # Other joints are ignored, so unknown names in messages take no memory.
         self._sent_ns |= dict.fromkeys((name for name in state.name if name in self._joints), stamp_ns)
         return True
 

@@ -1,4 +1,4 @@
-"""What the programs of tf2 share: their own arguments, and Ctrl-C and SIGTERM as an end like others."""
+"""Common parts of the programs of tf2: their arguments, and a normal end on Ctrl-C and SIGTERM."""
 
 import sys
 from collections.abc import Iterator

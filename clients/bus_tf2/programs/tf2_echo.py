@@ -66,7 +66,7 @@ def run(words: Sequence[str]) -> int:
 
 
 def read(words: Sequence[str]) -> Wish | None:
-    """None where the usage should be shown. Raises ValueError, with a text for the user, for a wrong one."""
+    """None if the usage should be shown. Raises ValueError, with a text for the user, if one is wrong."""
     frames: list[str] = []
     given: dict[str, str] = {}
     ahead = iter(words)

@@ -129,7 +129,7 @@ def _watch(to: str = "", of: str = "") -> None:
 
 
 def _lateness(buffer: Buffer, node: Node, to: str, of: str) -> float:
-    """How old the transform between the two is, in seconds; 0 where it is static, or gone."""
+    """The age of the transform between the two, in seconds; 0 if it is static, or gone."""
     try:
         stamp = buffer.lookup_transform(to, of, Time()).header.stamp
     except TransformException:

@@ -1,7 +1,7 @@
-"""Links and joints out of a URDF, and where a joint puts its child link.
+"""Links and joints out of a URDF, and the place of a joint's child link.
 
-Owns: what of URDF robot_state_publisher and joint_state_publisher need: the tree, origins, axes, limits,
-mimic. All else (meshes, inertia, colours) is passed over. Pure. Must not know: topics, messages.
+Owns: the parts of URDF that robot_state_publisher and joint_state_publisher need: the tree, origins, axes,
+limits, mimic. It ignores other parts (meshes, inertia, colours). Pure. Must not know: topics, messages.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ __all__ = ["FIXED", "Joint", "Mimic", "Robot", "UrdfError", "parse"]
 
 _KINDS: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 FIXED: Final = ("fixed", "planar")
-"""Kinds of joints whose child does not move, as ROS 2 sees it."""
+"""Kinds of joints with a child that does not move, according to ROS 2."""
 
 
 class UrdfError(ValueError):
@@ -33,7 +33,7 @@ class Mimic(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """`origin`: where it is in the parent's coordinates. `limits`: (lower, upper), of radians or metres."""
+    """`origin`: its place in the parent's coordinates. `limits`: (lower, upper), in radians or metres."""
 
     name: str
     kind: str
@@ -43,11 +43,11 @@ class Joint(NamedTuple):
     axis: Vector
     limits: tuple[float, float] | None
     soft_limits: tuple[float, float]
-    """Infinite where there are none."""
+    """Infinite if the joint has none."""
     mimic: Mimic | None
 
     def pose(self, position: float) -> Transform:
-        """Where the child is in the parent's coordinates."""
+        """The child's place in the parent's coordinates."""
         x, y, z = self.axis
         moved, turned = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
         if self.kind == "prismatic":

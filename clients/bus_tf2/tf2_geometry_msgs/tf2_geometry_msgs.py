@@ -1,7 +1,7 @@
-"""Geometry messages in the coordinates of another frame, and how buffers find these functions.
+"""Transforms geometry messages into another frame's coordinates, and registers the functions for buffers.
 
-Owns: the functions of each type, and their registrations, which importing this makes. Plain Python: one
-message is quicker so than with NumPy.
+Owns: the functions of each type, and their registrations. Importing this module makes the registrations.
+Plain Python, because for one message it is quicker than NumPy.
 """
 
 from typing import Any

@@ -60,7 +60,7 @@ class BufferCore:
         self.__insert(transform, authority, is_static=False)
 
     def set_transform_static(self, transform: Any, authority: str) -> None:
-        """The same for one that holds for all times."""
+        """Like `set_transform`, for a transform that is valid at all times."""
         self.__insert(transform, authority, is_static=True)
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Moment) -> tuple[int, str]:
@@ -99,8 +99,9 @@ class BufferCore:
     def lookup_transform_full_core(
         self, target_frame: str, target_time: Moment, source_frame: str, source_time: Moment, fixed_frame: str
     ) -> Any:
-        """From `source_frame` at one time into `target_frame` at another, by a frame that stays where it is
-        meanwhile; errors as above.
+        """The transform from `source_frame` at one time into `target_frame` at another time.
+
+        Uses a frame that does not move in between. Errors as above.
         """
         self.__validate(target_frame, "lookupTransform argument target_frame")
         self.__validate(source_frame, "lookupTransform argument source_frame")
@@ -111,9 +112,9 @@ class BufferCore:
         return _stamped(target_frame, source_frame, (outer[0], x, y, z, qx, qy, qz, qw))
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> "Time":
-        """The latest time for which both frames have transforms; zero where all between them is static.
+        """The latest time for which both frames have transforms; zero if all between them is static.
 
-        Raises as above; TransformException where nothing connects the two.
+        Raises as above; TransformException if the two are not connected.
         """
         from bus_ros.rclpy.time import Time
 

@@ -1,4 +1,4 @@
-"""What a look-up raises where there is no transform. Imports nothing."""
+"""The exceptions of a look-up without a transform. Imports nothing."""
 
 __all__ = [
     "ConnectivityException",

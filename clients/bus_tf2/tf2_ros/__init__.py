@@ -3,12 +3,12 @@
     `transform_broadcaster.py`, `static_transform_broadcaster.py` --> topics --> `transform_listener.py`
                                                                                         |
     program --> `buffer.py` (look-ups, waiting; `buffer_interface.py`) <----------------+
-    program --> `buffer_client.py` --> action --> `buffer_server.py` --> a buffer of another program
+    program --> `buffer_client.py` --> action --> `buffer_server.py` --> another program's buffer
 
 Invariants:
 
-- Whoever fills a buffer does not know look-ups, and look-ups do not know topics.
-- How a type is transformed is registered once for the process (`buffer_interface.py`).
+- Modules that fill a buffer do not know look-ups, and look-ups do not know topics.
+- The functions that transform a type are registered once for the process (`buffer_interface.py`).
 - BufferClient and message classes are imported when they are first used.
 
 Read first: `buffer.py`. Tests: `tests/system/test_tf2_ros.py`, `tests/system/test_tf2_buffer_server.py`,
@@ -84,8 +84,10 @@ _OF_RCLPY = {"Duration": "duration", "Future": "task", "Node": "node", "QoSProfi
 
 
 def __getattr__(name: str) -> Any:
-    """BufferClient, for few programs need actions; and what programs take from here that is not tf2's: in ROS
-    2 it is there because tf2_ros has imported it."""
+    """Import BufferClient on first use, because few programs need actions.
+
+    Also names that are not tf2's: in ROS 2 programs can take them from tf2_ros because tf2_ros imports them.
+    """
     if name == "BufferClient":
         return import_module("bus_tf2.tf2_ros.buffer_client").BufferClient
     if name in _MESSAGES:

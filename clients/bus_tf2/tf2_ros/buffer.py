@@ -1,6 +1,6 @@
 """The buffer that listeners fill and programs ask, and waiting for a transform.
 
-Owns: who waits for new transforms. Must not know: topics, how transforms come.
+Owns: the look-ups that wait for new transforms. Must not know: topics, the source of transforms.
 """
 
 import threading
@@ -23,11 +23,11 @@ __all__ = ["Buffer"]
 class Buffer(BufferCore, BufferInterface):
     """Transforms of the last seconds, with look-ups that can wait.
 
-    `cache_time`: how long they are kept, 10 s where it is None. `node`: gets a service `tf2_frames` that
-    returns all frames; its clock clears the buffer where simulated time jumps back.
+    `cache_time`: how long they are kept; None means 10 s. `node`: gets a service `tf2_frames` that returns
+    all frames; its clock clears the buffer if simulated time jumps back.
 
-    A look-up that waits blocks its thread. Where that is the one that should hear of the transform (a
-    callback of a single-threaded executor), nothing comes: have the listener spin on its own
+    A look-up that waits blocks its thread. If that thread should also receive the transform (a callback of a
+    single-threaded executor), the transform never arrives. In that case have the listener spin on its own
     (`spin_thread=True`), use a MultiThreadedExecutor, or await `lookup_transform_async`.
     """
 
@@ -85,8 +85,9 @@ class Buffer(BufferCore, BufferInterface):
         fixed_frame: str,
         timeout: Duration = Duration(),  # noqa: B008
     ) -> Any:
-        """From `source_frame` at one time into `target_frame` at another, by a frame that stays where it is
-        meanwhile; times and errors as above.
+        """The transform from `source_frame` at one time into `target_frame` at another time.
+
+        Uses a frame that does not move in between. Times and errors as above.
         """
         question = (target_frame, target_time, source_frame, source_time, fixed_frame)
         if timeout.nanoseconds > 0:
@@ -129,7 +130,7 @@ class Buffer(BufferCore, BufferInterface):
         return self._ask(lambda: self.can_transform_full_core(*question), timeout, return_debug_tuple)
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Any) -> Future[Any]:
-        """A future whose result is the transform, once there is one."""
+        """A future; its result is the transform, once it is available."""
         question = (target_frame, source_frame, time)
         return self._future(
             lambda: self.can_transform_core(*question)[0], lambda: self.lookup_transform_core(*question)

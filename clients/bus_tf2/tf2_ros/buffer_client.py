@@ -1,6 +1,6 @@
-"""Asks a buffer server for transforms, so that a program need not hear them all itself.
+"""Asks a buffer server for transforms: a program need not receive all transforms itself.
 
-Owns: the goal of each question, and which exception an answer is. Must not know: who serves
+Owns: the goal of each look-up, and the exception for each answer. Must not know: the server's program
 (`bus run tf2_ros buffer_server`).
 """
 
@@ -34,7 +34,7 @@ ERRORS: list[type[TransformException]] = [
     TimeoutException,
     TransformException,
 ]
-"""By the number in a TF2Error, from 1."""
+"""Exceptions, in order of the number in a TF2Error, from 1."""
 
 
 class BufferClient(BufferInterface):
@@ -70,7 +70,7 @@ class BufferClient(BufferInterface):
         time: Any,
         timeout: Duration = Duration(),  # noqa: B008
     ) -> Any:
-        """As Buffer's. Raises what that does, and TimeoutException where the server does not answer."""
+        """As Buffer's, with the same exceptions. Raises TimeoutException if the server does not answer."""
         return self._ask(
             timeout, target_frame=target_frame, source_frame=source_frame, source_time=_message(time)
         )

@@ -1,6 +1,6 @@
-"""What every source of transforms can do for its user: transform an object, whatever type was registered.
+"""The common interface of all sources of transforms: transform an object of any registered type.
 
-Owns: the registrations of types, for all of the process. Must not know: how transforms come.
+Owns: the registrations of types, for all of the process. Must not know: the source of transforms.
 """
 
 from collections.abc import Callable
@@ -138,7 +138,7 @@ class BufferInterface:
         timeout: Duration = Duration(),  # noqa: B008
         new_type: Any = None,
     ) -> Any:
-        """The same at another time, by a frame that stays where it is meanwhile."""
+        """The same at another time, by a frame that does not move in between."""
         function = self.registration.get(type(object_stamped))
         header = object_stamped.header
         found = self.lookup_transform_full(

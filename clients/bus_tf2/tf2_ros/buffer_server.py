@@ -1,6 +1,6 @@
-"""Answers look-ups of programs that do not hear transforms themselves.
+"""Answers look-ups of programs that do not receive transforms themselves.
 
-Owns: the action, and how long a question waits. Must not know: who asks (`BufferClient`).
+Owns: the action, and the waiting time of a look-up. Must not know: the client (`BufferClient`).
 """
 
 from typing import Any

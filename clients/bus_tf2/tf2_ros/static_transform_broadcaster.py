@@ -11,7 +11,7 @@ __all__ = ["StaticTransformBroadcaster"]
 
 
 class StaticTransformBroadcaster:
-    """Late listeners get all that was sent. `qos`: a profile, or a depth."""
+    """Late listeners get every transform sent before. `qos`: a profile, or a depth."""
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
         if qos is None:
@@ -23,8 +23,9 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(self._message, "/tf_static", qos)
 
     def sendTransform(self, transform: Any) -> None:
-        """Send a TransformStamped, or several, and with them all that were sent before: of each child frame
-        the last. A late listener hears one message only.
+        """Send a TransformStamped, or several, together with the last earlier transform of each child frame.
+
+        The reason: a late listener receives only one message.
         """
         sent = {one.child_frame_id: one for one in self.net_message.transforms}
         sent |= {one.child_frame_id: one for one in as_list(transform)}

@@ -24,11 +24,11 @@ _AUTHORITY = "default_authority"
 
 
 class TransformListener:
-    """Hands what it hears to `buffer`, until `unregister`.
+    """Passes received transforms to `buffer`, until `unregister`.
 
-    `node`: whose subscriptions they are; None: a node of its own. `spin_thread`: spin that node in a thread
-    of its own. `qos` and `static_qos`: a profile or a depth, by default 100 messages, transient local for
-    static ones. `static_only`: hear static transforms alone.
+    `node`: the node for the subscriptions; None: a new node. `spin_thread`: spin that node in a separate
+    thread. `qos` and `static_qos`: a profile or a depth, by default 100 messages, transient local for
+    static transforms. `static_only`: receive only static transforms.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class TransformListener:
     ) -> None:
         self.buffer = buffer
         self.node = node = node or _own_node(id(self))
-        # Not exclusive, so that another callback may wait for what comes here.
+        # Not exclusive: another callback may wait for a transform received here.
         self.group = ReentrantCallbackGroup()
         kind = message_type("tf2_msgs/msg/TFMessage")
         if not static_only:
@@ -73,7 +73,7 @@ class TransformListener:
             self.dedicated_listener_thread.start()
 
     def unregister(self) -> None:
-        """Hear no more, and end the thread, where there is one."""
+        """Stop receiving, and end the thread if there is one."""
         thread = self.dedicated_listener_thread
         if thread is not None and thread is not threading.current_thread():
             self.executor.shutdown()

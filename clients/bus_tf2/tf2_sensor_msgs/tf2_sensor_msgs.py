@@ -1,4 +1,4 @@
-"""Point clouds in the coordinates of another frame; NumPy is imported when the first one comes."""
+"""Transforms point clouds into another frame's coordinates; imports NumPy for the first cloud."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -32,9 +32,9 @@ def transform_points(point_cloud: Any, transform: Any) -> "np.ndarray[Any, Any]"
 
 
 def do_transform_cloud(cloud: Any, transform: Any) -> Any:
-    """A PointCloud2 whose fields x, y and z are in the coordinates of the transform's frame; the others stay.
+    """A PointCloud2 with fields x, y and z in the coordinates of the transform's frame; other fields stay.
 
-    Raises ValueError where the cloud lacks one of the three, or its data are shorter than it says.
+    Raises ValueError if the cloud lacks one of the three, or if its data are shorter than it says.
     """
     import numpy as np
 

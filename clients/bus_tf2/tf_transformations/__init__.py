@@ -1,4 +1,4 @@
-"""`tf_transformations` on the bus: angles, quaternions and matrices. NumPy is imported where it is needed.
+"""`tf_transformations` on the bus: angles, quaternions and matrices. NumPy is imported on demand.
 
 `angles.py` is plain Python, for the functions that most programs use. `matrices.py`, `projections.py` and
 `arcball.py` need NumPy and are imported when one of their names is first asked for.

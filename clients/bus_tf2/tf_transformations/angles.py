@@ -45,14 +45,14 @@ def euler_from_quaternion(quaternion: Sequence[float], axes: Axes = "sxyz") -> V
 
 
 def quaternion_about_axis(angle: float, axis: Sequence[float]) -> Quaternion:
-    """Of a turn about an axis of any length but zero."""
+    """The quaternion of a turn about an axis; its length must not be zero."""
     x, y, z = map(float, axis)
     scale = sin(angle / 2) / sqrt(x * x + y * y + z * z)
     return x * scale, y * scale, z * scale, cos(angle / 2)
 
 
 def quaternion_multiply(quaternion1: Sequence[float], quaternion0: Sequence[float]) -> Quaternion:
-    """What turns by the second first, and then by the first."""
+    """The product: it turns by the second quaternion first, and then by the first."""
     return multiply(_quaternion(quaternion1), _quaternion(quaternion0))
 
 

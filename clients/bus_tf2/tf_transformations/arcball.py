@@ -22,7 +22,7 @@ _EPS = 1e-15
 
 
 class Arcball:
-    """Turns from where a pointer went `down` to where it is dragged.
+    """Turns from the pointer's place at `down` to the place to which it is dragged.
 
     `initial`: a matrix or a quaternion to begin with. The ball has the radius 1 around the origin, unless
     `place` puts it elsewhere on the screen.
@@ -43,7 +43,7 @@ class Arcball:
         self._at_down = self._before = self._now = np.asarray(unit_vector(begin))
 
     def place(self, center: Sequence[float], radius: float) -> None:
-        """Where the ball is, in the pointer's coordinates."""
+        """The place of the ball, in the pointer's coordinates."""
         self._center, self._radius = (center[0], center[1]), float(radius)
 
     def setaxes(self, *axes: Numbers) -> None:
@@ -90,7 +90,7 @@ class Arcball:
 
 
 def arcball_map_to_sphere(point: Sequence[float], center: Sequence[float], radius: float) -> Array:
-    """The place on the unit sphere below a point of a screen, whose y axis points down."""
+    """The place on the unit sphere below a point of a screen. The screen's y axis points down."""
     x, y = (point[0] - center[0]) / radius, (center[1] - point[1]) / radius
     away = math.hypot(x, y)
     if away > 1.0:
@@ -112,6 +112,6 @@ def arcball_constrain_to_axis(point: Numbers, axis: Numbers) -> Array:
 
 
 def arcball_nearest_axis(point: Numbers, axes: Sequence[Any]) -> Any:
-    """The axis whose great circle is nearest to a place."""
+    """The axis with the great circle nearest to a place."""
     place = np.array(point, float)
     return max(axes, key=lambda axis: float(arcball_constrain_to_axis(place, axis) @ place))

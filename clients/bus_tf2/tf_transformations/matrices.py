@@ -1,4 +1,4 @@
-"""Homogeneous matrices of 4 x 4, and what needs NumPy of quaternions."""
+"""Homogeneous matrices of 4 x 4, and the functions of quaternions that need NumPy."""
 
 import math
 from typing import Any
@@ -73,7 +73,7 @@ def rotation_matrix(angle: float, direction: Numbers, point: Numbers | None = No
 def rotation_from_matrix(matrix: Any) -> tuple[float, Array, Array]:
     """The angle, the axis, and a point on the axis (with a fourth number, 1) of a turn.
 
-    Raises ValueError where the matrix is no turn.
+    Raises ValueError if the matrix is no turn.
     """
     whole = np.array(matrix, float)
     turn = whole[:3, :3]
@@ -111,7 +111,7 @@ def reflection_matrix(point: Numbers, normal: Numbers) -> Array:
 def shear_matrix(angle: float, direction: Numbers, point: Numbers, normal: Numbers) -> Array:
     """Slant along `direction`, which lies in the plane through `point` that `normal` stands on.
 
-    Raises ValueError where it does not.
+    Raises ValueError if it does not.
     """
     along, up = unit_vector(direction[:3]), unit_vector(normal[:3])
     if abs(float(along @ up)) > 1e-6:
@@ -157,7 +157,7 @@ def compose_matrix(
     translate: Numbers | None = None,
     perspective: Numbers | None = None,
 ) -> Array:
-    """Of sizes along the axes, slants (xy, xz, yz), roll, pitch and yaw, a move, and a last row."""
+    """The matrix of sizes along the axes, slants (xy, xz, yz), roll, pitch and yaw, a move, a last row."""
     made = np.identity(4)
     if perspective is not None:
         made[3, :] = perspective[:4]
@@ -175,9 +175,9 @@ def compose_matrix(
 
 
 def decompose_matrix(matrix: Any) -> tuple[Array, list[float], tuple[float, float, float], Array, Array]:
-    """What `compose_matrix` makes it of: sizes, slants, angles, a move, a last row.
+    """The arguments of `compose_matrix` for the matrix: sizes, slants, angles, a move, a last row.
 
-    Raises ValueError where the matrix is singular.
+    Raises ValueError if the matrix is singular.
     """
     whole = np.array(matrix, float)
     if abs(whole[3, 3]) < 1e-15 or abs(np.linalg.det(whole[:3, :3])) < 1e-300:
@@ -238,9 +238,9 @@ def quaternion_matrix(quaternion: Numbers) -> Array:
 
 
 def quaternion_from_matrix(matrix: Any) -> tuple[float, float, float, float]:
-    """Of a turn; the last number is not negative."""
+    """The quaternion of a turn; the last number is not negative."""
     turn = np.asarray(matrix, float)[:3, :3]
-    # The eigenvector of the largest eigenvalue: the nearest quaternion, where the matrix is not quite a turn.
+    # The eigenvector of the largest eigenvalue: the nearest quaternion if the matrix is not quite a turn.
     (a, b, c), (d, e, f), (g, h, i) = turn.tolist()
     symmetric = np.array(
         [

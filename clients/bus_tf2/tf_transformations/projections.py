@@ -30,10 +30,10 @@ def projection_matrix(
     perspective: Numbers | None = None,
     pseudo: bool = False,
 ) -> Array:
-    """Onto the plane through `point` that `normal` stands on.
+    """The projection onto the plane through `point` that is perpendicular to `normal`.
 
-    Along the normal, along `direction`, or towards the point `perspective`; with `pseudo` such a one keeps
-    depths, so that what lies behind is still known.
+    Along the normal, along `direction`, or towards the point `perspective`. With `pseudo`, a projection with
+    `perspective` keeps depths, so points that lie behind stay known.
     """
     place, up = np.array(point[:3], float), np.asarray(unit_vector(normal[:3]))
     made = np.identity(4)
@@ -57,10 +57,10 @@ def projection_matrix(
 def clip_matrix(
     left: float, right: float, bottom: float, top: float, near: float, far: float, perspective: bool = False
 ) -> Array:
-    """What makes a box, or with `perspective` a pyramid without its top, the cube from -1 to 1.
+    """The matrix that maps a box, or with `perspective` a truncated pyramid, to the cube from -1 to 1.
 
-    The eye is at the origin and looks along z; after a perspective one the fourth number divides the others.
-    Raises ValueError where a side is not before the other.
+    The eye is at the origin and looks along z. With `perspective`, the fourth number divides the others.
+    Raises ValueError if a side is not before the other.
     """
     if left >= right or bottom >= top or near >= far:
         raise ValueError("invalid frustrum")
@@ -98,7 +98,7 @@ def orthogonalization_matrix(lengths: Numbers, angles: Numbers) -> Array:
 
 
 def reflection_from_matrix(matrix: Any) -> tuple[Array, Array]:
-    """The point, with a fourth number 1, and the normal of a mirror. Raises ValueError where it is none."""
+    """The point, with a fourth number 1, and the normal of a mirror. Raises ValueError if it is none."""
     whole = np.array(matrix, float)
     return _fixed_point(whole), _vector(whole[:3, :3], -1.0)
 
@@ -106,7 +106,7 @@ def reflection_from_matrix(matrix: Any) -> tuple[Array, Array]:
 def scale_from_matrix(matrix: Any) -> tuple[float, Array, Array | None]:
     """The factor, the origin, with a fourth number 1, and the direction of a scaling; None: in all.
 
-    Raises ValueError where it is no scaling.
+    Raises ValueError if it is no scaling.
     """
     whole = np.array(matrix, float)
     linear = whole[:3, :3]
@@ -121,7 +121,7 @@ def scale_from_matrix(matrix: Any) -> tuple[float, Array, Array | None]:
 def shear_from_matrix(matrix: Any) -> tuple[float, Array, Array, Array]:
     """The angle, the direction, a point, with a fourth number 1, and the normal of a shear.
 
-    Raises ValueError where it is none.
+    Raises ValueError if it is none.
     """
     whole = np.array(matrix, float)
     left, sizes, right = np.linalg.svd(whole[:3, :3] - np.identity(3))
@@ -137,7 +137,7 @@ def projection_from_matrix(
 ) -> tuple[Array, Array, Array | None, Array | None, bool]:
     """Point, normal, direction, perspective and `pseudo` of a projection, as `projection_matrix` takes them.
 
-    Points have a fourth number, 1. Raises ValueError where it is no projection.
+    Points have a fourth number, 1. Raises ValueError if it is no projection.
     """
     whole = np.array(matrix, float)
     linear = whole[:3, :3]
@@ -170,7 +170,7 @@ def _vector(linear: Array, value: float) -> Array:
 
 
 def _fixed_point(whole: Array) -> Array:
-    """A point that stays where it is."""
+    """A point that does not move."""
     values, vectors = np.linalg.eig(whole)
     for index in np.where(abs(values.real - 1.0) < _EPS)[0][::-1]:
         point = vectors[:, index].real

@@ -13,7 +13,7 @@ _PERIOD_S = 0.1
 
 
 class Carrot(Node):
-    """`place`, of the time in seconds, says where it is: x and y, seen from the turtle."""
+    """`place` is a function of the time in seconds; it returns x and y, seen from the turtle."""
 
     def __init__(self, name: str, place: Callable[[float], tuple[float, float]], **options: Any) -> None:
         super().__init__(name, **options)

@@ -9,7 +9,7 @@ __all__ = ["Spawner"]
 
 
 class Spawner:
-    """Asks for a turtle at x = 4, y = 2, as soon as somebody asks `is_there`."""
+    """Asks for a turtle at x = 4, y = 2, once `is_there` is called."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._log = node.get_logger()

@@ -1,6 +1,6 @@
-"""`bus run turtle_tf2_py turtle_tf2_broadcaster`: where a turtle is, as a frame below `world`.
+"""`bus run turtle_tf2_py turtle_tf2_broadcaster`: a turtle's place, as a frame below `world`.
 
-The parameter `turtlename` says which.
+The parameter `turtlename` names the turtle.
 """
 
 from math import cos, sin

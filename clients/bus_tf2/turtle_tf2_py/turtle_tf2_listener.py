@@ -1,6 +1,6 @@
-"""`bus run turtle_tf2_py turtle_tf2_listener`: a second turtle, which goes where a frame is.
+"""`bus run turtle_tf2_py turtle_tf2_listener`: a second turtle, which follows a frame.
 
-The parameter `target_frame` says which frame, by default that of `turtle1`.
+The parameter `target_frame` names the frame; the default is the frame of `turtle1`.
 """
 
 from math import atan2, hypot

@@ -1,6 +1,6 @@
 """`bus run turtle_tf2_py turtle_tf2_message_broadcaster`: a third turtle, which goes round in circles.
 
-Where it is stands in `turtle3/turtle_point_stamped`, as a point in `world`.
+It publishes its place on `turtle3/turtle_point_stamped`, as a point in `world`.
 """
 
 from typing import Any
