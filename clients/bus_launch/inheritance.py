@@ -1,4 +1,4 @@
-"""What the processes of a launch inherit: busd's modules where ROS 2's are missing, and a `ros2`.
+"""The environment of a launch's processes: busd's modules if ROS 2's are missing, and a `ros2`.
 
 Owns: the environment that is set for them. Must not know: actions, and which `launch` runs.
 """
@@ -19,8 +19,8 @@ _FOLDER: Final = str(Path(__file__).with_name("inherited"))
 def prepare() -> None:
     """Set the environment of this process: that of a launch's children.
 
-    PYTHONPATH gets a sitecustomize that fills in ROS 2's modules; PATH the folder of this Python and, where
-    there is no `ros2`, one that is `bus`; a workspace around the current folder counts as sourced.
+    PYTHONPATH gets a sitecustomize that fills in ROS 2's modules; PATH the folder of this Python and, without
+    a `ros2`, a `ros2` that is `bus`; a workspace around the current folder counts as sourced.
     """
     with_sourced_workspace()
     _add("PYTHONPATH", _FOLDER, at_end=False)

@@ -1,7 +1,7 @@
 """`python -m bus_launch.python_program [--path=FOLDER] PATH [MODULE:FUNCTION] -- ARGUMENTS`
 
-How a launch starts a program in Python: with ROS 2's modules filled in where they are missing, as `bus run`
-has it. `--path`: a folder that its modules are imported from. Errors are the program's own.
+A launch uses this to start a program in Python. It fills in missing modules of ROS 2, as `bus run` does.
+`--path`: a folder that its modules are imported from. Errors are the program's own.
 """
 
 import _signal  # type: ignore[import-not-found] # there without loading anything

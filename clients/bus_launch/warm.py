@@ -3,8 +3,8 @@
 Owns: which programs are started so, that process, and what a node finds as if it had been started anew. Must
 not know: events, output. The launch's side is `fork`; the process is `python -m bus_launch.warm FD`.
 
-What stands between that process and a node ends at once: so the node becomes a child of the launch. Where
-anything fails no node runs, and the launch starts it as it starts other programs.
+The process between that process and a node ends at once, so the node becomes a child of the launch. If
+anything fails, no node runs, and the launch starts it as it starts other programs.
 """
 
 # pathlib would add milliseconds to the start:
@@ -38,14 +38,14 @@ class Forked:
 
     def __init__(self, pid: int, stdin: int) -> None:
         self.pid = pid
-        self.stdin = open(stdin, "wb", buffering=0)  # noqa: SIM115 (closed by who waits)
+        self.stdin = open(stdin, "wb", buffering=0)  # noqa: SIM115 (the waiting code closes it)
 
     def wait(self) -> int:
         return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
 
 
 def fork(command: Sequence[str], env: Mapping[str, str] | None, stdout: int, stderr: int) -> Forked | None:
-    """Start a node, in a process group of its own; None where it must be started as others are.
+    """Start a node, in its own process group; None if it must be started as others are.
 
     That is: other programs, the first node of a launch, and one with an environment or a current folder that
     the second did not have.
@@ -199,7 +199,10 @@ def _become_node() -> None:
 
 
 def _import_all() -> None:
-    """What each node needs; `rclpy` and messages are found by each node itself, along its own path."""
+    """Import the modules that each node needs.
+
+    A node finds `rclpy` and messages itself, along its own path.
+    """
     from importlib import import_module
 
     here, *sys.path[:] = sys.path  # a program's folder comes first, never the current one

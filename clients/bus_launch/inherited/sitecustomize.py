@@ -1,7 +1,7 @@
 """Imported by each Python that a launch starts, for a launch has this folder in PYTHONPATH.
 
-Fills in ROS 2's modules where they are missing, and has lines printed as they come. Then the sitecustomize
-that would have been imported without this one is.
+Fills in missing modules of ROS 2, and makes Python print each line at once. Then it imports the sitecustomize
+that Python would have imported without this one.
 """
 
 import sys

@@ -5,13 +5,13 @@
                    `core.py` (LaunchContext: the state of a launch)   `child.py` (a process) <- `actions/`
 
 `launch_description_sources.py` reads files, `frontend/` markup languages, `substitutions/` are texts known
-later, `guard.py` is a program of its own that ends what a dead launch left.
+later, `guard.py` is a separate program that ends the processes of a dead launch.
 
 Invariants:
 
 - Events are handled one after the other, in order, on one event loop. Other threads use `emit_event`.
 - `core.py` knows no actions and no processes; `child.py` knows no events.
-- Each process leads a process group of its own; signals go to the group.
+- Each process leads its own process group; signals go to the group.
 - Classes of users derive from those here, so their methods and arguments are ROS 2's.
 
 Read first: `core.py`, then `launch_service.py`. Tests: `tests/unit/bus_launch/launch/`,

@@ -39,7 +39,7 @@ class Action(LaunchDescriptionEntity):
         return f"{type(self).__name__}({hex(id(self))})"
 
     def get_sub_entities(self) -> list[LaunchDescriptionEntity]:
-        """What it always returns when it is executed, as far as that is known before."""
+        """The entities that `execute` always returns, as far as they are known before."""
         return []
 
     def describe_sub_entities(self) -> list[LaunchDescriptionEntity]:
@@ -67,5 +67,5 @@ class Action(LaunchDescriptionEntity):
                     future.add_done_callback(lambda _: context.emit_event_sync(event))
 
     def execute(self, context: LaunchContext) -> Sequence[LaunchDescriptionEntity] | None:
-        """Do it. What it returns is visited next."""
+        """Do it. The launch visits the returned entities next."""
         raise NotImplementedError(f"{type(self).__name__} has no execute(context)")

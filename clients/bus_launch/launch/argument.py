@@ -29,7 +29,7 @@ class DeclareLaunchArgument(Action):
         choices: Sequence[str] | None = None,
         **kwargs: Any,
     ) -> None:
-        """Raises RuntimeError where there are no choices to choose from, or the default is none of them."""
+        """Raises RuntimeError if there are no choices to choose from, or the default is none of them."""
         super().__init__(**kwargs)
         self.__name = name
         self.__default = None if default_value is None else normalize_to_list_of_substitutions(default_value)

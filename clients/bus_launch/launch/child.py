@@ -1,8 +1,8 @@
-"""A process that a launch has started: its output, its end, signals for it and for those that it starts.
+"""A process that a launch has started: its output, its end, signals for it and its child processes.
 
-Each is the leader of a process group of its own, and signals go to the group: a shell's programs get them,
-too. The terminal's Ctrl-C reaches only the launch, which passes it on. Must not know: events, actions, and
-what is printed.
+Each process leads its own process group, and signals go to the group: a shell's programs get them, too.
+The terminal's Ctrl-C reaches only the launch, which passes it on. Must not know: events, actions, and the
+printed text.
 """
 
 import asyncio
@@ -22,11 +22,11 @@ _CHUNK: Final = 1 << 16
 _GUARD: Final = Path(__file__).with_name("guard.py")
 
 running: Final[set["Child"]] = set()
-"""Those whose end nobody has seen yet."""
+"""Processes with an end that is not noticed yet."""
 
 
 class Child:
-    """Started by its constructor, which raises OSError where that fails. Needs a running event loop."""
+    """The constructor starts the process, and raises OSError if that fails. Needs a running event loop."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Child:
                 shell=isinstance(command, str),
                 cwd=cwd,
                 env=env,
-                stdin=subprocess.PIPE,  # nobody writes there: what reads it waits
+                stdin=subprocess.PIPE,  # the launch writes nothing: a reader waits
                 stdout=theirs[0],
                 stderr=theirs[1],
                 process_group=0,
@@ -99,7 +99,7 @@ class Child:
         return True
 
     def send_signal(self, number: int) -> None:
-        """To it and to those that it has started; raises ProcessLookupError where nobody is left."""
+        """Send it to the process and its children; raises ProcessLookupError if no process is left."""
         os.killpg(self.pid, number)
 
     def close(self) -> None:
@@ -125,7 +125,7 @@ class _Stream:
             except BlockingIOError:
                 await _readable(self._fd)
             except OSError:
-                break  # a terminal that nobody writes to any more
+                break  # a terminal without a writer
         return b""
 
     def close(self) -> None:
@@ -210,7 +210,7 @@ _guard: Final = _Guard()
 
 
 async def end_all() -> None:
-    """At the end of a launch: processes whose leader has gone end now, too, in 5 s at most."""
+    """At the end of a launch: end the processes of groups without a leader, too, in 5 s at most."""
     warm.end()
     await _guard.end()
 

@@ -29,7 +29,7 @@ class InvalidConditionExpressionError(Exception):
 
 
 def evaluate_condition_expression(context: LaunchContext, expression: list[Substitution]) -> bool:
-    """What the expression says: true or 1, false or 0, in capitals or not."""
+    """The value of the expression: true or 1, false or 0, in capitals or not."""
     text = perform_substitutions(context, expression)
     word = text.strip().lower()
     if word in _TRUE:
@@ -43,7 +43,7 @@ def evaluate_condition_expression(context: LaunchContext, expression: list[Subst
 
 
 class IfCondition(Condition):
-    """True where the predicate is."""
+    """True if the predicate is."""
 
     def __init__(self, predicate_expression: SomeSubstitutionsType) -> None:
         super().__init__()
@@ -57,14 +57,14 @@ class IfCondition(Condition):
 
 
 class UnlessCondition(IfCondition):
-    """True where the predicate is not."""
+    """True if the predicate is not."""
 
     def evaluate(self, context: LaunchContext) -> bool:
         return not super().evaluate(context)
 
 
 class LaunchConfigurationEquals(Condition):
-    """True where a launch configuration has a value; with None where it is not set."""
+    """True if a launch configuration has a value; with None, if it is not set."""
 
     def __init__(self, launch_configuration_name: str, expected_value: SomeSubstitutionsType | None) -> None:
         super().__init__()
@@ -81,7 +81,7 @@ class LaunchConfigurationEquals(Condition):
 
 
 class LaunchConfigurationNotEquals(LaunchConfigurationEquals):
-    """True where a launch configuration has another value."""
+    """True if a launch configuration has another value."""
 
     def evaluate(self, context: LaunchContext) -> bool:
         return not super().evaluate(context)

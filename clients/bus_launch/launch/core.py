@@ -1,4 +1,4 @@
-"""What all of `launch` is made of: events and their handlers, the context, substitutions, conditions.
+"""The base of all of `launch`: events and their handlers, the context, substitutions, conditions.
 
 Owns: the state of a running launch (`LaunchContext`), and the classes that programs derive their own
 substitutions and entities from. Must not know: which actions and substitutions there are, processes.
@@ -103,7 +103,7 @@ class LaunchDescriptionEntity:
         return []
 
     def get_asyncio_future(self) -> "asyncio.Future[Any] | None":
-        """Done when the entity's work is; None where that is so once it was visited."""
+        """Done when the entity's work is done; None if the visit itself completes the work."""
         return None
 
 
@@ -265,7 +265,7 @@ class LaunchContext:
     def _pop_launch_configurations(self) -> None:
         self.__configurations = _popped(self.__configurations_stack, "launch_configurations")
 
-    # --- environment: that of this process, which children inherit
+    # --- environment of this process, which children inherit
 
     @property
     def environment(self) -> "os._Environ[str]":
@@ -293,7 +293,7 @@ class LaunchContext:
         self._event_handlers.insert(len(self._event_handlers) if append else 0, event_handler)
 
     def unregister_event_handler(self, event_handler: BaseEventHandler) -> None:
-        """Raises ValueError for one that is not registered."""
+        """Raises ValueError for a handler that is not registered."""
         self._event_handlers.remove(event_handler)
 
     def would_handle_event(self, event: Event) -> bool:
@@ -372,7 +372,7 @@ def ensure_argument_type(
     argument_name: str,
     caller: str | None = None,
 ) -> None:
-    """Raise TypeError where the argument is of another type."""
+    """Raise TypeError if the argument has another type."""
     expected = (types,) if isinstance(types, type) else tuple(types)
     if isinstance(argument, expected):
         return
@@ -426,14 +426,14 @@ Futures: TypeAlias = "list[tuple[LaunchDescriptionEntity, asyncio.Future[Any]]]"
 def visit_all_entities_and_collect_futures(
     entity: LaunchDescriptionEntity, context: LaunchContext
 ) -> Futures:
-    """Visit an entity, those that this returns, and so on; returns what is not done yet."""
+    """Visit an entity, then the entities that it returns, and so on; returns futures of unfinished work."""
     found: Futures = []
     visit_all(entity, context, found)
     return found
 
 
 def visit_all(entity: LaunchDescriptionEntity, context: LaunchContext, found: Futures) -> None:
-    """As above; `found` also has the futures of those that were visited before one raised."""
+    """As above; if one raises, `found` has the futures of the entities visited before it."""
     context._enter()
     try:
         below = entity.visit(context)

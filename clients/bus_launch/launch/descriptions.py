@@ -23,7 +23,7 @@ _Pairs = list[tuple[list[Substitution], list[Substitution]]]
 
 
 class Executable:
-    """A program with its arguments, folder and environment; `prepare` makes texts of all that."""
+    """A program with its arguments, folder and environment; `prepare` makes texts of them."""
 
     def __init__(
         self,

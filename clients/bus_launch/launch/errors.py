@@ -29,7 +29,7 @@ class InvalidLaunchFileError(Exception):
 
 
 def describe(error: BaseException) -> str:
-    """Its text; where it has none, its class."""
+    """Its text; if it has none, its class."""
     if isinstance(error, SyntaxError) or not isinstance(error, KeyError):
         return str(error) or type(error).__name__
     text = str(error)

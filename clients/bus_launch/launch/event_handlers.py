@@ -38,9 +38,9 @@ _Answer: TypeAlias = SomeEntitiesType | Callable[..., SomeEntitiesType | None] |
 
 
 class OnActionEventBase(BaseEventHandler):
-    """For events of one action, of those that a function takes, or of any.
+    """For events of one action, of actions that a function accepts, or of any action.
 
-    `on_event` is what to visit then, or a function of the event and the context that returns it.
+    `on_event`: the entities to visit then, or a function of the event and the context that returns them.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A program of its own: ends the process groups of a launch when the launch is gone.
+"""A separate program: ends the process groups of a launch when the launch is gone.
 
 Reads `+GROUP` and `-GROUP` from stdin. At its end, which comes however the launch died, the groups that are
 left get SIGTERM and, 5 s later, SIGKILL. Imports nothing of ours: it must start fast, and outlive an upgrade.
@@ -30,7 +30,7 @@ def main() -> None:
 
 
 def _send(group: int, number: int) -> bool:
-    """Whether there was anybody to send it to."""
+    """Whether there was a process to send it to."""
     try:
         os.killpg(group, number)
     except OSError:

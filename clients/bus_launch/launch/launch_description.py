@@ -11,7 +11,7 @@ __all__ = ["LaunchDescription"]
 
 
 class _Way(NamedTuple):
-    """Through included files: what the includes have set, which nobody needs to give, and the files."""
+    """Through included files: arguments set by the includes (users need not give them), and the files."""
 
     given: frozenset[str] = frozenset()
     files: frozenset[str] = frozenset()
@@ -112,7 +112,7 @@ def _collect(
 
 
 def _included(entity: LaunchDescriptionEntity, way: _Way) -> LaunchDescription | None:
-    """What an include brings, where that is known before the launch, and is not on the way here already."""
+    """The included description, if it is known before the launch, and is not on the way here already."""
     source: Any = getattr(entity, "launch_description_source", None)
     if source is None:
         return None

@@ -39,7 +39,7 @@ class InvalidPythonLaunchFileError(InvalidLaunchFileError):
 
 
 def load_python_launch_file_as_module(python_launch_file_path: str) -> Any:
-    """Run a file as a module of its own."""
+    """Run a file as a separate module."""
     from importlib.machinery import SourceFileLoader
     from importlib.util import module_from_spec, spec_from_loader
 
@@ -110,7 +110,7 @@ def get_launch_description_from_any_launch_file(launch_file_path: str) -> Launch
 
 
 def _located(error: Exception, path: str) -> Exception:
-    """The error with the file, and of one in Python the line, that led to it, where its text lacks them."""
+    """The error with the file that led to it (and the line, for Python), if its text lacks them."""
     if isinstance(error, SyntaxError) and error.filename == path:
         return error
     if not path.endswith(".py"):
@@ -132,7 +132,7 @@ class _Located(Exception):
 
 
 class LaunchDescriptionSource:
-    """A launch description that is read when it is needed, from a file whose path may hold substitutions."""
+    """A launch description, read on demand from a file. The file's path may hold substitutions."""
 
     def __init__(
         self,
@@ -161,7 +161,7 @@ class LaunchDescriptionSource:
         return self.__location
 
     def try_get_launch_description_without_context(self) -> LaunchDescription | None:
-        """None where the path is known in a launch only."""
+        """None if the path is known only in a launch."""
         if self.__description is None:
             try:
                 return self.get_launch_description(LaunchContext())

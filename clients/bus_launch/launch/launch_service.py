@@ -145,7 +145,7 @@ class LaunchService:
             try:
                 if handler.matches(event):
                     self.__visit(handler.handle(event, self.__context))
-            except Exception as error:  # the others shall hear of the event: of a shutdown, say
+            except Exception as error:  # other handlers must get the event, for example a shutdown
                 self.__fail(error)
             finally:
                 self.__context._pop_locals()
@@ -155,7 +155,7 @@ class LaunchService:
             found: Futures = []
             try:
                 visit_all(entity, self.__context, found)
-            finally:  # what was begun before one raised is to end in order, too
+            finally:  # work begun before an exception must end in order, too
                 for _, future in found:
                     if not future.done():
                         self.__pending.add(future)

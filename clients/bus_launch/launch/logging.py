@@ -1,7 +1,7 @@
-"""What a launch prints and writes; programs import it as `launch.logging`.
+"""The output of a launch: screen and log files; programs import it as `launch.logging`.
 
 Owns: the screen, which is stdout, and the log files below `~/.ros/log` (or $ROS_LOG_DIR, $ROS_HOME/log). Must
-not know: processes. A line that can't be written is no error; where the reader of stdout is gone,
+not know: processes. A line that can't be written is no error; if the reader of stdout is gone,
 `launch_config.on_closed_screen` is called.
 """
 
@@ -91,7 +91,7 @@ class LaunchConfig:
         return self._screens[text]
 
     def get_log_file_handler(self, file_name: str = _FILE_NAME, text: str = _FILE) -> logging.Handler:
-        """Of one file there is one handler for each form; a file that can't be written swallows its lines."""
+        """One handler for each file and form; if a file can't be written, its lines are lost."""
         key = (file_name, text)
         if key not in self._files:
             path = self.get_log_file_path(file_name)
@@ -130,7 +130,7 @@ def reset() -> None:
 
 
 def log_launch_config(*, logger: logging.Logger) -> None:
-    """Say where the log files are, and how much is logged."""
+    """Set the folder of the log files, and the level of logging."""
     folder = launch_config.log_dir
     if launch_config._can_write:
         logger.info(f"All log files can be found below {folder}")
@@ -210,7 +210,7 @@ def _log_base() -> Path:
 
 
 def _link(link: Path, target: Path) -> None:
-    """`latest` leads to the newest folder; where it is no link, it stays."""
+    """`latest` leads to the newest folder; if it is no link, it stays."""
     new = link.with_name(f".latest-{os.getpid()}")
     if link.exists() and not link.is_symlink():
         return

@@ -70,7 +70,7 @@ class Parameter:
 
     @property
     def typed_value(self) -> ParameterValue:
-        """The value with the type that it shall have."""
+        """The value, converted to its type."""
         return self.__value
 
     def evaluate(self, context: LaunchContext) -> tuple[str, Any]:

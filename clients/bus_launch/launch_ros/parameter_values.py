@@ -41,7 +41,7 @@ class ParameterValue:
         return self.__type
 
     def evaluate(self, context: LaunchContext) -> Any:
-        """Raises TypeError where the value is none of a parameter, or not of the type."""
+        """Raises TypeError if the value is no parameter value, or not of the type."""
         value = self.__value
         if _has_substitution(value):
             value = perform_substitutions(context, normalize_to_list_of_substitutions(value))

@@ -1,4 +1,4 @@
-"""Where a node's program is, and how it is started."""
+"""Finds a node's program, and the command that starts it."""
 
 import os
 import shutil

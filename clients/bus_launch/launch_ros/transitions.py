@@ -15,7 +15,10 @@ __all__ = ["Transitions"]
 
 
 class Transitions:
-    """Of one node, an action with a `node_name`; it begins with `run`, and ends with the node's process."""
+    """The transitions of one node, an action with a `node_name`.
+
+    It begins with `run`, and ends with the node's process.
+    """
 
     def __init__(self, node: Any, context: LaunchContext) -> None:
         self._node = node
@@ -23,7 +26,7 @@ class Transitions:
         self._asked: asyncio.Queue[int] = asyncio.Queue()
 
     def ask(self, transition_id: int) -> None:
-        """Ask for a transition once those that were asked for before are answered."""
+        """Ask for a transition once all earlier requests are answered."""
         self._asked.put_nowait(transition_id)
 
     async def run(self, done: "asyncio.Future[None]") -> None:

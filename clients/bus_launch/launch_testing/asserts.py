@@ -44,7 +44,7 @@ def assertExitCodes(
     process: Any = None,
     cmd_args: Any = None,
 ) -> None:
-    """Of one process, or of all."""
+    """Checks the exit code of one process, or of all."""
     allowed = list(allowable_exit_codes)
     for event in list(proc_info) if process is None else [proc_info[process]]:
         code = event.returncode if isinstance(event, ProcessExited) else None

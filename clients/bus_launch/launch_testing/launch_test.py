@@ -12,7 +12,7 @@ __all__ = ["main"]
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Returns 0 where all tests passed, else 1."""
+    """Returns 0 if all tests passed, else 1."""
     parser = ArgumentParser(prog="launch_test", description="Run a test file of launch_testing.")
     parser.add_argument("-v", "--verbose", action="store_true", help="the name of each test")
     parser.add_argument("test_file", help="a file with generate_test_description()")

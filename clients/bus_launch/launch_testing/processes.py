@@ -1,6 +1,6 @@
-"""What tests see of the processes of a launch: their output and how they ended, from another thread.
+"""The tests' view of the processes of a launch: their output and their end, from another thread.
 
-Owns: what has come so far, and waiting for more. Must not know: unittest, how the launch runs.
+Owns: the output so far, and waiting for more. Must not know: unittest, how the launch runs.
 """
 
 import threading
@@ -58,13 +58,13 @@ class ActiveProcInfoHandler(_Watched):
         return event.process_name, " ".join(event.cmd)
 
     def assertWaitForStartup(self, process: Any, cmd_args: Any = None, *, timeout: float = 10) -> None:
-        """Raises AssertionError where it has not started within `timeout` seconds."""
+        """Raises AssertionError if it has not started within `timeout` seconds."""
         assert self._wait_for(lambda: self._find(process) is not None, timeout), (
             f"Timed out waiting for process '{_shown(process)}' to start"
         )
 
     def assertWaitForShutdown(self, process: Any, cmd_args: Any = None, *, timeout: float = 10) -> None:
-        """Raises AssertionError where it has not ended within `timeout` seconds."""
+        """Raises AssertionError if it has not ended within `timeout` seconds."""
         assert self._wait_for(lambda: isinstance(self._find(process), ProcessExited), timeout), (
             f"Timed out waiting for process '{_shown(process)}' to finish"
         )
@@ -103,7 +103,7 @@ class ActiveIoHandler(_Watched):
         return list(dict.fromkeys(event.process_name for event in self))
 
     def text(self, process: Any = None, stream: str | None = None) -> str:
-        """What one process, or all, have written on stdout, stderr or both."""
+        """The output of one process, or of all, on stdout, stderr or both."""
         events = list(self) if process is None else self[process]
         wanted = [event for event in events if stream is None or event.from_stderr == (stream == "stderr")]
         return b"".join(event.text for event in wanted).decode(errors="replace")
@@ -130,7 +130,7 @@ class ActiveIoHandler(_Watched):
         return self._wait_for(has_come, timeout)
 
     def assertWaitFor(self, expected_output: Any, process: Any = None, *args: Any, **kwargs: Any) -> None:
-        """As `waitFor`; raises AssertionError where it does not come."""
+        """As `waitFor`; raises AssertionError if it does not come."""
         assert self.waitFor(expected_output, process, *args, **kwargs), (
             f"Waiting for output timed out: {_shown(expected_output)!r} did not come"
             f"{'' if process is None else f' from {_shown(process)}'}"

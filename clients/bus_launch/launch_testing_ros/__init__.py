@@ -1,6 +1,6 @@
 """Parts of tests that look at topics; programs import it as `launch_testing_ros`.
 
-`wait_for_topics.py` waits for messages, with a context and a node of its own; `actions.py` has actions for
+`wait_for_topics.py` waits for messages, with a separate context and node; `actions.py` has actions for
 tests.
 
 Read first: `wait_for_topics.py`. Tests: `tests/system/test_launch_processes.py`.

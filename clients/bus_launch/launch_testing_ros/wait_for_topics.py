@@ -1,4 +1,4 @@
-"""Waits in a test until messages came on some topics, with a context and a node of its own."""
+"""Waits in a test until messages came on some topics, with a separate context and node."""
 
 import threading
 import uuid

@@ -14,7 +14,7 @@ class Parser(BaseParser):
 
     @classmethod
     def load(cls, file: Any) -> tuple[Entity, "Parser"]:
-        """Raises ElementTree.ParseError, whose text has line and column, and ValueError for text in tags."""
+        """Raises ElementTree.ParseError with line and column, and ValueError for text in tags."""
         stream: TextIO = file
         return Entity(ElementTree.fromstring(stream.read())), cls()
 

@@ -15,7 +15,7 @@ class Parser(BaseParser):
 
     @classmethod
     def load(cls, file: Any) -> tuple[Entity, "Parser"]:
-        """Raises ValueError with line and column, and RuntimeError where there is no root."""
+        """Raises ValueError with line and column, and RuntimeError if there is no root."""
         import yaml  # late: most launch files are in Python
 
         stream: TextIO = file
@@ -36,7 +36,7 @@ class Parser(BaseParser):
 
 
 def _count(value: object, known: dict[int, int]) -> int:
-    """The values in it, those of an alias each time; raises ValueError where they have no end."""
+    """The values in it, those of an alias each time; raises ValueError if they have no end."""
     if not isinstance(value, list | dict):
         return 1
     if id(value) not in known:

@@ -31,7 +31,7 @@ _POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 class _OfFile(Substitution):
-    """Base of those that read a file."""
+    """Base of substitutions that read a file."""
 
     def __init__(self, source_file: SomeSubstitutionsType) -> None:
         super().__init__()
@@ -67,7 +67,7 @@ class RewrittenYaml(_OfFile):
     """The path of a copy of a YAML file, with other values and keys.
 
     A name in `param_rewrites` stands for each value of that key, a path with dots (`amcl.ros__parameters.x`)
-    for one value; where there is none, a path with `ros__parameters` in it adds it. `key_rewrites` are other
+    for one value; if there is none, a path with `ros__parameters` in it adds it. `key_rewrites` are other
     names of keys, `root_key` is a key above all. `convert_types`: texts of numbers become numbers; `true` and
     `false` are truth values in any case.
     """
@@ -125,7 +125,7 @@ class ReplaceString(_OfFile):
 
 
 class HasNodeParams(_OfFile):
-    """`True` where a parameter file has a node of that name, else `False`."""
+    """`True` if a parameter file has a node of that name, else `False`."""
 
     def __init__(self, source_file: SomeSubstitutionsType, node_name: str) -> None:
         super().__init__(source_file)
@@ -137,7 +137,7 @@ class HasNodeParams(_OfFile):
 
 
 class LaunchConfigAsBool(Substitution):
-    """`True` where a launch configuration is true, 1, yes or on, else `False`."""
+    """`True` if a launch configuration is true, 1, yes or on, else `False`."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -210,7 +210,7 @@ def _with_values(data: Any, values: Mapping[str, Any], path: str) -> Any:
 
 
 def _put(data: Any, path: str, value: Any) -> None:
-    """At the end of a path through dicts, which are made where there are none."""
+    """Put a value at the end of a path through dicts; missing dicts are made."""
     *above, last = path.split(".")
     try:
         for key in above:

@@ -104,7 +104,7 @@ class Shutdown(EmitEvent):
 
 
 class OpaqueFunction(Action):
-    """Calls a function of the context; what it returns is visited next."""
+    """Calls a function of the context; the launch visits the returned entities next."""
 
     def __init__(
         self,
@@ -233,7 +233,7 @@ class TimerAction(Action):
 
 
 def seconds(context: LaunchContext, period: list[Substitution]) -> float:
-    """Raises ValueError where the text is no number, or below zero."""
+    """Raises ValueError if the text is no number, or below zero."""
     text = perform_substitutions(context, period)
     try:
         found = float(text)

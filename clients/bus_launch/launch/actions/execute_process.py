@@ -46,7 +46,7 @@ class ExecuteProcess(ExecuteLocal):
         additional_env: Mapping[SomeSubstitutionsType, SomeSubstitutionsType] | None = None,
         **kwargs: Any,
     ) -> None:
-        """`env`: all of its environment; `additional_env`: what it has besides. Otherwise as ExecuteLocal."""
+        """`env`: its whole environment; `additional_env`: additions to it. Otherwise as ExecuteLocal."""
         if isinstance(cmd, str):
             raise TypeError(f"cmd is a list of words, not the text {cmd!r}")
         executable = Executable(
@@ -56,7 +56,7 @@ class ExecuteProcess(ExecuteLocal):
 
     @property
     def name(self) -> Any:
-        """Of the process; before it is prepared, what it shall be."""
+        """The name of the process; before the process is prepared, the configured name."""
         final = self.process_description.final_name
         return self.process_description.name if final is None else final
 

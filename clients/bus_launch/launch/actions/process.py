@@ -1,6 +1,6 @@
 """The action that runs a process, as it is configured: programs import it from `launch.actions`.
 
-What its process does from start to end is in `process_run`.
+`process_run` has the life of its process from start to end.
 """
 
 import asyncio
@@ -47,7 +47,7 @@ _OnExit = SomeEntitiesType | Callable[..., SomeEntitiesType | None] | None
 
 
 class ExecuteLocal(Action):
-    """Runs a process and prints its output; starts it again, where that is asked for; ends it at shutdown."""
+    """Runs a process and prints its output; starts it again if asked to; ends it at shutdown."""
 
     def __init__(  # noqa: PLR0913 (the genuine one's)
         self,
@@ -120,7 +120,7 @@ class ExecuteLocal(Action):
 
     @property
     def process_details(self) -> dict[str, Any] | None:
-        """What the events of its process have: name, cmd, cwd, env, and pid once it runs."""
+        """The details in events of its process: name, cmd, cwd, env, and pid once it runs."""
         return self.__details
 
     @property
@@ -134,7 +134,7 @@ class ExecuteLocal(Action):
         return normalize_to_list_of_entities(self.__on_exit)
 
     def get_stdout(self) -> str:
-        """What it has written so far; raises RuntimeError without cached_output=True."""
+        """The output so far; raises RuntimeError without cached_output=True."""
         return self.__cached("stdout")
 
     def get_stderr(self) -> str:
@@ -240,7 +240,7 @@ class _Handler(BaseEventHandler):
             case SignalProcess():
                 self.__run.send(event.signal)
             case Shutdown():
-                # Of a terminal's Ctrl-C the genuine one says nothing: there the terminal tells the processes.
+                # On a terminal's Ctrl-C the genuine launch logs nothing: the terminal tells the processes.
                 self.__run.end(says_so=not event.due_to_sigint or context.noninteractive)
             case _:
                 self.__run.end(says_so=True)

@@ -1,4 +1,4 @@
-"""The output of a process as lines, for the screen and the log. Pure but for the loggers."""
+"""The output of a process as lines, for the screen and the log. Pure, except for the loggers."""
 
 import codecs
 from collections.abc import Callable
@@ -15,7 +15,7 @@ class ProcessLines:
     """Cuts what comes into lines. A line without an end waits for it, or for `flush`."""
 
     def __init__(self, loggers: tuple[Logger, Logger], form: Callable[[str], str], *, keep: bool) -> None:
-        """`loggers`: for stdout and stderr. `keep`: `text` returns all that came."""
+        """`loggers`: for stdout and stderr. `keep`: `text` returns the whole output."""
         self._loggers = dict(zip(("stdout", "stderr"), loggers, strict=True))
         self._form = form
         self._kept: dict[str, list[str]] | None = {source: [] for source in self._loggers} if keep else None
@@ -27,7 +27,7 @@ class ProcessLines:
         self._add(source, self._decoders[source].decode(data))
 
     def flush(self) -> None:
-        """The process has ended: what waits is a line."""
+        """The process has ended: an unfinished line counts as a line."""
         for source, decoder in self._decoders.items():
             self._add(source, decoder.decode(b"", final=True))
             decoder.reset()

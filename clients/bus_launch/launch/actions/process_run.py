@@ -1,7 +1,7 @@
 """One action's process, from its first start to its end for good: output, exit code, signals, respawn.
 
-Owns: the process and where its life stands (`process_state`). Must not know: handlers of events, and how the
-action is configured.
+Owns: the process and its state (`process_state`). Must not know: handlers of events, and the configuration of
+the action.
 """
 
 import asyncio
@@ -66,7 +66,7 @@ class ProcessRun:
         respawns: int,
         respawn_delay_s: float,
     ) -> None:
-        """Needs a running event loop, in whose next turn the process is started."""
+        """Needs a running event loop; the process is started in the loop's next turn."""
         self._context = context
         self._details = details
         self._start = start

@@ -18,7 +18,7 @@ __all__ = ["PROCESSES", "ProcessError", "ProcessEvent", "ProcessState", "next_st
 
 
 class ProcessState(Enum):
-    """Where an action that was executed stands with its process."""
+    """The state of an executed action's process."""
 
     STARTING = "starting"
     """The process will be started in the next turn of the event loop."""

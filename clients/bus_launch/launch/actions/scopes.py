@@ -37,10 +37,10 @@ _FILE = ("current_launch_file_path", "current_launch_file_directory")
 
 @expose_action("group")
 class GroupAction(Action):
-    """Visits actions; what they set ends with the group, unless `scoped` is False.
+    """Visits actions; their settings end with the group, unless `scoped` is False.
 
-    `forwarding` False: they see no launch configurations from outside. `launch_configurations` are set for
-    them.
+    `forwarding` False: the actions see no launch configurations from outside. `launch_configurations` are set
+    for the actions.
     """
 
     def __init__(

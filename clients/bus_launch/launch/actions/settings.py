@@ -1,4 +1,4 @@
-"""Actions that set launch configurations and environment variables, for those that come after them."""
+"""Actions that set launch configurations and environment variables, for later actions."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -78,7 +78,7 @@ class SetLaunchConfiguration(_Setting):
 
 @expose_action("unset_launch_configuration")
 class UnsetLaunchConfiguration(_Named):
-    """Removes a launch configuration; one that is not there is no error."""
+    """Removes a launch configuration; a missing one is no error."""
 
     def execute(self, context: LaunchContext) -> None:
         context.launch_configurations.pop(perform_substitutions(context, self._name), None)
@@ -95,7 +95,7 @@ class SetEnvironmentVariable(_Setting):
 
 @expose_action("unset_env")
 class UnsetEnvironmentVariable(_Named):
-    """Removes an environment variable; one that is not there is no error."""
+    """Removes an environment variable; a missing one is no error."""
 
     def execute(self, context: LaunchContext) -> None:
         context.environment.pop(perform_substitutions(context, self._name), None)
@@ -103,7 +103,7 @@ class UnsetEnvironmentVariable(_Named):
 
 @expose_action("append_env")
 class AppendEnvironmentVariable(_Setting):
-    """Puts a value behind, or in front of, what an environment variable has."""
+    """Puts a value behind, or in front of, the value of an environment variable."""
 
     def __init__(
         self,
@@ -196,7 +196,7 @@ class ResetEnvironment(_Simple):
 
 @expose_action("reset")
 class ResetLaunchConfigurations(Action):
-    """Removes all launch configurations, but for those that are given."""
+    """Removes all launch configurations, except the given ones."""
 
     def __init__(
         self,

@@ -35,7 +35,7 @@ class ExecutionComplete(Event):
 
 
 class IncludeLaunchDescription(Event):
-    """A launch description shall be visited."""
+    """A request to visit a launch description."""
 
     name = "launch.events.IncludeLaunchDescription"
 
@@ -48,7 +48,7 @@ class IncludeLaunchDescription(Event):
 
 
 class Shutdown(Event):
-    """The launch ends; `due_to_sigint` where a terminal's Ctrl-C is why."""
+    """The launch ends; `due_to_sigint` if a terminal's Ctrl-C is the reason."""
 
     name = "launch.events.Shutdown"
 

@@ -146,7 +146,7 @@ class ProcessStderr(ProcessIO):
 
 
 class ProcessTargetedEvent(Event):
-    """For the processes whose action the matcher takes."""
+    """For the processes of actions that the matcher accepts."""
 
     name = "launch.events.process.ProcessTargetedEvent"
 
@@ -159,7 +159,7 @@ class ProcessTargetedEvent(Event):
 
 
 class ShutdownProcess(ProcessTargetedEvent):
-    """A process shall end: SIGINT, after a while SIGTERM, then SIGKILL."""
+    """A request to end a process: SIGINT, after a while SIGTERM, then SIGKILL."""
 
     name = "launch.events.process.ShutdownProcess"
 

@@ -32,13 +32,13 @@ class Entity:
     ) -> Any:
         """An attribute as `data_type`: a scalar's type, `List[...]` of one, `List[Entity]`, or None for any.
 
-        Without one: None where that is `optional`, else AttributeError. With `can_be_str`, text that does
+        A missing attribute: None if it is `optional`, else AttributeError. With `can_be_str`, text that does
         not fit stays text, for it may hold substitutions; else it raises TypeError.
         """
         raise NotImplementedError
 
     def assert_entity_completely_parsed(self) -> None:
-        """Raise ValueError where there are attributes or elements that nobody has asked for."""
+        """Raise ValueError if there are attributes or elements that no action has read."""
         raise NotImplementedError
 
 
@@ -55,7 +55,7 @@ def name_of(data_type: Any) -> str:
 
 
 def coerce(value: Any, data_type: Any, can_be_str: bool) -> Any:
-    """Make of a text, or of what YAML made of it, a value of the type; raises ValueError where it is none."""
+    """Convert a text, or YAML's value of it, to the type; raises ValueError if that is not possible."""
     if data_type is None:
         return _by_yaml(value) if isinstance(value, str) else value
     if data_type in (int, float, bool, str):

@@ -44,7 +44,7 @@ def instantiate_description(actions: list[Any], deprecated_reason: str | None) -
 
 
 def instantiate_action(entity: Entity, parser: object) -> Any:
-    """Raises RuntimeError for a tag, ValueError for an attribute of it that nobody knows."""
+    """Raises RuntimeError for an unknown tag, ValueError for an unknown attribute of it."""
     parse = _actions.get(entity.type_name)
     if parse is None:
         from bus.base.suggest import did_you_mean
@@ -59,7 +59,7 @@ def instantiate_action(entity: Entity, parser: object) -> Any:
 def instantiate_substitution(
     type_name: str, args: Iterable[list[Substitution]] | None = None
 ) -> Substitution:
-    """Raises RuntimeError for a name that nobody knows."""
+    """Raises RuntimeError for an unknown name."""
     parse = _substitutions.get(type_name)
     if parse is None:
         from bus.base.suggest import did_you_mean

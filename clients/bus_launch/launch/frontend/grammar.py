@@ -25,14 +25,14 @@ def replace_escaped_characters(data: str) -> str:
 
 
 def parse_substitution(string_value: str) -> list[Substitution]:
-    """Raises ValueError for `$(` that is not closed, RuntimeError for a name that nobody knows."""
+    """Raises ValueError for `$(` that is not closed, RuntimeError for an unknown name."""
     from bus_launch.launch.frontend.expose import instantiate_substitution
 
     return parse(string_value, instantiate_substitution)
 
 
 def parse_if_substitutions(value: object) -> object:
-    """Of a text its substitutions, or the text where it has none; the same for each of a list."""
+    """The substitutions of a text, or the text if it has none; the same for each item of a list."""
     if isinstance(value, list):
         return [parse_if_substitutions(one) for one in value]
     if not isinstance(value, str):

@@ -31,7 +31,7 @@ class Parser:
 
     @classmethod
     def load_launch_extensions(cls) -> None:
-        """Have all tags and substitutions known: those here, and those that distributions bring."""
+        """Make all tags and substitutions known: from here, and from installed distributions."""
         if Parser._are_extensions_loaded:
             return
         Parser._are_extensions_loaded = True
@@ -56,7 +56,7 @@ class Parser:
         return grammar.replace_escaped_characters(value)
 
     def parse_description(self, entity: Entity) -> Any:
-        """Of the root of a file."""
+        """The launch description from the root of a file."""
         if entity.type_name != "launch":
             raise RuntimeError("Expected 'launch' as root tag")
         deprecated = entity.get_attr("deprecated", optional=True)
@@ -90,7 +90,7 @@ class Parser:
     def load(cls, file: str | TextIO) -> tuple[Entity, "Parser"]:
         """Read a file, in the language of its name's end, or in the one that can read it.
 
-        Raises OSError, UnicodeDecodeError, and InvalidFrontendLaunchFileError with what is wrong with it.
+        Raises OSError, UnicodeDecodeError, and InvalidFrontendLaunchFileError, which names the fault.
         """
         if isinstance(file, str | Path):
             name = str(file)

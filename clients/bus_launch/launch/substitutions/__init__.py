@@ -1,6 +1,6 @@
-"""Texts that are known when they are needed; programs import them as `launch.substitutions`.
+"""Texts that are evaluated on demand; programs import them as `launch.substitutions`.
 
-`values.py`: what the launch itself knows; `outside.py`: environment, files, programs, Python expressions;
+`values.py`: values of the launch itself; `outside.py`: environment, files, programs, Python expressions;
 `boolean.py`: true, false, and a choice by them. A substitution has `perform(context)`, which returns the
 text.
 

@@ -57,7 +57,7 @@ def _text(value: bool) -> str:
 
 @expose_substitution("not")
 class NotSubstitution(_OfSeveral):
-    """`true` where the value is false."""
+    """`true` if the value is false."""
 
     def __init__(self, value: SomeSubstitutionsType) -> None:
         super().__init__(value)
@@ -76,7 +76,7 @@ class NotSubstitution(_OfSeveral):
 
 @expose_substitution("and")
 class AndSubstitution(_OfSeveral):
-    """`true` where both are."""
+    """`true` if both are."""
 
     def __init__(self, left: SomeSubstitutionsType, right: SomeSubstitutionsType) -> None:
         super().__init__(left, right)
@@ -100,7 +100,7 @@ class AndSubstitution(_OfSeveral):
 
 @expose_substitution("or")
 class OrSubstitution(AndSubstitution):
-    """`true` where one of the two is."""
+    """`true` if one of the two is."""
 
     def perform(self, context: LaunchContext) -> str:
         return _text(any(self._values(context)))
@@ -108,7 +108,7 @@ class OrSubstitution(AndSubstitution):
 
 @expose_substitution("any")
 class AnySubstitution(_OfSeveral):
-    """`true` where one of them is."""
+    """`true` if one of them is."""
 
     @classmethod
     def parse(cls, data: Sequence[Any]) -> tuple[Any, dict[str, Any]]:
@@ -120,7 +120,7 @@ class AnySubstitution(_OfSeveral):
 
 @expose_substitution("all")
 class AllSubstitution(AnySubstitution):
-    """`true` where all are."""
+    """`true` if all are."""
 
     def perform(self, context: LaunchContext) -> str:
         return _text(all(self._values(context)))
@@ -134,7 +134,7 @@ def _operand(value: Any) -> SomeSubstitutionsType:
 
 @expose_substitution("equals")
 class EqualsSubstitution(_OfSeveral):
-    """`true` where both are the same: as numbers, truth values or texts."""
+    """`true` if both are the same: as numbers, truth values or texts."""
 
     def __init__(self, left: Any, right: Any) -> None:
         super().__init__(_operand(left), _operand(right))
@@ -168,7 +168,7 @@ class EqualsSubstitution(_OfSeveral):
 
 @expose_substitution("not-equals")
 class NotEqualsSubstitution(EqualsSubstitution):
-    """`true` where they differ."""
+    """`true` if they differ."""
 
     def perform(self, context: LaunchContext) -> str:
         return _text(not self._are_same(context))
@@ -176,7 +176,7 @@ class NotEqualsSubstitution(EqualsSubstitution):
 
 @expose_substitution("if")
 class IfElseSubstitution(_OfSeveral):
-    """One text where the condition is true, else the other."""
+    """One text if the condition is true, else the other."""
 
     def __init__(
         self,

@@ -28,7 +28,7 @@ _Parsed = tuple[type[Substitution], dict[str, Any]]
 @expose_substitution("env")
 @expose_substitution("optenv")
 class EnvironmentVariable(Substitution):
-    """The value of an environment variable, or the default; where there is neither, SubstitutionFailure."""
+    """The value of an environment variable, or the default; SubstitutionFailure if there is neither."""
 
     def __init__(
         self, name: SomeSubstitutionsType, *, default_value: SomeSubstitutionsType | None = None

@@ -35,7 +35,7 @@ _Parsed = tuple[type[Substitution], dict[str, Any]]
 
 
 def arguments_of(name: str, data: Sequence[Any], least: int, most: int | None = None) -> Sequence[Any]:
-    """The arguments of `$(name ...)`; raises TypeError where there are too few or too many."""
+    """The arguments of `$(name ...)`; raises TypeError if there are too few or too many."""
     most = least if most is None else most
     if not least <= len(data) <= most:
         count = f"{least}" if least == most else f"{least} to {most}"
@@ -50,7 +50,7 @@ def described(substitutions: Iterable[Substitution]) -> str:
 
 @expose_substitution("var")
 class LaunchConfiguration(Substitution):
-    """The value of a launch configuration, or the default; where there is neither, SubstitutionFailure."""
+    """The value of a launch configuration, or the default; SubstitutionFailure if there is neither."""
 
     def __init__(self, variable_name: SomeSubstitutionsType, *, default: Any = None) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ class LaunchConfiguration(Substitution):
 
 
 def _default(value: Any) -> list[Substitution]:
-    """As text where it is no substitution: `default=5`."""
+    """The default as text if it is no substitution: `default=5`."""
     if isinstance(value, Iterable) and not isinstance(value, str):
         return normalize_to_list_of_substitutions(
             one if isinstance(one, Substitution) else str(one) for one in value

@@ -1,4 +1,4 @@
-"""Functions for those who write actions and substitutions; programs import it as `launch.utilities`.
+"""Functions for authors of actions and substitutions; programs import it as `launch.utilities`.
 
 The functions are defined in `bus_launch.launch.core`; here are their public names. `type_utils.py` has values
 of a type that may be substitutions.

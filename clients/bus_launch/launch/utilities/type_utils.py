@@ -20,7 +20,7 @@ __all__ = [
 
 
 def get_typed_value(value: Any, data_type: Any, can_be_str: bool = False) -> Any:
-    """A text as a value of the type, or for None as YAML reads it. Raises ValueError where it is none."""
+    """A text as a value of the type, or for None as YAML reads it. Raises ValueError if it is none."""
     return coerce(value, data_type, can_be_str)
 
 
@@ -51,7 +51,7 @@ def normalize_typed_substitution(value: Any, data_type: Any) -> Any:
 
 
 def perform_typed_substitution(context: LaunchContext, value: Any, data_type: Any) -> Any:
-    """The value, its substitutions performed. Raises ValueError where it is not of the type."""
+    """The value, its substitutions performed. Raises ValueError if it is not of the type."""
     if isinstance(value, list) and value and all(isinstance(one, Substitution) for one in value):
         return coerce(perform_substitutions(context, value), data_type, False)
     if isinstance(value, list):

@@ -45,7 +45,7 @@ class _NodeProgram(Executable):
         self._rules: list[str] = []
 
     def set_rules(self, rules: Sequence[str]) -> None:
-        """What stands behind --ros-args, but for the arguments that the file gives itself."""
+        """The arguments behind --ros-args, except the arguments that the file gives itself."""
         self._rules = list(rules)
 
     def prepare(self, context: LaunchContext, action: Action) -> None:
@@ -198,7 +198,7 @@ class Node(ExecuteProcess):
         super().prepare(context)
 
     def __expanded(self, context: LaunchContext) -> tuple[str | None, str | None]:
-        """Name and absolute namespace, where they are given; raises ConfigurationError for bad ones."""
+        """Name and absolute namespace, if they are given; raises ConfigurationError for bad ones."""
         name = None if self.__name is None else perform_substitutions(context, self.__name)
         if name is not None:
             validate_node_name(name)

@@ -68,7 +68,7 @@ PushROSNamespace = PushRosNamespace
 
 
 def _add_shared(context: LaunchContext, one: Any) -> None:
-    """A new list: that of the group around stays as it is."""
+    """A new list: the list of the outer group is not changed."""
     configurations = context.launch_configurations
     configurations["global_params"] = [*configurations.get("global_params", []), one]
 

@@ -10,7 +10,7 @@ __all__ = ["ChangeState", "StateTransition", "matches_node_name"]
 
 
 class ChangeState(Event):
-    """The nodes that the matcher takes shall make a transition."""
+    """A request for a transition to the nodes that the matcher accepts."""
 
     name = "launch_ros.events.lifecycle.ChangeState"
 

@@ -7,6 +7,6 @@ __all__ = ["matches_node_name"]
 
 
 def matches_node_name(node_name: str) -> Callable[[Any], bool]:
-    """Of the node with this full name; one without a slash is in no namespace."""
+    """A matcher for the node with this full name; a name without a slash is in no namespace."""
     full = node_name if node_name.startswith("/") else f"/{node_name}"
     return lambda action: getattr(action, "node_name", None) == full
