@@ -203,7 +203,7 @@ class _Guard:
             self._process.stdin.write(line.encode())
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # somebody has killed it
+            pass  # another process has killed it
 
 
 _guard: Final = _Guard()

@@ -176,7 +176,7 @@ class EventHandler(BaseEventHandler):
 
 
 class _Locals:
-    """`context.locals.event`: what the entity in hand can see."""
+    """`context.locals.event`: the values that the current entity can see."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.__values = values

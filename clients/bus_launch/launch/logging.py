@@ -106,7 +106,7 @@ class LaunchConfig:
         return self._files[key]
 
     def close_screen(self) -> None:
-        """Nobody reads stdout any more."""
+        """The reader of stdout is gone."""
         self.is_screen_closed = True
         for handler in self._screens.values():
             handler.setLevel(logging.CRITICAL + 1)
@@ -130,7 +130,7 @@ def reset() -> None:
 
 
 def log_launch_config(*, logger: logging.Logger) -> None:
-    """Set the folder of the log files, and the level of logging."""
+    """Log the folder of the log files, and the level of logging."""
     folder = launch_config.log_dir
     if launch_config._can_write:
         logger.info(f"All log files can be found below {folder}")
@@ -152,7 +152,7 @@ def get_logger(name: str | None = None) -> logging.Logger:
 def get_output_loggers(
     process_name: str, output_config: str | Mapping[str, Any]
 ) -> tuple[logging.Logger, logging.Logger]:
-    """Loggers for the lines of a process: those of its stdout, those of its stderr.
+    """Loggers for the lines of a process: one for its stdout, one for its stderr.
 
     `output_config`: screen, log, both, own_log or full, or a dict of stdout, stderr and both, each of which
     has some of screen, log and own_log. Raises ValueError for other words.

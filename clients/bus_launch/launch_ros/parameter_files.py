@@ -1,4 +1,4 @@
-"""Parameter files of a node that a launch starts: those that are named, and those that are made of dicts."""
+"""Parameter files of a node that a launch starts: named files, and files made of dicts."""
 
 import os
 import tempfile

@@ -151,7 +151,7 @@ class LaunchConfigAsBool(Substitution):
 
 
 class ParseMultiRobotPose(Substitution):
-    """Robots and where they stand: `one={x: 1.0, yaw: 1.57}; two={y: 2.0}`, as a dict of dicts.
+    """Robots and their places: `one={x: 1.0, yaw: 1.57}; two={y: 2.0}`, as a dict of dicts.
 
     Of a substitution by `perform`, as in newer releases; of an argument of the command line by `value`.
     """

@@ -100,7 +100,7 @@ def _by_yaml(text: str) -> Any:
 
 
 def refuse_unknown(what: str, unknown: Iterable[str], tag: str, known: Iterable[str]) -> None:
-    """`what` were never asked for: raise ValueError that names them, and what the first may stand for."""
+    """`what` were never read: raise ValueError that names them, and the likely meaning of the first."""
     names = sorted(unknown)
     if names:
         listed = "{" + ", ".join(f"'{name}'" for name in names) + "}"

@@ -1,4 +1,4 @@
-"""Substitutions that are `true` or `false`, and the one that chooses by it."""
+"""Substitutions that are `true` or `false`, and a choice by such a value."""
 
 from collections.abc import Sequence
 from typing import Any
