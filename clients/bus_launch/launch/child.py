@@ -203,7 +203,7 @@ class _Guard:
             self._process.stdin.write(line.encode())
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # another process has killed it
+            pass  # the guard was killed
 
 
 _guard: Final = _Guard()

@@ -111,7 +111,7 @@ def _has_substitution(value: object) -> bool:
 
 
 def _item(context: LaunchContext, value: object) -> Any:
-    """The value of a list; each item may be a list of substitutions."""
+    """The value of a list item, which may be a list of substitutions."""
     if isinstance(value, Substitution) or (
         isinstance(value, Sequence) and not isinstance(value, str | bytes)
     ):
