@@ -11,13 +11,14 @@ __all__ = ["Connections"]
 _MOST_STRANGERS = 128
 """Any user of the machine may connect, and a process has 1,024 descriptors as a rule."""
 _MOST_PONGS = 256 << 10
-"""Bytes that wait for one who pings and does not read."""
+"""Bytes queued for a client that sends pings and does not read."""
 
 
 class Connections:
-    """All that are open. One that has not been let in yet is a stranger, and there are only so many of those:
-    when one more comes, the oldest is cut off. So one that asks at once is heard, however many others say
-    nothing.
+    """All open connections. A connection is a stranger until it is let in.
+
+    The number of strangers is limited: when one more comes, the oldest is cut off. So a client that asks at
+    once gets an answer, however many others are silent.
     """
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ __all__ = ["Counters", "Group", "ages_of", "depth_of"]
 
 _NS = 1_000_000_000
 _NOW_NS = 3 * _NS
-"""What was lost within that time is lost now."""
+"""Losses within that time count as present losses."""
 _NOTHING = EndpointStatistics()
 
 
@@ -89,7 +89,7 @@ def ages_of(counters: Iterable[Counters]) -> Ages | None:
 
 
 class Group:
-    """The endpoints of a topic, or of a node, and what they count together."""
+    """The endpoints of a topic, or of a node, with their combined counters."""
 
     __slots__ = ("bytes_per_s", "fixed", "history", "hz", "is_hidden", "publishers", "subscriptions")
 
@@ -101,7 +101,7 @@ class Group:
         self.hz: float | None = None
         self.bytes_per_s: float | None = None
         self.fixed: dict[str, Any] | None = None
-        """Of its row, what is the same as long as the graph is."""
+        """The fields of its row that change only with the graph."""
 
     @property
     def ends(self) -> list[GraphEndpoint]:

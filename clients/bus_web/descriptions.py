@@ -12,7 +12,7 @@ _MOST = 1000
 
 
 class Descriptions:
-    """Those that have been asked for; a `Model` takes it as `describe`."""
+    """Descriptions of types requested so far; a `Model` takes it as `describe`."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -21,14 +21,14 @@ class Descriptions:
         self._wanted: dict[tuple[str, str], None] = {}
 
     def __call__(self, type_name: str, type_hash: str) -> bytes | None:
-        """None where it is not known yet: `ask` for it."""
+        """None if the description is not known yet: call `ask`."""
         kind = (type_name, type_hash)
         if kind not in self._known:
             self._wanted[kind] = None
         return self._known.get(kind)
 
     async def ask(self) -> bool:
-        """Ask the bus for what is wanted; returns whether more is known now. Where busd is away, less is."""
+        """Ask the bus for what is wanted; returns whether more is known now. Without busd, less is."""
         before = len(self._wanted)
         for kind in [*self._wanted]:
             try:

@@ -11,13 +11,13 @@ __all__ = ["Addresses", "open_gate"]
 
 
 class Addresses(NamedTuple):
-    """Where a server is to be had, with the token of this start."""
+    """Addresses of a server, with the token of this start."""
 
     page: str
     once: str
-    """The page, by a ticket that is good for whoever comes first: all users read what a command line says."""
+    """The page, by a ticket that works once, for the first request: all users can read command lines."""
     forwarding: str
-    """What to say where the browser is, before any of these leads anywhere; empty where nothing is needed."""
+    """The command to run on the browser's machine before these addresses work; empty if none is needed."""
 
     @property
     def websocket(self) -> str:

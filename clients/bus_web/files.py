@@ -19,7 +19,7 @@ _NAMES = {"/index.html": "/"}
 
 
 class File(NamedTuple):
-    """What is served at a path."""
+    """A file served at a path."""
 
     content_type: str
     body: bytes
@@ -36,7 +36,7 @@ def load(folder: Path = PAGE) -> Mapping[str, File]:
 
 
 def security_headers(host: str) -> dict[str, str]:
-    """Of every answer: what a page of this server may load, and that no other page may show it or read it."""
+    """Headers of every answer: limit what the page may load, and forbid other pages to show or read it."""
     return {
         "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
         f"img-src 'self'; connect-src 'self' ws://{host}; base-uri 'none'; form-action 'none'; "

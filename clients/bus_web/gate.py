@@ -1,6 +1,6 @@
-"""Who gets in: by the name that a request has for this machine, the page that it comes from, and a token.
+"""Access check: by the request's name for this machine, the page that sent it, and a token.
 
-Pure: what a request says goes in, a decision comes out. A browser runs pages of everybody. Such a page may
+Pure: what a request says goes in, a decision comes out. A browser runs pages of any origin. Such a page may
 ask for addresses of this machine (then Origin names the page), or under a name that its owner points to this
 machine (then Host has that name); it knows no token. Other users of the machine know none either.
 """
@@ -18,7 +18,7 @@ FOXGLOVE = "https://app.foxglove.dev"
 
 
 class Ask(NamedTuple):
-    """A request. Of headers all values that came, so that two of one name show."""
+    """A request. Each header has all its values, so that a repeated header is visible."""
 
     target: str
     """Path and query, as they came."""
@@ -90,7 +90,7 @@ class Gate:
         return Redirect("/", cookie)
 
     def _may_come(self, origin: Sequence[str], host: str) -> bool:
-        """Pages of this server itself, those that were named, and what is no page."""
+        """Allows pages of this server, the named origins, and requests without an origin."""
         if not origin:
             return True
         given = origin[0].lower()

@@ -44,7 +44,7 @@ class Hub:
         self.model = Model(own=[pid], describe=self._descriptions)
         self.is_lost = False
         self.waiting = SharedBudget()
-        """What waits for all clients."""
+        """The frames queued for all clients."""
         self._watchers: dict[Watcher, None] = {}
         self._tasks: list[asyncio.Task[None]] = []
         self._changed = asyncio.Event()
@@ -56,7 +56,7 @@ class Hub:
 
     @asynccontextmanager
     async def watching(self, watcher: Watcher) -> AsyncIterator[None]:
-        """Within it, the watcher is told."""
+        """Inside the context, the hub notifies the watcher."""
         self._watchers[watcher] = None
         if len(self._watchers) == 1:
             self._changed.set()

@@ -1,7 +1,7 @@
-"""What publishers keep for late joiners, kept for those who look later than others. Pure.
+"""Messages that publishers keep for late joiners, kept for viewers that come later than others. Pure.
 
-Bounded in bytes, for all topics together. If there is no room, the publisher of which most is kept loses its
-oldest: so one that keeps much takes nothing from those that keep little.
+Bounded in bytes, for all topics together. If there is no room, the publisher with most kept bytes loses its
+oldest message. So a publisher that keeps much takes no room from publishers that keep little.
 """
 
 import heapq
@@ -19,7 +19,7 @@ _EACH = 500
 
 
 class One(NamedTuple):
-    """A message, encoded: what was made of it for those who look goes with them."""
+    """An encoded message. Frames made from it for viewers are not kept: they go with the viewers."""
 
     payload: bytes
     info: MessageInfo
@@ -58,12 +58,12 @@ class Kept:
             self._make_room()
 
     def of_topic(self, topic: str) -> list[One]:
-        """In the order in which they came."""
+        """The kept messages of a topic, in the order in which they came."""
         found = [one for gid in self._topics.get(topic, ()) for one in self._queues[topic, gid].messages]
         return sorted(found, key=lambda one: one.number)
 
     def retain(self, topic: str, gids: Container[bytes]) -> None:
-        """Of a topic, only what these publishers keep."""
+        """Keep only the messages of these publishers of a topic."""
         for gid in [one for one in self._topics.get(topic, ()) if one not in gids]:
             self._forget(topic, gid)
 

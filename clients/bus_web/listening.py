@@ -24,7 +24,7 @@ class ListenError(Exception):
 def listening(place: Place) -> Iterator[tuple[socket.socket, Place]]:
     """A socket that listens at `place`, and the place, with the port that the kernel chose.
 
-    Raises ListenError. A unix socket has mode 0600; one that nobody listens on any more is taken over. In the
+    Raises ListenError. A unix socket has mode 0600. A unix socket without a listener is taken over. In the
     end the socket is closed, and its path is gone.
     """
     with socket.socket(_family(place), socket.SOCK_STREAM) as listener:
@@ -86,7 +86,7 @@ def _clear(path: Path) -> None:
 
 
 def _take_away(path: Path, made: os.stat_result) -> None:
-    """Our socket; not what somebody has put in its place."""
+    """Remove our socket, but not another file put in its place."""
     with suppress(OSError):
         if os.path.samestat(path.lstat(), made):
             path.unlink()

@@ -1,4 +1,4 @@
-"""Who publishes what to whom, how fast, and who loses what: rows out of graphs and their counters.
+"""Rows about publishers, subscriptions, rates and losses, made from graphs and their counters.
 
 Pure: graphs and times come in, rows go out. `bus top` and the page both show them.
 """
@@ -16,8 +16,8 @@ from bus_web.rows import EndpointRow, NodeRow, Pair, Sums, TopicRow
 __all__ = ["Model"]
 
 _MOST_PAIRS = 1000
-"""Pairs of a topic that are looked at: each of a thousand publishers with each of a thousand subscriptions is
-not for reading."""
+"""The model checks at most so many pairs of a topic: a list of a thousand publishers, each with a thousand
+subscriptions, is not readable."""
 
 
 def _identity(graph: Graph) -> tuple[int, int]:
@@ -27,8 +27,8 @@ def _identity(graph: Graph) -> tuple[int, int]:
 class Model:
     """The bus as it was at the last look, and how fast things went until then.
 
-    `own` are the processes of those who look: their hidden nodes are left out. `describe` is asked where two
-    types have one name.
+    `own`: processes of the viewing tools; the model leaves out their hidden nodes. The model calls `describe`
+    if two types have one name.
     """
 
     def __init__(self, own: Iterable[int] = (), describe: Describe = lambda name, number: None) -> None:
@@ -37,29 +37,29 @@ class Model:
         self._graph: Graph | None = None
         self._gids: list[bytes] = []
         self._counters: list[Counters | None] = []
-        """Of each endpoint of the graph; None for those of `own` that are hidden."""
+        """One for each endpoint of the graph; None for hidden endpoints of `own`."""
         self._topics: dict[str, Group] = {}
         self._nodes: dict[int, Group] = {}
-        """By their ids in the graph."""
+        """Keys are node ids in the graph."""
         self._matches: dict[int, list[GraphMatch]] = {}
-        """By the ids of both ends."""
+        """Keys are the ids of both endpoints."""
         self._pairs: dict[str, tuple[Pair, ...]] = {}
 
     @property
     def has_graph(self) -> bool:
-        """Whether somebody has looked yet."""
+        """Whether the model has taken a graph yet."""
         return self._graph is not None
 
     @property
     def graph(self) -> Graph:
-        """The newest. Not before the first look."""
+        """The newest graph. Call this only after the first look."""
         assert self._graph is not None, "nobody has looked yet"
         return self._graph
 
     def take(self, graph: Graph, now_ns: int) -> bool:
         """A look: the graph with its statistics, and the time of the monotonic clock.
 
-        Returns whether nodes, endpoints or matches are others than at the look before.
+        Returns whether nodes, endpoints or matches differ from the look before.
         """
         before, self._graph = self._graph, graph
         ends = (*graph.publishers, *graph.subscriptions)
@@ -77,7 +77,7 @@ class Model:
         return is_new
 
     def _arrange(self, ends: Sequence[GraphEndpoint], gids: list[bytes]) -> None:
-        """Which endpoints are together, and what each of them and each group was before."""
+        """Group the endpoints again, and keep the earlier state of each endpoint and each group."""
         counters = dict(zip(self._gids, self._counters, strict=True))
         topics: dict[str, Group] = {}
         nodes: dict[int, Group] = {}
@@ -108,7 +108,7 @@ class Model:
             self._matches.setdefault(match.subscription, []).append(match)
 
     def forget_pairs(self) -> None:
-        """`describe` knows more than when it was asked."""
+        """Call this when `describe` has learned more since the model called it."""
         self._pairs = {}
         for group in (*self._topics.values(), *self._nodes.values()):
             group.fixed = None
@@ -120,7 +120,7 @@ class Model:
         ]
 
     def topic(self, name: str) -> TopicRow | None:
-        """The row of one topic, by its full name; None where it is not there."""
+        """The row of one topic, by its full name; None if the topic does not exist."""
         group = self._topics.get(name)
         return None if group is None else self._topic(name, group)
 
@@ -144,19 +144,19 @@ class Model:
         ]
 
     def endpoints(self, topic: str) -> list[EndpointRow]:
-        """The publishers of a topic, then its subscriptions; none where it is not there."""
+        """The publishers of a topic, then its subscriptions; empty if the topic does not exist."""
         if (group := self._topics.get(topic)) is None:
             return []
         return [self._endpoint(one) for one in (*group.publishers, *group.subscriptions)]
 
     def all_endpoints(self) -> list[EndpointRow]:
-        """Those of all topics, hidden ones too."""
+        """The endpoints of all topics, including hidden topics."""
         return [row for topic in self._topics for row in self.endpoints(topic)]
 
     def pairs(self, topic: str) -> tuple[Pair, ...]:
-        """Each publisher of a topic with each subscription, where they match or it is known why not.
+        """Pairs of a publisher and a subscription of a topic that match, or have a known reason for no match.
 
-        Of a topic with more than a thousand pairs the matches only, and the first of the others.
+        For a topic with more than a thousand pairs: all matches, but only the first of the other pairs.
         """
         known = self._pairs.get(topic)
         if known is None:
@@ -164,7 +164,7 @@ class Model:
         return known
 
     def sums(self, rows: Iterable[TopicRow]) -> Sums:
-        """Of these rows; and the nodes that are not hidden."""
+        """Sums of these rows, and the number of nodes that are not hidden."""
         shown = [*rows]
         return Sums(
             nodes=sum(not is_hidden_node(one.name) for one in self.graph.nodes),

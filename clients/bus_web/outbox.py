@@ -1,7 +1,7 @@
-"""What waits for one client that is slower than the bus. Pure.
+"""Frames queued for one client that is slower than the bus. Pure.
 
-Bounded in bytes. Where there is no room, the topic that takes most of it loses its oldest, and each topic
-keeps its newest as long as that can be: so a client that falls behind sees all topics as they are now.
+The outbox is bounded in bytes. If it is full, the topic with most bytes loses its oldest message. Each topic
+keeps its newest message as long as possible. So a client that falls behind sees all topics as they are now.
 """
 
 from collections import Counter, OrderedDict, deque
@@ -27,7 +27,7 @@ class _Queue:
 
 
 class SharedBudget:
-    """What may wait for all clients together. Over it, the client for which most waits loses its oldest."""
+    """Limit of bytes queued for all clients. Above it, the client with most loses its oldest message."""
 
     def __init__(self, most_bytes: int = MOST_BYTES_OF_ALL) -> None:
         self._most_bytes = most_bytes
@@ -43,7 +43,7 @@ class SharedBudget:
         self._outboxes.append(outbox)
 
     def leave(self, outbox: "Outbox") -> None:
-        """A client has gone; what waits for it is never sent."""
+        """A client has gone; the frames queued for it are never sent."""
         self._outboxes.remove(outbox)
 
     def bound(self, growing: "Outbox", topic: str) -> None:
@@ -79,7 +79,7 @@ class Outbox:
         self.notices = 0
         """How many frames wait that are of no topic."""
         self.notice_bytes = 0
-        """Of `bytes`, what those have."""
+        """The part of `bytes` that notices take."""
         self.dropped: Counter[str] = Counter()
         """How many messages of each topic went, since the client was told last (`clear` it then)."""
 
@@ -93,7 +93,7 @@ class Outbox:
         self._append("", data)
 
     def put(self, topic: str, data: bytes) -> None:
-        """A message of a topic; older ones go where there is no room."""
+        """A message of a topic; older ones go if there is no room."""
         queue = self._queues.setdefault(topic, _Queue())
         queue.numbers.append(self._next)
         queue.bytes += len(data)
@@ -110,7 +110,7 @@ class Outbox:
             self._shared = None
 
     def take(self) -> bytes | None:
-        """The next to go; None where nothing waits."""
+        """The next to go; None if the outbox is empty."""
         if not self._frames:
             return None
         number, frame = self._frames.popitem(last=False)
@@ -123,7 +123,7 @@ class Outbox:
         return frame.data
 
     def forget(self, topic: str) -> None:
-        """Nobody looks at it any more."""
+        """Drop the topic's frames: the client no longer views it."""
         queue = self._queues.pop(topic, None)
         for number in queue.numbers if queue is not None else ():
             self.bytes -= len(self._frames.pop(number).data)
@@ -134,12 +134,12 @@ class Outbox:
         self.bytes += len(data)
 
     def drop_one(self, newest: str) -> bool:
-        """Drop the oldest message of the topic with most bytes; returns whether there was one that may go.
+        """Drop the oldest message of the topic with most bytes; returns whether one could go.
 
         The last message of the topic `newest` stays.
         """
         several = [topic for topic, queue in self._queues.items() if len(queue.numbers) > 1]
-        if not several:  # of each topic there is its newest only; but for the last that came they can't stay
+        if not several:  # each topic has only its newest; all except the last that came may go
             several = [topic for topic in self._queues if topic != newest]
         if not several:
             return False

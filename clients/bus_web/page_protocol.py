@@ -1,4 +1,4 @@
-"""What the page and the server say to each other: JSON, in each frame an object with `op`. Pure.
+"""Protocol between the page and the server: JSON, one object with `op` in each frame. Pure.
 
 from the server             | what
 ----------------------------|--------------------------------------------------------------------
@@ -37,17 +37,17 @@ _encode = msgspec.json.encode
 
 
 class Mistake(Exception):
-    """The page says what it can't mean; the text says what."""
+    """The page sent an invalid request; the text names the fault."""
 
 
 class Look(msgspec.Struct, tag="look", tag_field="op", forbid_unknown_fields=True):
-    """Of these topics it wants values, all others are no longer of interest."""
+    """The page wants values of these topics, and no longer of any other topic."""
 
     topics: dict[str, list[str]]
 
 
 class Log(msgspec.Struct, tag="log", tag_field="op", forbid_unknown_fields=True):
-    """Whether it wants the log."""
+    """Whether the page wants the log."""
 
     on: bool
 
@@ -56,7 +56,7 @@ _decoder = msgspec.json.Decoder(Look | Log)
 
 
 def read(frame: str | bytes) -> Look | Log:
-    """What the page says. Raises Mistake."""
+    """Decode a frame of the page. Raises Mistake."""
     if isinstance(frame, bytes):
         raise Mistake("frames of the page are texts")
     try:
@@ -74,7 +74,7 @@ def message(op: str, **fields: Any) -> bytes:
 
 
 def graph(model: Model) -> bytes:
-    """All that changes with the structure only."""
+    """The frame with everything that changes only with the structure of the graph."""
     rows = model.topics(hidden=True)
     ends = model.all_endpoints()
     return message(
@@ -97,7 +97,7 @@ def graph(model: Model) -> bytes:
 
 
 def history(rows: Iterable[TopicRow]) -> bytes:
-    """Of topics on which something has come of late."""
+    """The frame with the histories of topics that had recent messages."""
     return message("history", topics={row.topic: _short(row.history) for row in rows if any(row.history)})
 
 

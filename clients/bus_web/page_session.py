@@ -1,4 +1,4 @@
-"""One page that is open: what it is told, in which pace, and what it looks at."""
+"""The session of one open page: its frames, their pace, and the topics that it views."""
 
 import asyncio
 from typing import Any
@@ -19,7 +19,7 @@ _MOST_WAITING = 2 << 20
 """Bytes. A page shows what is now: it may have less in store than a client that records."""
 _MOST_OPENED = 100
 _MOST_FRAMES = 8
-"""Of a message, as several pages show it."""
+"""Most frames cached for one message, for pages that show it differently."""
 
 
 class _Look:
@@ -48,7 +48,7 @@ class PageSession(Watcher):
         self._log = PageLog(hub.subscriptions, self._sender)
 
     async def run(self) -> None:
-        """Raises Mistake for what the page can't mean, and what the socket raises when it ends."""
+        """Raises Mistake for an invalid request, and the socket's exception when the socket ends."""
         self._notify("hello", bus=self._bus)
         sending = self._loop.create_task(self._sender.run())
         try:
@@ -149,7 +149,7 @@ class PageSession(Watcher):
         if frame is None:
             try:
                 tree = tree_of(heard.message, look.opened)
-            except Exception as error:  # of bytes that a stranger has sent
+            except Exception as error:  # the bytes come from a stranger
                 self.on_fault(topic, f"a message does not decode: {error}")
                 return
             info = heard.info

@@ -27,11 +27,11 @@ __all__ = ["Options", "run"]
 _MOST_FRAME_BYTES = 1 << 20
 """A client may subscribe to thousands of topics in one frame."""
 _MOST_DATA_BYTES = 16 << 20
-"""Of one who may publish or call."""
+"""Limit for a client that may publish or call."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line says."""
+    """Options of the command line."""
 
     listen: Place
     origins: Sequence[str] = ()
@@ -41,7 +41,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
 async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses], None]) -> None:
     """Serve until cancelled. `bus` is what the page calls the bus; `ready` is told the addresses.
 
-    Raises ListenError where the place can't be had.
+    Raises ListenError if the server can't listen at the place.
     """
     hub = Hub(node, os.getpid())
     formats, session_id = Formats(node), secrets.token_hex(8)

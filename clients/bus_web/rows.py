@@ -24,16 +24,16 @@ class Pair(msgspec.Struct, frozen=True):
     """Its id in the graph."""
     subscription: int
     route: str = ""
-    """`shm`, `socket`, ...; empty where they don't match."""
+    """`shm`, `socket`, ...; empty if the endpoints don't match."""
     reason: str = ""
-    """A sentence in busd's words; empty where they match."""
+    """A sentence in busd's words; empty if the endpoints match."""
 
 
 class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
     """A publisher or a subscription, with what it counts."""
 
     id: int
-    """In the graph."""
+    """The id in the graph."""
     kind: str
     """`publisher` or `subscription`."""
     topic: str
@@ -52,15 +52,15 @@ class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
     queued: int
     """Messages that wait."""
     depth: int | None
-    """How many may wait; None where all are kept."""
+    """How many may wait; None if the endpoint keeps all."""
     dropped: Mapping[str, int]
     """Messages lost, by reason, all in all."""
     lost_per_s: float
-    """Of late."""
+    """The recent rate."""
     routes: tuple[str, ...]
-    """Of its matches, each route once."""
+    """Routes of the matches, each route once."""
     age: Ages | None
-    """Of what a subscription took; None where it took nothing of late."""
+    """Ages of messages that a subscription took; None if it took none recently."""
 
     @property
     def lost(self) -> int:
@@ -69,12 +69,12 @@ class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_hidden(self) -> bool:
-        """Of a tool's node."""
+        """Whether the node belongs to a tool."""
         return is_hidden_node(self.node.rpartition("/")[2])
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True):
-    """What some endpoints count together."""
+    """The combined counters of some endpoints."""
 
     hz: float | None
     """Messages a second of all publishers; None until that is known of one."""
@@ -84,13 +84,13 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True):
     publishers: int
     subscriptions: int
     routes: tuple[str, ...]
-    """Of its matches, each route once."""
+    """Routes of the matches, each route once."""
     queued: int
     """Messages that wait for subscriptions."""
     depth: int | None
-    """Of the subscription for which most wait; None where there is none, or it keeps all."""
+    """Depth of the subscription with most queued messages; None if there is none, or it keeps all."""
     age: Ages | None
-    """Of what subscriptions took; None where they took nothing of late."""
+    """Ages of messages that subscriptions took; None if they took none recently."""
     lost_per_s: float
     """Messages that subscriptions lose, of late."""
     dropped: Mapping[str, int]
@@ -104,7 +104,7 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def why(self) -> str:
-        """The reason of most losses; empty where nothing was lost."""
+        """The reason of most losses; empty if no message was lost."""
         return max(self.dropped, key=self.dropped.__getitem__) if self.lost else ""
 
 
@@ -126,17 +126,17 @@ class NodeRow(_Row, frozen=True, kw_only=True):
     node: str
     """Its full name."""
     id: int
-    """In the graph."""
+    """The id in the graph."""
     pid: int
 
     @property
     def is_hidden(self) -> bool:
-        """Of a tool."""
+        """Whether the node belongs to a tool."""
         return is_hidden_node(self.node.rpartition("/")[2])
 
 
 class Sums(msgspec.Struct, frozen=True):
-    """Of all that is shown."""
+    """Sums of all rows shown."""
 
     nodes: int
     topics: int

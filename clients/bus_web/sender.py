@@ -1,4 +1,4 @@
-"""From an outbox to a WebSocket: what one client is sent, as fast as it reads."""
+"""Sends frames from an outbox to a WebSocket, as fast as the client reads."""
 
 import asyncio
 from typing import Protocol
@@ -53,7 +53,7 @@ class Sender:
         self._is_filled.set()
 
     def put(self, topic: str, frame: bytes) -> None:
-        """A message of a topic; older ones are dropped where there is no room."""
+        """A message of a topic; older ones are dropped if there is no room."""
         self._outbox.put(topic, frame)
         self._is_filled.set()
 

@@ -21,11 +21,11 @@ from bus_web.page_protocol import Mistake
 __all__ = ["Handler", "Server"]
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
-"""Speaks one subprotocol on a connection until that ends. Raises Mistake for what the client can't mean."""
+"""Speaks one subprotocol on a connection until that ends. Raises Mistake for an invalid request."""
 
 _MOST_CLIENTS = 16
 _MOST_FRAME_BYTES = 64 << 10
-"""What a client may send in one frame; more, where it may publish."""
+"""Most bytes that a client may send in one frame; more if it may publish."""
 _OPEN_S, _CLOSE_S, _PING_S = 5.0, 1.0, 20.0
 _POLICY_VIOLATION, _INTERNAL_ERROR = 1008, 1011
 

@@ -1,7 +1,7 @@
-"""What pages look at: one subscription for each topic, however many look, as long as one does.
+"""One shared subscription for each viewed topic, for any number of viewers, as long as there is one.
 
-Best effort, with room for five, so that looking holds nobody up. Messages come encoded; a page decodes those
-that it shows.
+The subscription is best effort with depth five, so that viewers block no publisher. Messages come encoded; a
+page decodes only the messages that it shows.
 """
 
 import asyncio
@@ -23,14 +23,14 @@ TypeKind = tuple[str, str]
 """A type's name and hash."""
 
 _DEPTHS = {"/rosout": 200}
-"""Of a log, its last lines are of interest."""
+"""Viewers of a log want its last lines."""
 _DEPTH = 5
 _MOST_AT_ONCE = 200
 _NOT_DECODED = object()
 
 
 class Heard:
-    """A message of a topic; decoded when the first asks, for all that ask."""
+    """A message of a topic. The first viewer that asks decodes it for all viewers."""
 
     __slots__ = ("_decode", "_message", "frames", "info", "number", "payload", "schema", "type_name")
 
@@ -47,9 +47,9 @@ class Heard:
         self.payload = payload
         self.info = info
         self.number = number
-        """How many have come since the first looked."""
+        """Number of messages received since the first viewer came."""
         self.frames: dict[object, Any] = {}
-        """What was made of it for some who look, to be had by others."""
+        """Frames made from the message for some viewers, for reuse by others."""
         self._decode = decode
         self._message: Any = _NOT_DECODED  # not itself: only the garbage collector would find it then
 
@@ -62,13 +62,13 @@ class Heard:
 
 
 class Listener(Protocol):
-    """Hears what comes on a topic."""
+    """Receives the messages of a topic."""
 
     def on_message(self, topic: str, heard: Heard) -> None:
         """A message has come. Must not raise."""
 
     def on_fault(self, topic: str, text: str) -> None:
-        """Why nothing can come."""
+        """The reason why no message can come."""
 
 
 class _Shared:
@@ -79,19 +79,19 @@ class _Shared:
         self._node = node
         self._topic = topic
         self._kept = kept
-        """What publishers have published last, for those who look later than others."""
+        """The last messages of publishers, for viewers that come later than others."""
         self._kind: TypeKind | None = None
         self._depths: Mapping[bytes, int] = {}
-        """Of publishers that keep messages for late joiners, by gid."""
+        """Depths of publishers that keep messages for late joiners, by gid."""
         self._make: Callable[[One], Heard] | None = None
-        """Of a message of the type that the subscription has."""
+        """Makes a `Heard` from a message of the subscription's type."""
         self._last: Heard | None = None
         self._count = 0
         self._is_other_type = asyncio.Event()
         self._task = asyncio.get_running_loop().create_task(self._run())
 
     def follow(self, kind: TypeKind | None, depths: Mapping[bytes, int]) -> None:
-        """The type of the topic now, None where nobody has it; and how much which publishers keep."""
+        """Set the topic's type (None if no endpoint has one) and the depth that each publisher keeps."""
         self._depths = depths
         self._kept.retain(self._topic, depths)
         if kind != self._kind:
@@ -99,15 +99,15 @@ class _Shared:
             self._is_other_type.set()
 
     def recent(self, *, is_last_wanted: bool) -> list[Heard]:
-        """For one who looks later than others."""
+        """Messages for a viewer that comes later than others."""
         kept = self._kept.of_topic(self._topic) if self._make is not None else []
         if not kept and is_last_wanted and self._last is not None:
             return [self._last]
         return [self._make(one) for one in kept] if self._make is not None else []
 
     def close(self) -> asyncio.Task[None]:
-        """Returns what is done once the subscription has ended."""
-        self._depths = {}  # what still comes is not kept
+        """Returns a task that is done once the subscription has ended."""
+        self._depths = {}  # later messages are not kept
         self._kept.retain(self._topic, ())
         self._task.cancel()
         return self._task
@@ -167,7 +167,7 @@ class _Shared:
 
 
 class SharedSubscriptions:
-    """The subscriptions of `node`. `follow` each graph with it, so that it knows which types topics have."""
+    """The subscriptions of `node`. Call `follow` with each graph: it gives the types of topics."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -179,7 +179,7 @@ class SharedSubscriptions:
 
     @property
     def kinds(self) -> Mapping[str, TypeKind]:
-        """Of each topic, the type that is looked at."""
+        """The viewed type of each topic."""
         return self._kinds
 
     def follow(self, graph: Graph) -> None:
@@ -196,8 +196,8 @@ class SharedSubscriptions:
             self._follow(topic)
 
     def add(self, topic: str, listener: Listener, *, is_last_wanted: bool = True) -> None:
-        """From now on it hears; first, what publishers keep for late joiners, or the last message, where
-        others have had one and it `is_last_wanted`."""
+        """Add a listener. It first gets the messages that publishers keep for late joiners. If there are
+        none, it gets the last message that other listeners have had, if `is_last_wanted`."""
         if topic not in self._shared:
             self._shared[topic] = _Shared(self._node, topic, self._kept)
             self._follow(topic)
@@ -207,7 +207,7 @@ class SharedSubscriptions:
             listener.on_message(topic, heard)
 
     def remove(self, topic: str, listener: Listener) -> None:
-        """It hears no more; where it was the last, the subscription ends."""
+        """Remove a listener; if it was the last, the subscription ends."""
         shared = self._shared.get(topic)
         if shared is None:
             return

@@ -1,4 +1,4 @@
-"""A decoded message as JSON for the page: a tree of which long parts are folded. Pure.
+"""A decoded message as JSON for the page: a tree with long parts folded. Pure.
 
 Objects, texts, numbers and truth values are as in JSON. What JSON has no word for is an object with one key
 that begins with `$`, as no field's name does:
@@ -6,7 +6,7 @@ that begins with `$`, as no field's name does:
     {"$array": 36, "head": [0.1, ...]}     36 elements, of which these are the first
     {"$bytes": 4096, "head": "00ff.."}     as many octets, the first as hexadecimal digits
     {"$text": 5000, "head": "..."}         as many characters
-    {"$number": "nan"}                     what is no number in JSON, or too long for a browser's
+    {"$number": "nan"}                     a number that JSON does not have, or one too long for a browser's
     {"$map": [...], "length": 36}          a dict of 36, of which these are the first pairs of key and value
     {"$image": {...}}                      a picture (`bus_web.pictures`)
     {"$folded": "as deep as that"}         too deep, or too much
@@ -26,12 +26,12 @@ __all__ = ["MOST_OPEN", "tree_of"]
 _FOLD = 8
 """Longer arrays are folded: covariances would bury the rest."""
 MOST_OPEN = 1000
-"""Of an array that the reader has opened so much is shown."""
+"""An array that the reader has opened shows at most so many elements."""
 _MOST_TEXT = 1000
 _MOST_BYTES = 32
 _MOST_DEPTH = 24
 _MOST_PARTS = 20_000
-"""Of one message, all in all; so what waits for a page is never much larger than its outbox."""
+"""Limit for one whole message; so the frames queued for a page are never much larger than its outbox."""
 _PART_BYTES = 100
 """Texts and pictures count as a part for each of so many bytes."""
 _EXACT = 1 << 53

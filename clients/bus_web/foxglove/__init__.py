@@ -4,7 +4,7 @@
                                                             +-- `publishing.py`  a client publishes
                                                             +-- `calls.py`       services
                                                             +-- `parameters.py`  parameters of nodes
-                                                            +-- `connections.py` who publishes to whom
+                                                            +-- `connections.py` endpoints of topics
 
 `formats.py` describes types and translates messages to CDR, once for all clients.
 

@@ -1,4 +1,4 @@
-"""What a client was told that there is, under ids, and what it is to be told next. Pure."""
+"""Channels or services advertised to a client under ids, and the changes to send next. Pure."""
 
 from collections.abc import Mapping
 from itertools import count
@@ -33,15 +33,15 @@ class Advertised(Generic[K, T]):
         return self._entries
 
     def name_of(self, id: int) -> str | None:
-        """None where the client was not told of such an id, or it has gone."""
+        """None if the id was never sent to the client, or has gone."""
         return self._names.get(id)
 
     def gone(self, now: Mapping[str, K]) -> list[str]:
-        """What is not there any more, or is of another kind: `remove` it."""
+        """Names that no longer exist, or have another kind: `remove` them."""
         return [name for name, known in self._entries.items() if now.get(name) != known.kind]
 
     def missing(self, now: Mapping[str, K]) -> list[str]:
-        """What the client does not know yet: `add` it."""
+        """Names that the client does not know yet: `add` them."""
         return [name for name in now if name not in self._entries]
 
     def add(self, name: str, kind: K, format: T) -> int:

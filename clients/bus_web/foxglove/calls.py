@@ -1,4 +1,4 @@
-"""Services of nodes: what a client is told of them, and its calls."""
+"""Services of nodes: advertised to a client, and called by it."""
 
 import asyncio
 from typing import Any
@@ -38,7 +38,7 @@ class Calls:
         self._making = asyncio.Lock()
 
     async def advertise(self, graph: Graph) -> None:
-        """What is new of services."""
+        """Send the client the changes of services."""
         kinds = self._kinds(graph)
         if gone := self._advertised.gone(kinds):
             ids = [self._advertised.remove(name) for name in gone]
@@ -87,7 +87,7 @@ class Calls:
         return protocol.response(said, "cdr", format_.write_response(await client.call(request)))
 
     def _kinds(self, graph: Graph) -> dict[str, _Kinds]:
-        """Of each service that is served, the types of its requests and its replies."""
+        """The types of requests and replies of each service that has a server."""
         found: dict[str, _Kinds] = {}
         for name in graph.services():
             servers, replies = graph.servers_of(name), graph.publishers_of(reply_topic(name))

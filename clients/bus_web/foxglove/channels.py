@@ -1,4 +1,4 @@
-"""Topics as channels: those of the bus that a client is told of, and how their messages are told."""
+"""Topics of the bus as channels of a client, and the formats of their messages."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -29,18 +29,18 @@ class Channels:
         self._left_out: set[str] = set()
 
     def topic_of(self, id: int) -> str | None:
-        """None where there is no such channel."""
+        """None if there is no such channel."""
         return self._advertised.name_of(id)
 
     def codec_of(self, topic: str, kind: TypeKind) -> Codec | None:
-        """Of the topic's channel; None where there is none, or it has another type."""
+        """The codec of the topic's channel; None if there is none, or it has another type."""
         known = self._advertised.entries.get(topic)
         return known.format if known is not None and known.kind == kind else None
 
     def update(self, kinds: Mapping[str, TypeKind], *, keep: bool) -> list[str]:
-        """`kinds`: the types of the topics that are there. `keep`: none goes, but for one of another type.
+        """`kinds`: the types of the topics that are there. `keep`: only channels of another type go.
 
-        Returns the topics whose channels have gone, of which the client is told.
+        Tells the client which channels have gone; returns their topics.
         """
         present = {topic: kind for topic, kind in kinds.items() if not is_hidden_topic(topic)}
         if keep:
@@ -53,7 +53,7 @@ class Channels:
         return gone
 
     async def advertise_new(self) -> None:
-        """Those that the client does not know yet; in portions, each when it has read the one before."""
+        """Advertise channels new to the client in portions, each after it has read the one before."""
         present = self._present
         told: list[Mapping[str, Any]] = []
         size = 0

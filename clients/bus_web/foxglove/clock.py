@@ -1,4 +1,4 @@
-"""The time of the bus, where somebody publishes it: simulated, or that of a recording."""
+"""The time of the bus, if a node publishes it: simulated, or from a recording."""
 
 from bus.graph import Graph
 from bus_web.shared_subscriptions import Heard

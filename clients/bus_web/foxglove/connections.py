@@ -1,4 +1,4 @@
-"""Who publishes, subscribes and serves, as a client is told of it: first all, then what has changed. Pure."""
+"""Publishers, subscribers and servers as sent to a client: first all, then the changes. Pure."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -10,13 +10,13 @@ __all__ = ["ConnectionGraph"]
 
 
 class ConnectionGraph:
-    """What one client knows of it. Hidden topics and the tools' own nodes are left out."""
+    """The part of the graph that one client knows. Hidden topics and the tools' own nodes are left out."""
 
     def __init__(self) -> None:
         self._told: tuple[dict[str, list[str]], ...] = ({}, {}, {})
 
     def update(self, graph: Graph) -> dict[str, Any] | None:
-        """The fields of what is to be told; None where nothing is new."""
+        """The fields of the update to send; None if nothing is new."""
         published = _nodes_by_topic(graph.publishers)
         subscribed = _nodes_by_topic(graph.subscriptions)
         served = {

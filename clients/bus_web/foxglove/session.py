@@ -1,4 +1,4 @@
-"""One client of Foxglove's protocol: what it is told, what it looks at, and what it may do besides."""
+"""One client of Foxglove's protocol: its frames, the topics that it views, and its other permissions."""
 
 import asyncio
 from collections import Counter
@@ -227,7 +227,7 @@ class Session(Watcher):
             self._client.notify(protocol.text("connectionGraphUpdate", **news))
 
     def _report_missed(self) -> None:
-        """How many messages went because the client reads too slowly."""
+        """Report the number of messages dropped because the client reads too slowly."""
         dropped = self._client.take_dropped()
         if not dropped:
             return
@@ -322,7 +322,7 @@ class Session(Watcher):
             self._client.notify(protocol.call_failure(said, _TOO_MANY))
 
     def _begin(self, work: Coroutine[Any, Any, None], refusal: str = "", *, size: int = 0) -> bool:
-        """Do it beside all else; returns whether there is room for that. `size`: bytes that it keeps."""
+        """Run `work` concurrently; returns whether there is room. `size`: bytes that it keeps."""
         has_begun = self._tasks.begin(work, size)
         if not has_begun and refusal:
             self._client.say(Level.ERROR, refusal)

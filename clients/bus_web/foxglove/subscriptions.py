@@ -6,7 +6,7 @@ MOST = 4096
 
 
 class Subscriptions:
-    """Of each topic one at most."""
+    """At most one subscription for each topic."""
 
     def __init__(self) -> None:
         self._topics: dict[int, str] = {}
@@ -16,11 +16,11 @@ class Subscriptions:
         return self._topics.get(id)
 
     def id_of(self, topic: str) -> int | None:
-        """Messages are sent under it; None where the client has not subscribed."""
+        """Messages are sent under it; None if the client has not subscribed."""
         return self._ids.get(topic)
 
     def add(self, id: int, topic: str) -> str:
-        """Returns why that can't be; nothing where it is done."""
+        """Returns the reason for a refusal; an empty text if the subscription was added."""
         if id in self._topics:
             return f"there is a subscription {id} already"
         if topic in self._ids:

@@ -9,7 +9,7 @@ __all__ = ["Tasks"]
 _MOST: Final = 64
 """Calls and questions for parameters of one client that may be under way."""
 _MOST_BYTES: Final = 32 << 20
-"""Of their requests; one may be larger."""
+"""Bytes of their requests; a single request may be larger."""
 
 
 class Tasks:
@@ -19,7 +19,7 @@ class Tasks:
         self._sizes: dict[asyncio.Task[None], int] = {}
 
     def begin(self, work: Coroutine[Any, Any, None], size: int = 0) -> bool:
-        """Run `work`, whose request has `size` bytes; returns False, and closes it, if there is no room."""
+        """Run `work`, whose request has `size` bytes; returns False and closes `work` if there is no room."""
         is_large = self._sizes and sum(self._sizes.values()) + size > _MOST_BYTES
         if len(self._sizes) >= _MOST or is_large:
             work.close()

@@ -31,7 +31,7 @@ def split(name: str) -> tuple[str, str] | None:
 
 
 def parameter_of(name: str, message: Any) -> Parameter:
-    """Of a rcl_interfaces/msg/ParameterValue; one that is not set, or of no known type, has no value."""
+    """From a rcl_interfaces/msg/ParameterValue; an unset value, or an unknown type, gives no value."""
     try:
         value = python_value(message)
     except ValueError:
@@ -45,7 +45,7 @@ def parameter_of(name: str, message: Any) -> Parameter:
 def value_of(said: Parameter, present: ParameterType) -> tuple[ParameterType, Any]:
     """The type and the value that are meant for a parameter that has the type `present` now.
 
-    Browsers write 1.0 as 1: where a double is, a whole number is one. Raises Misunderstood.
+    Browsers write 1.0 as 1: if the parameter is a double, a whole number becomes one. Raises Misunderstood.
     """
     value = said.value
     try:
