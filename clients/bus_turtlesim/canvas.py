@@ -1,4 +1,4 @@
-"""What pens have drawn: pixels, wherever they are shown."""
+"""The drawing of the pens: pixels, wherever they are shown."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ class Pen(NamedTuple):
 class Canvas:
     """Pixels, each of a colour or clear.
 
-    `news`, where it is a list, gets what is painted from then on, for a page to take out.
+    If `news` is a list, it gets everything painted from then on, for a page to take out.
     """
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ class Canvas:
 def _clipped(
     start: tuple[float, float], end: tuple[float, float], margin: int
 ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """The part of a line that may be seen, so that a far end costs nothing; None: no part."""
+    """The part of a line that can be visible, so that a far end costs nothing; None: no part."""
     first, last = 0.0, 1.0
     for begin, stop in zip(start, end, strict=True):
         way = stop - begin

@@ -20,7 +20,7 @@ _PERIOD_S = 0.016
 
 
 class Place(NamedTuple):
-    """Where a turtle is or should be: m, and rad from -pi to pi."""
+    """The present or wanted pose of a turtle: m, and rad from -pi to pi."""
 
     x: float
     y: float
@@ -42,14 +42,14 @@ class _State(Enum):
 
 
 class Square:
-    """What to do next on the way round; it never ends."""
+    """The next action on the way round; the way never ends."""
 
     def __init__(self) -> None:
         self._state = _State.FORWARD
         self._goal: Place | None = None
 
     def next(self, place: Place, is_still: bool) -> tuple[float, float, list[str]]:
-        """The velocity forward and the turn to be told now, and what is to be said."""
+        """The forward velocity and the turn to send now, and the text to log."""
         said = []
         if self._goal is None:
             said.append(self._aim(_ahead(place)))

@@ -1,4 +1,4 @@
-"""What was drawn of late, for pages that look: each is sent what it has not had. Pure."""
+"""Recent drawing, for pages in browsers: each page is sent the frames that it has not had. Pure."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ from bus_turtlesim.world import Turtle
 __all__ = ["Frames", "Pictures", "Seen", "message"]
 
 _MOST_FRAMES = 250
-"""Four seconds; who is later than that is sent the whole picture."""
+"""Four seconds; a page that is later than that is sent the whole picture."""
 _MOST_SQUARES = 10_000
 """In all of them: as JSON they are half as long as a picture."""
 _PICTURES = 8
@@ -28,7 +28,7 @@ class Seen(NamedTuple):
 
 
 class Frames:
-    """What was drawn in the last steps. Frames are numbered from 1."""
+    """The drawing of the last steps. Frames are numbered from 1."""
 
     def __init__(self) -> None:
         self.newest = 0
@@ -36,7 +36,7 @@ class Frames:
         self._squares = 0
 
     def add(self, squares: list[Square], *, is_cleared: bool) -> None:
-        """A step has drawn this, after the canvas was cleared, where it was."""
+        """Add the drawing of a step; if `is_cleared`, the canvas was cleared before it."""
         self._frames.append((is_cleared, squares))
         self._squares += len(squares)
         self.newest += 1
@@ -44,7 +44,7 @@ class Frames:
             self._squares -= len(self._frames.popleft()[1])
 
     def since(self, number: int) -> tuple[bool, list[Square]] | None:
-        """What came after frame `number`, as one; None where that is too long ago."""
+        """All frames after frame `number`, as one; None if that is too long ago."""
         missing = self.newest - number
         if missing > len(self._frames):
             return None
@@ -81,7 +81,7 @@ class Pictures:
 def message(
     seen: tuple[Seen, ...], background: Colour, squares: list[Square], *, is_cleared: bool
 ) -> dict[str, object]:
-    """What a page is sent."""
+    """The message for a page."""
     return {
         "turtles": [one._asdict() for one in seen],
         "background": _text(background),

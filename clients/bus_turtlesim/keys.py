@@ -1,4 +1,4 @@
-"""What keys mean to a turtle: velocities and headings. Pure."""
+"""The meaning of keys for a turtle: velocities and headings. Pure."""
 
 from typing import NamedTuple
 

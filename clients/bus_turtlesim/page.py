@@ -1,6 +1,6 @@
-"""turtlesim's page: a small server in a thread of its own, which shows the turtles to browsers.
+"""turtlesim's page: a small server in its own thread, which shows the turtles to browsers.
 
-The node's thread tells it of each step (`Page.show`), and nothing goes the other way: whoever looks can
+The node's thread tells it of each step (`Page.show`), and nothing goes the other way: a browser can
 change nothing.
 """
 
@@ -31,7 +31,7 @@ _PERIOD_S = 1 / 30
 
 
 class NoPage(Exception):
-    """There can be none; the text says why."""
+    """There can be no page; the text gives the reason."""
 
 
 class Page:
@@ -58,7 +58,7 @@ class Page:
             raise self._failure
 
     def show(self, world: World, background: Colour) -> None:
-        """A step is done. Costs next to nothing where nobody looks."""
+        """A step is done. Costs almost nothing without a browser."""
         canvas = self._canvas = world.canvas
         squares, canvas.news = canvas.news or [], []
         is_cleared, self._clearings = canvas.clearings != self._clearings, canvas.clearings
@@ -111,9 +111,9 @@ class Page:
                 news.set()
 
     async def _view(self, connection: "ServerConnection") -> None:
-        """Sends one browser what it has not had, as fast as it takes it."""
+        """Send one browser the frames that it has not had, as fast as it reads."""
         news = asyncio.Event()
-        self._viewers.add(news)  # before the picture is taken: what is drawn from here on is sent after it
+        self._viewers.add(news)  # before the picture is taken: later drawing is sent after it
         self._scene = None
         listening = asyncio.ensure_future(connection.wait_closed())
         listening.add_done_callback(lambda _: news.set())

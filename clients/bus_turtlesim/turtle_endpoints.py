@@ -1,6 +1,6 @@
-"""What a turtle has on the bus: its topics, services and action.
+"""The endpoints of a turtle on the bus: its topics, services and action.
 
-Owns: whose goal the turtle follows, and how goals end. How it moves is `bus_turtlesim.world`'s.
+Owns: the goal that the turtle follows, and how goals end. How it moves is `bus_turtlesim.world`'s.
 """
 
 from struct import Struct
@@ -65,7 +65,7 @@ class TurtleEndpoints:
             destroy()
 
     def step(self, now_ns: int, background: Colour) -> None:
-        """Move, and tell where the turtle is."""
+        """Move, and publish the pose of the turtle."""
         turtle, logger = self.turtle, self._node.get_logger()
         if self._goal is not None and self._goal.is_cancel_requested:
             logger.info("Rotation goal canceled")
@@ -152,7 +152,7 @@ class TurtleEndpoints:
         goal.execute(ended)
 
     def _end(self, how: str) -> None:
-        """`succeed`, `abort` or `canceled`; nothing where no goal runs."""
+        """`succeed`, `abort` or `canceled`; without effect if no goal runs."""
         if self._goal is not None:
             getattr(self._goal, how)()
             self._result.set_result(RotateAbsolute.Result(delta=_single(self.turtle.delta)))

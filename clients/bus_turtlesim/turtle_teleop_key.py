@@ -1,6 +1,6 @@
 """`bus run turtlesim turtle_teleop_key`: steers turtle1 by the keys of a terminal.
 
-Owns: the terminal, and the node. What keys mean is `bus_turtlesim.keys`'s.
+Owns: the terminal, and the node. `bus_turtlesim.keys` defines the meaning of keys.
 """
 
 import os
@@ -107,7 +107,7 @@ def _ended() -> Iterator[int]:
         rclpy.get_default_context().on_shutdown(lambda: _notify(begin))
         yield end
     finally:
-        os.close(end)  # `begin` stays open: who writes to it does so at the very end
+        os.close(end)  # `begin` stays open: the callback writes to it at the very end
 
 
 def _notify(pipe: int) -> None:

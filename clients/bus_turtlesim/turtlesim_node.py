@@ -30,7 +30,7 @@ _BACKGROUND = {"Red": 0x45, "Green": 0x56, "Blue": 0xFF}
 
 
 class TurtleSim(Node):
-    """The node. `page`: None where nobody can look."""
+    """The node. `page`: None if there is no page for browsers."""
 
     def __init__(self, page: Page | None = None, **options: Any) -> None:
         super().__init__(_NAME, **options)
@@ -145,7 +145,7 @@ def _parser() -> ArgumentParser:
 
 
 def _serve(listen: Place) -> Page | None:
-    """Says where the page is, or why there is none."""
+    """Log the address of the page, or the reason why there is none."""
     try:
         page = Page(listen)
     except NoPage as error:

@@ -15,7 +15,7 @@ SIZE = 11.088889122009277
 """Width and height in metres: 499 pixels, a float of 32 bits as in ROS 2."""
 _METRE_PX = 45.0
 _COMMAND_NS = 1_000_000_000
-"""How long a velocity holds."""
+"""How long a velocity is valid."""
 _NEAR = 0.02
 _MOST_TURTLES = 100
 
@@ -29,8 +29,10 @@ class Rotation(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What became of a turtle in a step. `wall`: where it would be without a wall, y downward as the window
-    has it. `rotation`: None where it turns to no heading.
+    """The result of a turtle's step.
+
+    `wall`: the position that the turtle would have without a wall, y downward as in the window.
+    `rotation`: None if the turtle turns to no heading.
     """
 
     wall: tuple[float, float] | None
@@ -57,8 +59,8 @@ class Turtle:
 
     @property
     def delta(self) -> float:
-        """By how much it has turned on its way to a heading, as of the last step; from start to now is
-        negative.
+        """The angle turned on the way to a heading, as of the last step: the start heading minus the
+        present one.
         """
         return self._turned
 
@@ -106,7 +108,7 @@ class Turtle:
         return Step((x, SIZE - y) if (self.x, self.y) != (x, y) else None, rotation)
 
     def colour(self) -> Colour | None:
-        """What pens have drawn under it; None: nothing."""
+        """The colour drawn under the turtle; None if nothing is drawn there."""
         x, y = self._place()
         return self._canvas.at(round(x), round(y))
 
@@ -133,7 +135,7 @@ class Turtle:
 
 
 class World:
-    """The turtles by name, and what they draw on."""
+    """The turtles by name, and their canvas."""
 
     def __init__(self) -> None:
         self.turtles: dict[str, Turtle] = {}
@@ -141,10 +143,10 @@ class World:
         self._last_number = 0
 
     def spawn(self, x: float, y: float, theta: float, now_ns: int, name: str = "") -> str:
-        """Add a turtle and return its name; turtle1, turtle2 and so on where none is given.
+        """Add a turtle and return its name; turtle1, turtle2 and so on if none is given.
 
-        Raises ValueError, with a text for its user, where the name is taken, a number is infinite or none, or
-        there are 100 turtles.
+        Raises ValueError, with a text for its user, if the name is taken, if a number is infinite or no
+        number, or if there are 100 turtles.
         """
         if not are_finite(x, y, theta):
             raise ValueError(f"Can't spawn a turtle at x=[{x}], y=[{y}], theta=[{theta}]")
@@ -160,7 +162,7 @@ class World:
         return name
 
     def kill(self, name: str) -> None:
-        """Take a turtle away. Raises ValueError, with a text for its user, where there is none."""
+        """Take a turtle away. Raises ValueError, with a text for its user, if there is none."""
         if self.turtles.pop(name, None) is None:
             raise ValueError(f"Tried to kill turtle [{name}], which does not exist")
 

@@ -1,4 +1,4 @@
-"""What endpoints count, one by one and together, from look to look: rates, losses of late, ages. Pure."""
+"""Counters of endpoints and of groups, from look to look: rates, recent losses, ages. Pure."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -21,7 +21,7 @@ def depth_of(qos: QoSProfile) -> int | None:
 
 
 class Counters:
-    """Of one endpoint, from look to look: `endpoint` and its `statistics` are of the newest."""
+    """Counters of one endpoint over several looks; `endpoint` and `statistics` are from the newest look."""
 
     __slots__ = (
         "aged",

@@ -97,7 +97,7 @@ class Gate:
         return len(origin) == 1 and (given == f"http://{host}" or given in self._origins)
 
     def _cookies(self, headers: Sequence[str]) -> list[str]:
-        """Those of its name. Browsers send those of all servers on this machine, whatever they look like."""
+        """Values of its own cookies. Browsers send the cookies of all servers on this machine."""
         pairs = (one.strip().partition("=") for header in headers for one in header.split(";"))
         return [value for name, _, value in pairs if name == self._cookie]
 
@@ -106,7 +106,7 @@ class Gate:
 
 
 def _is_loopback(host: str) -> bool:
-    """Of a header Host: a name of loopback with any port, for ssh may forward another one."""
+    """Whether a header Host is a name of loopback, with any port: ssh may forward another port."""
     name, colon, port = host.rpartition(":")
     if not colon or (host.startswith("[") and host.endswith("]")):
         name, port = host, ""

@@ -1,4 +1,4 @@
-"""The bus as all pages of one server see it: one node, one look a second, as long as somebody is there."""
+"""The bus as all pages of one server see it: one node, one look a second, as long as a viewer is there."""
 
 import asyncio
 from collections.abc import AsyncIterator

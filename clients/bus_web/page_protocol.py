@@ -110,7 +110,7 @@ def detail(endpoints: Iterable[EndpointRow]) -> bytes:
 
 
 class Sent:
-    """What one page has been told of rates, so that it is told only what has changed since."""
+    """The rates last sent to one page, so that the next frame has only the changed ones."""
 
     def __init__(self) -> None:
         self._topics: Mapping[str, list[Any]] = {}
@@ -148,7 +148,7 @@ def _age(ages: Ages | None) -> float | None:
 
 
 def _rounded(value: float | None) -> float | None:
-    """To three digits: what changes behind them is no news."""
+    """Rounded to three digits: smaller changes are not sent."""
     return None if value is None else float(f"{value:.3g}")
 
 

@@ -8,7 +8,7 @@ _MOST_SIDE = 240
 """Pixels of the longer side of what is shown."""
 _MOST_COMPRESSED = 512 << 10
 _MOST_PIXELS = 32 << 20
-"""Of a compressed image: a browser takes four bytes for each, however few it comes in."""
+"""Limit for a compressed image: a browser needs four bytes for each pixel, however small the data is."""
 _CHANNELS = {
     "rgb8": (3, (0, 1, 2)),
     "rgba8": (4, (0, 1, 2)),
@@ -19,15 +19,15 @@ _CHANNELS = {
     "mono8": (1, (0, 0, 0)),
     "8UC1": (1, (0, 0, 0)),
 }
-"""Of encodings with a byte for each channel: bytes of a pixel, and where red, green and blue are."""
+"""Encodings with a byte for each channel: bytes of a pixel, and the positions of red, green and blue."""
 _WIDE = ("mono16", "16UC1", "16SC1")
 _MOST_SEGMENTS = 1000
-"""Of a JPEG, before its size is told; a byte that fills up counts as one."""
+"""Limit of segments in a JPEG before its size; a fill byte counts as a segment."""
 _KINDS = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG\r\n", "image/png"))
 
 
 def picture_of(message: Any) -> dict[str, Any] | None:
-    """What the page draws of an Image or a CompressedImage; None for all else, and what can't be drawn.
+    """The page's picture of an Image or a CompressedImage; None for other types, or if it can't be drawn.
 
     `width`, `height` and `rgb`, with the size that it had in `of`; or of a compressed one `type` and `data`.
     Bytes are base64 in JSON.
@@ -60,7 +60,7 @@ def _raw(image: Any) -> dict[str, Any] | None:
     each = -(-max(width, height) // _MOST_SIDE)
     columns, rows = -(-width // each), -(-height // each)
     data = memoryview(image.data).cast("B")
-    high = 0 if image.is_bigendian else 1  # of two bytes the one that says more
+    high = 0 if image.is_bigendian else 1  # position of the more significant of two bytes
     rgb = bytearray(3 * columns * rows)
     for row in range(rows):
         begin = row * each * step
@@ -73,7 +73,7 @@ def _raw(image: Any) -> dict[str, Any] | None:
 
 
 def _sides(data: bytes) -> tuple[int, int]:
-    """Width and height as a PNG or a JPEG says them in its head; zeros where it does not."""
+    """Width and height from the head of a PNG or a JPEG; zeros if they are missing."""
     if data.startswith(b"\x89PNG"):
         return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
     at = 2

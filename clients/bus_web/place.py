@@ -1,4 +1,4 @@
-"""Where a server may listen: on loopback or a unix socket, and nowhere that other machines can reach."""
+"""Places to listen at: loopback or a unix socket, never an address that other machines can reach."""
 
 import ipaddress
 import os
@@ -28,12 +28,12 @@ class Place(NamedTuple):
 
     @property
     def authority(self) -> str:
-        """Host and port as a URL has them. Of a unix socket: those to which ssh forwards it."""
+        """Host and port as a URL has them. For a unix socket: the host and port to which ssh forwards it."""
         return f"127.0.0.1:{DEFAULT.port}" if self.path is not None else f"{self.host}:{self.port}"
 
     @property
     def forwarding(self) -> str:
-        """What another machine says to have it there; HOST is this one."""
+        """The command that makes the place reachable on another machine; HOST is this machine."""
         port = DEFAULT.port if self.path is not None else self.port
         there = self.path if self.path is not None else self.authority
         return f"ssh -NL {port}:{there} HOST"

@@ -24,11 +24,11 @@ class Meter:
     def __init__(self) -> None:
         self._told: deque[tuple[int, tuple[int, ...]]] = deque()
         self._rates: tuple[float, ...] | None = None
-        """Of what was told, until `_silent_ns`; None: not worked out."""
+        """Rates from the added counters, valid until `_silent_ns`; None: not calculated."""
         self._silent_ns = 0
 
     def add(self, at_ns: int, *counters: int) -> None:
-        """What they were at `at_ns`; 0, or what has been told before, is no news."""
+        """Add the counters of time `at_ns`; a time of 0, or one not newer than the last, is ignored."""
         told = self._told
         if told:
             last_ns, last = told[-1]
@@ -68,8 +68,8 @@ class RateHistory:
         self._last_ns = 0
 
     def add(self, now_ns: int, value: float) -> bool:
-        """Note it where a second has gone by since the last; returns whether. Seconds in which nobody looked
-        have the value that was seen next."""
+        """Add the value if a second has passed since the last; returns whether it did. Seconds without a look
+        get the value of the next look."""
         passed = (now_ns - self._last_ns + _NS // 4) // _NS if self._last_ns else 1  # a look may come early
         if passed < 1:
             return False

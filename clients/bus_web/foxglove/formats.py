@@ -59,7 +59,7 @@ class Formats:
         self._services: dict[tuple[TypeKind, TypeKind], ServiceFormat] = {}
 
     async def find(self, kind: TypeKind) -> Codec | str | None:
-        """A text says why the type has none; None where the bus doesn't tell now: ask again later."""
+        """A text: why the type has no codec. None: the bus gives no answer now; ask again later."""
         known = self._known.get(kind)
         if known is not None:
             return known
@@ -78,7 +78,7 @@ class Formats:
         return known
 
     async def find_service(self, request: TypeKind, response: TypeKind) -> ServiceFormat | None:
-        """None where the bus doesn't tell, or ROS 2 can't describe it."""
+        """None if the bus gives no answer, or ROS 2 can't describe the service."""
         known = self._services.get((request, response))
         if known is not None:
             return known

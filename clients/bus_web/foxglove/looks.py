@@ -20,7 +20,7 @@ class Looks:
         self._reasons[topic].add(reason)
 
     def remove(self, topic: str, reason: str) -> None:
-        """Nothing happens where that was none."""
+        """Remove a reason; without effect if there was no such reason."""
         reasons = self._reasons.get(topic)
         if reasons is None:
             return

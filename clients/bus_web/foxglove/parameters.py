@@ -70,7 +70,7 @@ class Parameters:
         return self._follows_all or bool(self._followed)
 
     def on_event(self, heard: Heard) -> None:
-        """An event of a node whose parameters have changed."""
+        """Handle an event of a node about its changed parameters."""
         try:
             event = heard.message
             changed = [
@@ -106,7 +106,7 @@ class Parameters:
         return found
 
     async def _values(self, node: str, names: list[str] | None) -> list[Parameter]:
-        """`names` None: of all that it has."""
+        """Values of a node's parameters; `names` None means all."""
         async with self._places:
             try:
                 async with asyncio.timeout(_ANSWER_S):

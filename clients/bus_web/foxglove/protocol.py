@@ -1,7 +1,7 @@
-"""Foxglove's WebSocket protocol: what clients say, checked, and the frames of the server. Pure.
+"""Foxglove's WebSocket protocol: checked requests of clients, and the frames of the server. Pure.
 
-Two subprotocols, the same in all that is used here. Texts are JSON objects with `op`; in binary frames the
-first byte says what it is, numbers are little-endian.
+The two subprotocols do not differ in the parts used here. Texts are JSON objects with `op`. In binary frames
+the first byte is the type of the frame; numbers are little-endian.
 """
 
 import struct
@@ -236,7 +236,7 @@ def text(op: str, **fields: Any) -> bytes:
 
 
 def status(level: Level, message: str, id: str | None = None) -> bytes:
-    """Says something to whoever sits there. Of one `id` the last holds."""
+    """A message for the user of the client. The last status with one `id` is valid."""
     words = message if len(message) <= _MOST_STATUS else f"{message[: _MOST_STATUS - 3]}..."
     more = {} if id is None else {"id": id}
     return text("status", level=int(level), message=words, **more)
@@ -253,12 +253,12 @@ def message(subscription: int, time_ns: int, parts: Iterable[Any]) -> bytes:
 
 
 def time(time_ns: int) -> bytes:
-    """What time it is, where that is not the wall clock's."""
+    """The frame with the time, if it is not the wall clock's."""
     return struct.pack("<BQ", _TIME, time_ns)
 
 
 def response(call: Call, encoding: str, parts: Iterable[Any]) -> bytes:
-    """What the service has answered."""
+    """The frame with the answer of a service."""
     name = encoding.encode()
     return b"".join((struct.pack("<BIII", _RESPONSE, call.service_id, call.call_id, len(name)), name, *parts))
 

@@ -19,7 +19,7 @@ __all__ = ["Publishing"]
 
 _MOST_CHANNELS = 256
 _MOST_DEFINITION = 256 << 10
-"""Characters of a type's definition: to read a long one holds up everybody else."""
+"""Characters of a type's definition: reading a long one delays all other clients."""
 _DEPTH = 10
 
 
@@ -83,7 +83,7 @@ class Publishing:
     async def _schema(self, one: ClientChannel) -> MessageSchema:
         """The type as it is on the bus; else as it is known here; else as the client describes it.
 
-        Raises BusError where there is none.
+        Raises BusError if there is none.
         """
         parts = one.schema_name.split("/")
         name = f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else one.schema_name

@@ -112,7 +112,7 @@ class Session(Watcher):
         self._client = client = Client(socket, Outbox(shared=hub.waiting))
         self._news = asyncio.Event()
         self._has_looked = asyncio.Event()
-        """Since it came: what was seen of the bus before may be long ago."""
+        """Set by the first look since the client came: an earlier look may be old."""
         self._absence = Absence()
         self._channels = Channels(formats, client)
         self._subscriptions = Subscriptions()
@@ -152,7 +152,7 @@ class Session(Watcher):
                         await part.close()
 
     def _introduce(self) -> None:
-        """Say who serves and what can be had; once more, where a clock has come or gone."""
+        """Send the server's name and capabilities; again if a clock has come or gone."""
         self._client.notify(self._server.told(has_clock=self._clock.is_there))
 
     # --- of the hub
