@@ -97,7 +97,7 @@ class Gate:
         return len(origin) == 1 and (given == f"http://{host}" or given in self._origins)
 
     def _cookies(self, headers: Sequence[str]) -> list[str]:
-        """Values of its own cookies. Browsers send the cookies of all servers on this machine."""
+        """Values of its own cookies. Browsers send cookies of all servers on this machine, in any format."""
         pairs = (one.strip().partition("=") for header in headers for one in header.split(";"))
         return [value for name, _, value in pairs if name == self._cookie]
 

@@ -87,7 +87,7 @@ class Outbox:
         return len(self._frames)
 
     def notify(self, data: bytes) -> None:
-        """What is of no topic is never dropped: whoever says it must look at `notices` first."""
+        """What is of no topic is never dropped: the caller must check `notices` first."""
         self.notices += 1
         self.notice_bytes += len(data)
         self._append("", data)

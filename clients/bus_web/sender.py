@@ -33,7 +33,7 @@ class Sender:
 
     @property
     def notices(self) -> int:
-        """How many frames wait that are of no topic. They are never dropped: look before adding more."""
+        """Number of queued frames without a topic. They are never dropped: look before adding more."""
         return self._outbox.notices
 
     @property

@@ -31,7 +31,7 @@ _POLICY_VIOLATION, _INTERNAL_ERROR = 1008, 1011
 
 
 class Server:
-    """`files` by their paths, `handlers` by their subprotocols; whoever comes must pass the `gate`."""
+    """`files` by their paths, `handlers` by their subprotocols; each request must pass the `gate`."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Server:
         self._connections = Connections()
 
     async def open(self, listening: socket.socket) -> None:
-        """Answer whoever connects to `listening`, until `close`, which closes that too."""
+        """Answer clients that connect to `listening`, until `close`, which closes that too."""
         self._server = await serve(
             self._serve,
             sock=listening,
