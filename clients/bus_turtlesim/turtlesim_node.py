@@ -145,7 +145,7 @@ def _parser() -> ArgumentParser:
 
 
 def _serve(listen: Place) -> Page | None:
-    """Log the address of the page, or the reason why there is none."""
+    """Start the page; print its address, or the reason why there is none."""
     try:
         page = Page(listen)
     except NoPage as error:
