@@ -1,4 +1,4 @@
-"""Where the program `busd` begins: until it can end in order, a Ctrl-C ends it at once.
+"""The start of the program `busd`: until it can end in order, a Ctrl-C ends it at once.
 
 Importing this belongs to the program.
 """

@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _warn_of_doubts(config, listener)
             command = command_line(arguments)
             if run(_serve(listener, config, options, partial(find_fault, command))):
-                logging.shutdown()  # what waits to be written would go with this program
+                logging.shutdown()  # lines that wait to be written would go with this program
                 hand_over(command, listener.bequeath())
         return 0
     except AlreadyRunning as error:
@@ -162,7 +162,7 @@ async def _serve(
     find_fault: Callable[[], Coroutine[Any, Any, str]],
 ) -> bool:
     """Serve until the end; returns whether another busd is to take over."""
-    gc.freeze()  # what was imported stays: no collection need look at it
+    gc.freeze()  # imported modules stay: no collection need look at them
     gc.set_threshold(*_THRESHOLDS)
     own = os.getuid()
     access = Access(own, config.access)

@@ -1,7 +1,7 @@
 """Users, groups and modes as the configuration names them, and as the kernel knows them.
 
-Owns the way from names to numbers, and what contradicts itself between the rules and the socket. Must not
-know what a rule decides: that is busd.core.access.
+Owns the way from names to numbers, and the contradictions between the rules and the socket. Must not know
+what a rule decides: that is busd.core.access.
 """
 
 import grp
@@ -29,9 +29,9 @@ class SocketTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """`[socket]`: which users can reach the socket at all. Raises ConfigurationError for a bad value."""
 
     mode: int = 0o600
-    """Of the socket's file; in TOML 0o660 is octal."""
+    """Mode of the socket's file; in TOML 0o660 is octal."""
     group: str | int | None = None
-    """The socket's group, or None for that of the process."""
+    """The socket's group, or None for the process's group."""
 
     def __post_init__(self) -> None:
         if self.mode & ~0o666 or self.mode & 0o600 != 0o600:
@@ -53,7 +53,7 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     groups: _Names = ()
     allow: bool = True
     shared_memory: bool = False
-    """Of earlier versions; between users everything goes by socket."""
+    """A key of earlier versions; between users everything goes by socket."""
 
     def rule(self, key: str) -> AccessRule:
         """Raises ConfigurationError, naming the `key` and what is wrong, also for an unknown name."""
@@ -80,17 +80,17 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 def user_id(name: str | int, key: str) -> int:
-    """Raises ConfigurationError where there is no such user; a number needs none."""
+    """Raises ConfigurationError if there is no such user; a number needs none."""
     return _number(name, key, "user", lambda text: pwd.getpwnam(text).pw_uid, pwd.getpwall, "pw_name")
 
 
 def group_id(name: str | int, key: str) -> int:
-    """Raises ConfigurationError where there is no such group; a number needs none."""
+    """Raises ConfigurationError if there is no such group; a number needs none."""
     return _number(name, key, "group", lambda text: grp.getgrnam(text).gr_gid, grp.getgrall, "gr_name")
 
 
 def find_doubts(rules: Sequence[AccessRule], path: Path) -> list[str]:
-    """What in the rules means nothing, or contradicts the socket that now listens at `path`."""
+    """Parts of the rules that mean nothing, or contradict the socket that now listens at `path`."""
     doubts = [
         f"{text} means nothing any more: between users everything goes by socket; remove it"
         for rule in rules
@@ -101,7 +101,7 @@ def find_doubts(rules: Sequence[AccessRule], path: Path) -> list[str]:
 
 def _doubts_of_the_socket(rules: Sequence[AccessRule], path: Path) -> list[str]:
     try:
-        if str(path).startswith("@"):  # an abstract socket, which the kernel lets everybody reach
+        if str(path).startswith("@"):  # an abstract socket: the kernel lets every user reach it
             mode, folder = 0o666, 0o755
         else:
             mode, folder = path.stat().st_mode, path.parent.stat().st_mode

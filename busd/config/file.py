@@ -25,7 +25,7 @@ class BridgeTables(msgspec.Struct, frozen=True):
     content: object = None
 
     def change(self, place: str, after: "BridgeTables") -> str:
-        """What the log says where this, called `place` there, has become `after`."""
+        """The text of the log if this, called `place` there, has become `after`."""
         old, new = (one.content if isinstance(one.content, dict) else {} for one in (self, after))
         tables = [f"{place}.{name}" for name in old | new if old.get(name) != new.get(name)]
         return f"{', '.join(tables) or place}: changed, which a bridge reads when it starts"
@@ -43,13 +43,13 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     log_format: str = "text"
     """How a line of the log looks, one of LOG_FORMATS."""
     limits: Limits = Limits()
-    """What each process may make busd hold."""
+    """Limits of the resources that each process may make busd hold."""
     topics: tuple[TopicRule, ...] = ()
     """Caps by topic name."""
     socket: SocketTable = SocketTable()
     """The users that can reach the socket at all."""
     access: tuple[AccessRule, ...] = ()
-    """What users other than the daemon's own and root may do; the first that matches decides."""
+    """Rules for users other than the daemon's own and root; the first that matches decides."""
     bridge: BridgeTables = BridgeTables()
     """The tables that bridges read, and busd does not."""
 
@@ -65,7 +65,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def load(path: Path) -> Config:
-    """The configuration in the file at `path`; what it leaves out has its default.
+    """The configuration in the file at `path`; missing keys have their defaults.
 
     Raises ConfigurationError, naming the file and the key or line, for everything that is wrong with it.
     """

@@ -1,7 +1,7 @@
 """SIGHUP: the configuration is read again and put in force, or left as it was where something is wrong.
 
-Owns the configuration in force, what the log calls a change of it, and what SIGHUP means to a busd that was
-started in a terminal. Must not know what the values do.
+Owns the configuration in force, the log's words for a change of it, and the meaning of SIGHUP to a busd that
+was started in a terminal. Must not know what the values do.
 """
 
 import logging

@@ -1,10 +1,10 @@
 """The broker as a pure state machine: values in, effects out. No I/O, no clock, no event loop.
 
-    message, run, time --> `broker.py` --+-- `entrance.py`    who may connect
+    message, run, time --> `broker.py` --+-- `entrance.py`    which processes may connect
                                          +-- `registry.py`    nodes and endpoints come and go
                                          +-- `matching.py`    which match; `match.py`: the states of a match
                                          +-- `router.py`      runs into queues
-                                         +-- `shm_routes.py`  who reads whose ring
+                                         +-- `shm_routes.py`  which ring each process reads
                                          +-- `queries.py`     the graph, types, peers
                                          v
                               effects (`effects.py`), in order

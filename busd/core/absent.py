@@ -1,10 +1,10 @@
-"""Subscriptions whose process was lost: what was to come to them by socket is kept, in case they are back.
+"""Subscriptions of lost processes: busd keeps accounts of the samples due by socket until they are back.
 
-A process that loses its connection comes back when it can. What it has missed of publishers that are there
-then follows from their sequence numbers. Of publishers that have left meanwhile only busd knows: so busd
-keeps here, by the gid of the subscription and for its user alone, from which number on each publisher's
-samples were for it, and what the last number was. Owns these accounts and their bounds; routes nothing and
-matches nothing.
+A process that loses its connection comes back when it can. Sequence numbers then show which samples of
+present publishers it has missed. Only busd knows the publishers that have left meanwhile. So for each of them
+busd keeps the first number that was for the subscription, and the last one. The key is the gid of the
+subscription, and only its user may claim the account. Owns these accounts and their bounds; routes nothing
+and matches nothing.
 """
 
 import logging
@@ -77,7 +77,7 @@ class _Account(msgspec.Struct, gc=False):
 
 
 Accounts = dict[bytes, _Account]
-"""By the publisher's gid."""
+"""The key is the publisher's gid."""
 
 
 class _Absentee:
@@ -135,7 +135,7 @@ class Absentees:
             source.publisher, source.has_left = publisher, False
 
     def go(self, publisher: Publisher) -> None:
-        """A publisher is about to leave the graph: this is all that it has published."""
+        """A publisher is about to leave the graph: it will publish nothing more."""
         source = self._sources.get((publisher.topic.name, publisher.gid))
         if source is not None and source.publisher is publisher:
             source.end(publisher.next_seq - 1, has_left=publisher.has_left)
@@ -145,8 +145,9 @@ class Absentees:
     def find(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """A subscription is there and is yet to be matched: if it is back, tell it what it can't know.
 
-        Of a publisher that has left, that is what it has missed. Of one that it has never had a sample of,
-        from which number on the samples were for it; Matched then shows what it has missed.
+        For a publisher that has left, busd tells it the samples missed. For a publisher without a sample
+        delivered so far, busd tells it the first number that was for it; Matched then shows the samples
+        missed.
         """
         key = _key(subscription)
         if (before := self._here.get(key)) is not None:  # it is lost, but still in the graph
@@ -170,7 +171,7 @@ class Absentees:
                 now_ns = yield _SOME
         self._take(key)  # not before: it may be lost again while this is done
         subscription.dropped_before = absentee.dropped
-        # What may come again is not yet dropped for good.
+        # Samples that may come again are not yet dropped for good.
         comes_again = subscription.takes_history or subscription.is_lossless
         explained = {} if comes_again else absentee.dropped
         if missed or explained:
@@ -183,9 +184,8 @@ class Absentees:
             self._open[subscription.id].pop(publisher.gid, None)
 
     def settle(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
-        """It is matched with all publishers that are there: what it has missed of others will not come.
-
-        Except from those that were lost, too: they may come back with their history.
+        """It is matched with all present publishers: missed samples of other publishers will not come.
+        Exception: publishers that were lost, too, may come back with their history.
         """
         if subscription.id in self._open:
             now_ns = yield from self._settle(now_ns, subscription, out.append)
@@ -272,7 +272,9 @@ class Absentees:
         return absentee
 
     def _give_up(self, key: Key, *, has_room: bool = True) -> None:
-        """Drop the accounts of one that did not come back in time, or is the longest absent of too many."""
+        """Drop the accounts of a subscription that did not come back in time, or is the longest absent of too
+        many.
+        """
         if (absentee := self._take(key)) is None:
             return
         if not has_room:
@@ -330,7 +332,7 @@ class Absentees:
             self._timers.add(due_ns, self._check)
 
     def _check(self, now_ns: int) -> None:
-        """Give up those that are absent for too long, some at a time."""
+        """Give up subscriptions that are absent for too long, some at a time."""
         self._is_looking = False
         late_ns = now_ns - KEEP_NS
         late = [

@@ -1,6 +1,6 @@
 """Which users may do what on which topics.
 
-Owns the rules, their order, and what holds where no rule applies. Must not know names of users and groups
+Owns the rules, their order, and the default if no rule applies. Must not know names of users and groups
 (busd.config.access finds their numbers), nor what follows from a denial.
 
 Users are numbers, as the kernel gives them for the process at the other end of a connection. The daemon's own
@@ -25,7 +25,7 @@ _MOST_REMEMBERED = 16_384
 
 
 class Subject(NamedTuple):
-    """A process, as rules see it. `gids` are all of its groups, or None where they are not known."""
+    """A process, as rules see it. `gids` are all of its groups, or None if they are unknown."""
 
     uid: int
     gids: frozenset[int] | None = frozenset()
@@ -55,16 +55,16 @@ class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
     is_for_all: bool = False
     allow: bool = True
     names: dict[int, str] = {}
-    """Of the users, as far as the file has them."""
+    """Names of the users, as far as the file has them."""
     ignored: tuple[str, ...] = ()
-    """Keys in it that mean nothing any more."""
+    """Keys in the rule that mean nothing any more."""
 
     def __post_init__(self) -> None:
         for pattern in self.topics:
             compiled(pattern, "access.topics")
 
     def is_for(self, who: Subject) -> bool:
-        """Whether this rule applies to `who`. Unknown groups are taken for those that are denied."""
+        """Whether this rule applies to `who`. Unknown groups count as groups that are denied."""
         if self.is_for_all or who.uid in self.uids:
             return True
         if who.gids is None:
@@ -80,7 +80,7 @@ class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
 class Access:
     """The rules in the order of the file, for a daemon of the user `own_uid`: the first that matches decides.
 
-    Where no rule applies, it is denied.
+    If no rule applies, the action is denied.
     """
 
     def __init__(self, own_uid: int = _ROOT, rules: tuple[AccessRule, ...] = ()) -> None:

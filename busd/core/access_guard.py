@@ -32,12 +32,12 @@ class AccessGuard:
         self._reported: dict[int, set[tuple[Action, str]]] = {}
 
     def renew(self, access: Access) -> None:
-        """Other rules hold from now on; what they deny is reported anew."""
+        """Other rules apply from now on; their denials are reported anew."""
         self.access = access
         self._reported.clear()
 
     def admit(self, node: Node, action: Action, topic: str, out: list[Effect]) -> None:
-        """Raises AccessDenied where the user of `node` may not do that.
+        """Raises AccessDenied if the user of `node` may not do that.
 
         The first time, the log reports it, and so does busd to the other ends on the topic, which may wait
         for it.
@@ -69,14 +69,14 @@ class AccessGuard:
         return blake2b(gid, digest_size=len(gid), salt=peer.uid.to_bytes(16, "little")).digest()
 
     def price(self, looks: int) -> int:
-        """Of what was asked since `access.looks` was that."""
+        """Price of the questions asked since `access.looks` had that value."""
         return max(0, self.access.looks - looks) // RULES_PER_UNIT
 
     def may_observe(self, peer: Peer, topic: str) -> bool:
         return self.access.decide(peer.subject, "observe", topic).is_allowed
 
     def find_fault(self, peer: Peer) -> Generator[int, int, str]:
-        """What `peer` has and its user may not have any more; "" where all is right. Work."""
+        """Something that `peer` has and its user may not have any more; "" if there is nothing. Work."""
         who = peer.subject
         if not self.access.may_connect(who):
             return f"{self.access.name(who.uid)} may not use this busd: its access rules have changed"

@@ -1,9 +1,9 @@
 """The places of connections that are not let in yet: which keep theirs, and which is let in next.
 
 A connection has a place from its accept until it is let in: first silent, then with its Hello said. The
-number of places is fixed. Where more come, the user with most places loses one: in its process with most of
-them, that of the connection that has been silent longest. So a storm displaces itself, and a program that
-comes meanwhile stays.
+number of places is fixed. If more connections come, the user with most places loses one, in its process with
+most places: the place of the connection that has been silent longest. So a storm displaces itself, and a
+program that comes meanwhile stays.
 """
 
 from collections.abc import Hashable
@@ -96,14 +96,14 @@ class Anteroom(Generic[K]):
         return next(iter(process.silent or process.heard))
 
     def silent(self) -> tuple[K, int] | None:
-        """The connection that has been silent longest, and since when; None where none is."""
+        """The connection that has been silent longest, and since when; None if no connection is silent."""
         return next(iter(self._silent.items()), None)
 
     def users_waiting(self) -> list[int]:
-        """The users of connections whose Hello was heard."""
+        """The users of connections that have said Hello."""
         return [user.uid for user in self._users.values() if user.heard]
 
     def first_waiting(self, uid: int) -> tuple[K, int] | None:
-        """The connection of a user whose Hello was heard first, and when; None where none waits."""
+        """The connection of a user that said Hello first, and when; None if no connection waits."""
         user = self._users.get(uid)
         return None if user is None else next(iter(user.heard.items()), None)

@@ -1,4 +1,4 @@
-"""What holds for mirrors and taps, and for nothing else: origins, and who may match whom.
+"""Rules that only apply to bridge mirrors and taps: origins, and which endpoints may match.
 
 Must not know how matches are made. (Their state is BRIDGED of `busd.core.match`.)
 """
@@ -11,10 +11,9 @@ __all__ = ["are_for_each_other", "check_origin"]
 
 
 def are_for_each_other(publisher: Publisher, subscription: Subscription) -> bool:
-    """Whether there may be a match at all; nobody is told where not.
-
-    What bridges have brought never goes back to a bus that it was on. A tap is for lossless publishers alone
-    or for all others alone, so that each publisher has one.
+    """Whether there may be a match at all; if not, no process is told. Samples from a bridge never go back to
+    a bus that they were on. A tap is for lossless publishers alone or for all others alone, so that each
+    publisher has one.
     """
     origin = publisher.node.origin
     if origin is not None:
@@ -28,7 +27,7 @@ def are_for_each_other(publisher: Publisher, subscription: Subscription) -> bool
 
 
 def check_origin(origin: Origin) -> None:
-    """Raises RemoteProtocolError for one that can't be shown."""
+    """Raises RemoteProtocolError for an origin that can't be shown."""
     for text in (origin.bridge, origin.bus, *origin.via):
         if not text.isprintable():  # it is shown on terminals and in logs
             raise RemoteProtocolError(f"origin {text!r}, which can't be printed")

@@ -8,9 +8,9 @@
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
 
-Each takes the work it does off `broker.meter`. Where nothing is left, it stops within a step or two: what a
-peer asked for, or left behind, goes on with `go_on`, before any other message of that peer is handled; what
-is due stays due. With an unlimited meter all is done at once.
+Each takes the work it does off `broker.meter`. If the meter is used up, the call stops within a step or two.
+`go_on` continues the requests of a peer, and the removal of its remains, before any other message of that
+peer is handled. Timers that are due stay due. With an unlimited meter all is done at once.
 
 A peer's mistake becomes a Refused (the request is not carried out) or a Fault and a Disconnect (the peer
 broke the protocol); it is never an exception. An exception out of the broker is a bug of busd.
@@ -53,8 +53,8 @@ from busd.core.work import FRAME, LOOKS_PER_UNIT, Meter, Work
 
 
 class Broker:
-    """`uid` is the daemon's user, who may stop it; `pid` goes with each answer about the graph;
-    `clock_ns` is as in Hello.
+    """`uid` is the daemon's user, which may stop it; `pid` goes with each answer about the graph; `clock_ns`
+    is as in Hello.
 
     `lives` says whether a pid still has a process.
     """
@@ -155,7 +155,7 @@ class Broker:
         return self._take_effects()
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """The connection is gone: remove all that the peer had."""
+        """The connection is gone: remove everything of the peer."""
         peer = self._peers.get(peer_id)
         if peer is not None:
             self._forget(now_ns, peer)
@@ -166,7 +166,7 @@ class Broker:
     ) -> list[Effect]:
         """Carry out one control message.
 
-        `descriptors` are those that it says it brings, in number and kind, or none where they were lost.
+        `descriptors` match the message in number and kind, or are empty if they were lost.
         """
         peer = self._peers.get(peer_id)
         if peer is None:
@@ -223,7 +223,7 @@ class Broker:
         return out
 
     def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> tuple[Publisher, Subscription] | None:
-        """A publisher of the peer's and the only taker of its next run, where that is all there is to do.
+        """A publisher of the peer's and the only taker of its next run, if there is nothing else to do.
 
         None: the run must be given to `route`.
         """
@@ -330,7 +330,7 @@ class Broker:
         self.tasks.do(now_ns, Task(peer, self._depart(peer)))
 
     def _depart(self, peer: Peer) -> Work:
-        """Take all that `peer` had out of the graph. Its requests are dropped."""
+        """Take everything of `peer` out of the graph. Its requests are dropped."""
         for node in tuple(peer.nodes.values()):
             yield from self._registry.remove_node(node, self._out, is_lost=True)
         yield from self.graph.types.forget(peer)

@@ -1,4 +1,4 @@
-"""What has changed in the graph since its observers were last told, and the number of that revision."""
+"""Changes in the graph since the last report to its observers, and the number of that revision."""
 
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
 
@@ -10,7 +10,7 @@ class Changes:
 
     def __init__(self) -> None:
         self.revision = 0
-        """Of the graph as observers know it."""
+        """Revision of the graph as observers know it."""
         self.nodes_added: list[NodeRecord] = []
         self.nodes_removed: list[int] = []
         self.endpoints_added: list[EndpointRecord] = []
@@ -19,7 +19,7 @@ class Changes:
         self.matches_removed: list[MatchRecord] = []
 
     def take(self) -> GraphChanged | None:
-        """What changed since the last call, as the next revision."""
+        """The changes since the last call, as the next revision."""
         if not (
             self.nodes_added
             or self.nodes_removed

@@ -1,11 +1,12 @@
 """The subscriptions of one process to one publisher by socket: a run waits once for all of them.
 
-If a publisher has many subscriptions, a run costs its process a step for each *process* that subscribes. Each
-of those hands it to its subscriptions in turns of its own (`busd.core.router`): so a process with thousands
-of subscriptions delays itself, and no publisher. What waits longer is gathered into fewer runs, and what no
-subscription has room for any more is dropped in whole runs.
+If a publisher has many subscriptions, a run costs its process a step for each *process* that subscribes. The
+subscribing process hands it to its subscriptions in its own turns (`busd.core.router`). So a process with
+thousands of subscriptions delays itself, and no publisher. Runs that wait longer are gathered into fewer
+runs. Whole runs are dropped if no subscription has room for them any more.
 
-Owns what waits and how far each subscription is. Decides nothing about queues and tells no process anything.
+Owns the waiting runs and the position of each subscription. Decides nothing about queues and tells no process
+anything.
 """
 
 from bisect import insort
@@ -74,7 +75,7 @@ class Crowd:
         return bool(self.waiting.runs or self._losses)
 
     def append(self, run: Run) -> None:
-        """`run` is for all members. Of what waits, the oldest runs go that no member has room for."""
+        """`run` is for all members. The oldest waiting runs are dropped if no member has room for them."""
         waiting = self.waiting
         is_overfull = waiting.append(run)
         if self._depth:
@@ -98,7 +99,7 @@ class Crowd:
             losses[1].first_seq = losses.pop(0).first_seq  # the count stays right, if not the reason
 
     def news(self) -> Iterator[News]:
-        """What waits for the members, the oldest first. Others may hold the runs from now on."""
+        """The runs that wait for the members, the oldest first. Others may hold the runs from now on."""
         self.waiting.close()
         losses = iter(self._losses)
         loss = next(losses, None)

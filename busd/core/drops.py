@@ -1,6 +1,6 @@
 """Samples that subscriptions lose in the daemon: counted by reason, and reported to their processes.
 
-Also takes them out of the queues, where they are too old or too many. Must not know what decides that.
+Also takes them out of the queues if they are too old or too many. Must not know the rule for that.
 """
 
 from collections.abc import Callable
@@ -50,7 +50,7 @@ class Drops:
             for source, run in newest.items():
                 match = subscription.matches.get(EndpointId(source))
                 last_seq = run.first_seq + run.count - 1
-                # Where the newest were dropped, no acknowledgement will ever cover them.
+                # If the newest were dropped, no acknowledgement will ever cover them.
                 if match is not None and last_seq >= match.publisher.next_seq - 1:
                     release(match, last_seq, self._emit)
 
@@ -66,7 +66,7 @@ class Drops:
         return 1 + expired // STAMPS_PER_UNIT if expired else 0
 
     def report(self, subscription: Subscription) -> None:
-        """Report to the subscription's process all that was dropped for it."""
+        """Report all drops of the subscription to its process."""
         subscription.is_drop_report_due = False
         peer = subscription.node.peer
         if subscription.id in peer.endpoints:

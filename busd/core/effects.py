@@ -1,4 +1,4 @@
-"""What the core asks the shell to do. The shell carries effects out in order."""
+"""Requests of the core to the shell. The shell carries effects out in order."""
 
 from typing import Any, TypeAlias
 
@@ -21,8 +21,8 @@ class Flush(msgspec.Struct, frozen=True):
     """A subscription's queue, which was empty, has samples for its peer.
 
     The one effect that is not a value: `queue` is the core's own, and the shell takes out of it what the
-    socket takes. So nothing is copied, the core can drop what is too old or too much up to the last moment,
-    and what the shell took no longer counts against the peer's quota.
+    socket takes. So nothing is copied, and the core can drop old or excess samples up to the last moment.
+    Samples that the shell took no longer count against the peer's quota.
     """
 
     peer: PeerId

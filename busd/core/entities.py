@@ -1,4 +1,4 @@
-"""What the broker knows of: peers, nodes, publishers, subscriptions, topics, matches.
+"""The entities of the broker: peers, nodes, publishers, subscriptions, topics, matches.
 
 Plain state. The only rule: a match changes by its table (`busd.core.match`), and with it the tables of its
 ends that follow from its state.
@@ -39,7 +39,7 @@ _Bytes = bytes
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Holder:
-    """What one process, or all processes of one user, make the broker hold."""
+    """Resources that the broker holds for one process, or for all processes of one user."""
 
     uid: int
     queued: Account
@@ -65,7 +65,7 @@ class Holder:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class User(Holder):
-    """What all processes of one user make the broker hold."""
+    """Resources that the broker holds for all processes of one user."""
 
     peers: "dict[PeerId, Peer]" = field(default_factory=dict)
     nodes: int = 0
@@ -81,12 +81,12 @@ class User(Holder):
     unlogged: int = 0
     """Connections that came to nothing and were not logged."""
     absent: int = 0
-    """Subscriptions whose process was lost, and that may be back (busd.core.absent)."""
+    """Subscriptions of lost processes that may come back (busd.core.absent)."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Peer(Holder):
-    """One connected process and all that it makes the broker hold."""
+    """One connected process and the resources that the broker holds for it."""
 
     id: PeerId
     pid: int
@@ -99,7 +99,7 @@ class Peer(Holder):
     lease_ns: int = 0
     """After so long without a sign of life it counts as hung; Hello said so."""
     clock_ns: int = 0
-    """What its monotonic clock is ahead of busd's."""
+    """Nanoseconds by which its monotonic clock is ahead of busd's."""
     version: str = ""
     """The release of busd that the process has."""
     questions: TokenBucket
@@ -107,7 +107,7 @@ class Peer(Holder):
     paused_ns: int = 0
     """Until when the shell does not read it."""
     gids: frozenset[int] | None = frozenset()
-    """All groups of the process, or None where they are not known."""
+    """All groups of the process, or None if they are unknown."""
     is_guest: bool = False
     """Whether its user is another than the daemon's own and root."""
     hears_of_namesakes: bool = False
@@ -119,7 +119,7 @@ class Peer(Holder):
     refused_types: dict[MessageType, str] = field(default_factory=dict)
     """Declared types that busd has not taken: the text with which endpoints of them are refused."""
     lapsed: "set[Publisher]" = field(default_factory=set)
-    """Publishers with automatic liveliness whose lease ended."""
+    """Publishers with automatic liveliness after the end of their lease."""
     is_silent: bool = False
     """Whether it was not heard for its lease: then nothing waits for it (busd.core.silence)."""
     hears_of_silence: bool = False
@@ -127,16 +127,16 @@ class Peer(Holder):
     keeps_places: bool = False
     """Whether its lossless publishers keep the places of subscriptions that were lost (busd.core.places)."""
     perishable: "set[Subscription]" = field(default_factory=set)
-    """Its subscriptions whose queues may hold samples with a lifespan."""
+    """Its subscriptions with queues that may hold samples with a lifespan."""
     doorbell: object | None = None
     readers: object | None = None
-    """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
+    """Descriptors that the process shares for the route shm; opaque here. Both, or none."""
     has_sent_share: bool = False
     """Whether it has sent Share; a second one is a fault."""
     is_bridge: bool = False
     """Whether it has, or had, a node with an origin."""
     has_gone: bool = False
-    """Whether its connection is gone; what it had goes, too."""
+    """Whether its connection is gone; its entities go, too."""
     withheld: int = 0
     """The endpoint that is being made for it, or GRAPH: news of that wait until it is done. 0: nothing."""
     subject: Subject = field(init=False)
@@ -170,7 +170,7 @@ class Node:
     knows_namesake: bool = False
     """Whether its process knows that another node has the same name."""
     origin: Origin | None = None
-    """Where a bridge has brought it from."""
+    """The place that a bridge has brought it from."""
 
     def __post_init__(self) -> None:
         self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
@@ -195,7 +195,7 @@ class Topic:
 
 @dataclass(slots=True, eq=False)
 class Endpoint:
-    """What publishers and subscriptions have in common. `report` is the process's last Report."""
+    """Common parts of publishers and subscriptions. `report` is the process's last Report."""
 
     id: EndpointId
     node: Node
@@ -207,7 +207,7 @@ class Endpoint:
     report: Report | None = field(default=None, init=False)
     is_lossless: bool = field(init=False)
     shown_gid: bytes = field(init=False)
-    """By which users know it."""
+    """The gid that users know."""
 
     kind = ""
 
@@ -254,14 +254,15 @@ class Publisher(Endpoint):
     matches: "dict[EndpointId, Match]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     crowds: dict[PeerId, Crowd] = field(default_factory=dict)
-    """The same by process, where they are many or were; else empty."""
+    """The same by process, if they are many or were; else empty."""
     ahead: "dict[EndpointId, Match]" = field(default_factory=dict)
     awaited: "dict[EndpointId, Match]" = field(default_factory=dict)
     ring: object | None = None
-    """A descriptor, opaque here; None where all goes by socket."""
+    """A descriptor, opaque here; None if all goes by socket."""
     places: set[_Bytes] = field(default_factory=set)
-    """Of lossless subscriptions that were lost before it was declared: it keeps what they have missed by
-    socket."""
+    """Places of lossless subscriptions that were lost before it was declared: it keeps the samples that they
+    have missed by socket.
+    """
     has_shared: bool = False
     """Whether a match is, or was, on the route shm: subscriptions may have samples that did not come through
     here."""
@@ -270,7 +271,7 @@ class Publisher(Endpoint):
     """Whether all have taken more than came through here: credit for it is given when it comes."""
     uncredited_bytes: int = 0
     stands_for: "_Bytes" = b""
-    """The gid of a publisher of another bus, shown in place of its own."""
+    """The gid of a publisher on another bus; observers see it instead of this publisher's gid."""
 
     kind = "publisher"
 
@@ -343,7 +344,7 @@ class Subscription(Endpoint):
     """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason.
 
     Both by gid, because publishers may come back: `last_seqs`, the number up to which it has had all; `owed`,
-    for publishers that have gone, and for those that had samples for it before its match began.
+    for publishers that have gone, and for publishers with samples for it before its match began.
     """
 
     queue: RunQueue
@@ -361,7 +362,7 @@ class Subscription(Endpoint):
     local_only: bool = False
     """It matches publishers of nodes without an origin."""
     is_mirror: bool = False
-    """It stands for one of another bus."""
+    """It stands for a subscription on a different bus."""
     is_tap: bool = False
     """It takes samples for mirrors."""
     flush: Flush = field(init=False)
@@ -401,7 +402,7 @@ class Subscription(Endpoint):
             self.owed.pop(oldest, None)
 
     def dropped_in_all(self) -> dict[str, int]:
-        """What the broker dropped for it, from before it came back, too."""
+        """Samples that the broker dropped for it, also before it came back."""
         both = self.dropped_before, self.dropped
         total = {reason: sum(one.get(reason, 0) for one in both) for reason in both[0] | both[1]}
         return {reason: min(count, MAX_COUNT) for reason, count in total.items()}  # numbers may lie
@@ -443,9 +444,9 @@ class Match:
     """ROUTED, AHEAD: the number of the first sample that counts as routed for it. While it `is_repeated`: the
     number of the next one."""
     is_return: bool = False
-    """Whether the subscription was there before, so that what went to others meanwhile is lost for it."""
+    """Whether the subscription was there before: samples that went to others meanwhile are lost for it."""
     acked_seq: int | None = None
-    """Of a lossless match: the last number taken, or None where the publisher does not wait for it."""
+    """In a lossless match, the last number taken; None if the publisher does not wait for it."""
 
     @property
     def is_shared(self) -> bool:
@@ -466,7 +467,7 @@ class Match:
         return are_both and not self.subscription.is_mirror
 
     def on(self, event: MatchEvent) -> None:
-        """`event` happens. Raises MatchError where it can't."""
+        """`event` happens. Raises MatchError if it can't."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")

@@ -1,6 +1,6 @@
-"""How processes come in: who may connect and when, and as what the broker then knows them.
+"""How processes come in: which may connect and when, and how the broker then knows them.
 
-Owns the numbers of peers. Must not know what a peer does later, nor how it goes.
+Owns the numbers of peers. Must not know the later acts of a peer, nor how it goes.
 """
 
 from collections.abc import Hashable
@@ -46,7 +46,7 @@ class Entrance:
         self._numbers = count(1)
 
     def why_turned_away(self, uid: int, gids: frozenset[int] | None) -> str:
-        """Why a process of that user may not connect; "" where it may."""
+        """Why a process of that user may not connect; "" if it may."""
         access, who = self._access_guard.access, Subject(uid, gids)
         return "" if access.may_connect(who) else access.why_turned_away(who)
 

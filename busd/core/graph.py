@@ -14,7 +14,7 @@ from busd.core.type_table import TypeTable
 
 
 class Graph:
-    """The tables. All changes go through its methods, so that none escapes the observers."""
+    """The tables. All changes go through its methods, so observers miss none."""
 
     def __init__(self) -> None:
         self.nodes: dict[NodeId, Node] = {}
@@ -55,7 +55,7 @@ class Graph:
         return next(iter(self._names.get(full_name, {}).values()), None)
 
     def endpoint_with(self, gid: bytes) -> Publisher | Subscription | None:
-        """The one that users know by that gid; the newest, where it came back before it was seen to go."""
+        """The endpoint that users know by that gid. The newest one, if it came back before busd saw it go."""
         return self._gids.get(gid)
 
     def add_endpoint(self, endpoint: Publisher | Subscription) -> None:
@@ -156,8 +156,9 @@ class Graph:
 
 
 def _count_match(match: Match, number: int) -> None:
-    """Count it for both processes and users, each once; a guest's for the guest alone, who must not use up
-    what others may have."""
+    """Count it for both processes and users, each once. A guest's match counts for the guest alone, because a
+    guest must not use up the quota of others.
+    """
     one, other = match.publisher.node.peer, match.subscription.node.peer
     if one.is_guest is not other.is_guest:
         one = other = one if one.is_guest else other

@@ -1,8 +1,8 @@
-"""The part of the graph that one observer sees, which may not see all.
+"""The part of the graph that one observer with limited access sees.
 
-It sees the endpoints on the topics that it may observe and those of its own process, the nodes of these, its
-own nodes, and the matches of which it sees both ends. Owns what an observer was sent, so that its copy
-stays exact. Must not know why a topic is hidden.
+It sees the endpoints on the topics that it may observe, and the endpoints of its process. It sees the nodes
+of these endpoints, and its own nodes. It sees a match if it sees both ends. Owns the list of records sent to
+an observer, so its copy stays exact. Must not know why a topic is hidden.
 """
 
 from collections import Counter
@@ -29,7 +29,7 @@ class GraphView:
         nodes."""
 
     def fill(self) -> Work:
-        """Look at all that there is; `changed` takes up what comes and goes meanwhile."""
+        """Look at the whole graph; `changed` takes up the changes made meanwhile."""
         self._endpoints.clear()
         self._nodes.clear()
         self._nodes.update([*self._peer.nodes])
@@ -59,7 +59,7 @@ class GraphView:
         return False
 
     def changed(self, change: GraphChanged) -> GraphChanged:
-        """What this observer sees of `change`, which has just been made: maybe nothing but the revision."""
+        """The part of `change`, just made, that this observer sees: maybe only the revision."""
         nodes_gone, gone = {*change.nodes_removed}, {*change.endpoints_removed}
         own = [node.id for node in change.nodes_added if node.id in self._peer.nodes]
         added = [one for one in change.endpoints_added if one.id not in gone and self._is_seen(one)]
@@ -91,7 +91,7 @@ class GraphView:
     def ask_again(self, few: Sequence[Publisher | Subscription], revision: int) -> GraphChanged | None:
         """Ask for the topics of `few`, which are in the graph, once more.
 
-        Returns what comes into sight and what goes thereby, as `revision`; None if nothing does.
+        Returns the records that come into sight and go out of sight, as `revision`; None if nothing does.
         """
         fresh = [one for one in few if one.id not in self._endpoints and self._may_see(one)]
         gone = [one for one in few if one.id in self._endpoints and not self._may_see(one)]
@@ -135,6 +135,6 @@ class GraphView:
         return match.publisher in self._endpoints and match.subscription in self._endpoints
 
     def _matches(self, few: Sequence[Publisher | Subscription]) -> tuple[MatchRecord, ...]:
-        """Of `few`, those that are seen, each once."""
+        """The seen matches of `few`, each once."""
         records = (match_record(match) for one in few for match in one.matches.values())
         return tuple(dict.fromkeys(filter(self._sees_both, records)))

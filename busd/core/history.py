@@ -1,6 +1,6 @@
-"""Samples of one publisher in few runs: its history, and what waits for the many subscriptions of a process.
+"""Samples of one publisher in few runs: its history, and samples for the many subscriptions of a process.
 
-To hand samples on costs a step for each run, and a paced publisher sends each sample as a run of its own. So
+To hand samples on costs a step for each run, and a paced publisher sends each sample as a separate run. So
 the samples of runs of a few samples are gathered into runs of up to 64 KiB. Knows no subscription and no
 clock.
 """
@@ -28,7 +28,7 @@ class GatheredRuns(RunQueue):
 
     def append(self, run: Run) -> bool:
         """Append the samples of `run`; returns whether there are more now than may be."""
-        # A larger one is not worth the copy; behind one that is malformed, no sample would be found.
+        # A larger run is not worth the copy; behind a malformed run, no sample would be found.
         most_bytes = self._most_bytes
         if 2 * len(run.body) > most_bytes or run.count > _FEW_SAMPLES or not run.is_whole:
             self._growing = None
@@ -88,7 +88,7 @@ class PublisherHistory(GatheredRuns):
         return dropped + super().drop_expired(now_ns, gone)
 
     def newest(self, count: int, after_seq: int) -> Iterator[Run]:
-        """As RunQueue's. What may still grow is copied: a buffer with a view can't."""
+        """As RunQueue's. A run that may still grow is copied: a buffer with a view can't grow."""
         for replay in super().newest(count, after_seq):
             if isinstance(replay.body, memoryview) and replay.body.obj is self._growing:
                 replay.body = bytes(replay.body)

@@ -1,4 +1,4 @@
-"""Liveliness: publishers whose lease ended.
+"""Liveliness: publishers after the end of their lease.
 
 Three notions stay apart: a process is connected (its socket), it is responsive (heard within the broker's
 lease, see `busd.core.silence`), a publisher is alive (asserted within its own lease; ROS 2, "About Quality of
@@ -23,7 +23,7 @@ _FEWER = 16
 
 
 class Leases:
-    """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment.
+    """Watches leases by timers that re-arm themselves. So a sign of life costs one assignment.
 
     `lease_ns` is for processes that come from now on; each keeps the lease it came with.
     """
@@ -47,7 +47,7 @@ class Leases:
         self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=TELL)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
-        """Watch the lease of `publisher`, where it has one."""
+        """Watch the lease of `publisher`, if it has one."""
         if publisher.lease_ns:
             self._check_at(now_ns, now_ns + publisher.lease_ns, publisher)
 
@@ -66,7 +66,7 @@ class Leases:
             self._revive(now_ns, publisher)
 
     def _check_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
-        # A timer keeps its publisher in memory: a long lease must not keep one that has gone.
+        # A timer keeps its publisher in memory: a long lease must not keep a publisher that has gone.
         due_ns = min(due_ns, now_ns + self.lease_ns)
         self._timers.add(due_ns, lambda now: self._check_publisher(now, publisher))
 

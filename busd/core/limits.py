@@ -1,7 +1,7 @@
 """How much each process and each user may make busd hold, and the rules for single topics.
 
-Owns the numbers and their ranges. Must not know where the numbers come from
-(busd.config.file reads them) nor how they are enforced.
+Owns the numbers and their ranges. Must not know the source of the numbers (busd.config.file reads them) nor
+how they are enforced.
 
 Both structs are frozen and always valid. A limit "per peer" is for one process: everything that goes over
 its one connection, however many nodes it has. A limit "per user" is for all processes of one user together.
@@ -84,7 +84,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     queued_bytes_per_user: _Bytes = 512 * _MiB
     """Bytes of messages that wait for one user's processes; over it, the one with most loses its oldest."""
     control_bytes_per_peer: _Bytes = 8 * _MiB
-    """Bytes of control frames that wait for one process; over it, it is cut off where it takes none."""
+    """Bytes of control frames that wait for one process; over it, a process that takes none is cut off."""
     control_bytes_per_user: _Bytes = 128 * _MiB
     """Bytes of control frames that wait for one user's processes; over it, the one with most is cut off."""
     history_bytes_per_peer: _Bytes = 64 * _MiB
@@ -108,10 +108,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     @property
     def bytes_per_user(self) -> int:
-        """What one user's processes can make busd hold, whatever they do.
-
-        Messages that wait or have not come whole, history, control frames, schemas; and, by an estimate, what
-        it takes to keep the books of it.
+        """Most bytes that one user's processes can make busd hold, whatever they do. Queued or incomplete
+        messages, history, control frames, schemas; and an estimate of the bookkeeping.
         """
         counted = (
             2 * self.queued_bytes_per_user + self.history_bytes_per_user + 2 * self.control_bytes_per_user
@@ -143,17 +141,17 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class TopicCaps(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What one topic may need at most, within the limits; None sets no cap."""
+    """Caps of one topic, within the limits; None sets no cap."""
 
     max_depth: _Depth | None = None
     """Depth, in messages, of keep-last endpoints; keep all has its window in the limits instead."""
     max_message_bytes: _MessageBytes | None = None
     """Size in bytes of one encoded message."""
     max_lifespan_s: _Lifespan | None = None
-    """Seconds after which a message is no longer delivered, also where its publisher set no lifespan."""
+    """Seconds after which a message is no longer delivered, even if its publisher set no lifespan."""
 
     def cap(self, qos: QoSProfile) -> QoSProfile:
-        """`qos` with its depth and lifespan brought down to the caps; the same object where both fit."""
+        """`qos` with its depth and lifespan brought down to the caps; the same object if both fit."""
         changes: dict[str, int | float] = {}
         if self.max_depth is not None and qos.history is History.KEEP_LAST and qos.depth > self.max_depth:
             changes["depth"] = self.max_depth
@@ -168,7 +166,7 @@ _NO_CAPS = TopicCaps()
 class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Caps for every topic whose full name matches `pattern`.
 
-    What stands for what in a pattern is in busd.core.patterns.
+    The syntax of patterns is in busd.core.patterns.
 
     Raises ConfigurationError for a pattern that no topic's name can match and for a value out of range.
     """
@@ -185,7 +183,7 @@ class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 def rules_for(topic: str, rules: Collection[TopicRule]) -> TopicCaps:
-    """What all rules that match `topic` say together: of each cap the tightest, whatever their order."""
+    """The result of all rules that match `topic`: the tightest value of each cap, in whatever order."""
     found = [rule for rule in rules if rule.matches(topic)] if rules else []
     if not found:
         return _NO_CAPS

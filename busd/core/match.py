@@ -1,4 +1,4 @@
-"""What a match goes through: its states, what may happen in each of them, and which state follows.
+"""The states of a match, the events that may happen in each of them, and the state that follows.
 
 Owns the table and nothing else. The matches themselves, and the tables of their ends that follow from their
 states, are in `busd.core.entities`.
@@ -11,7 +11,7 @@ __all__ = ["SHARED", "TRANSITIONS", "MatchError", "MatchEvent", "MatchState"]
 
 
 class MatchState(Enum):
-    """Where a match stands."""
+    """State of a match."""
 
     __hash__ = object.__hash__  # Enum's own is a call in Python
 

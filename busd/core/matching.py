@@ -32,7 +32,7 @@ _ACKED_SEQ = attrgetter("acked_seq")
 
 
 def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[str, str] | None:
-    """Why the two don't match: the policy (or TYPE) and the text; None where they do."""
+    """Why the two don't match: the policy (or TYPE) and the text; None if they do."""
     if publisher.type != subscription.type:
         offered, requested = publisher.type, subscription.type
         if offered[0] == requested[0]:
@@ -155,10 +155,10 @@ def can_share(publisher: Publisher, subscription: Subscription) -> bool:
 def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
     """Put a match on the route socket that was on the route shm, and tell the subscription.
 
-    When the subscription has left the ring (LeaveRing), busd tells the publisher, which sends to it alone
-    what it has not had: of the history, and of what was published since the match began. When the publisher
-    says that this is done (CaughtUp), the subscription gets what all get. So each sample goes one way, and is
-    counted once.
+    When the subscription has left the ring (LeaveRing), busd tells the publisher. The publisher sends the
+    missing samples to it alone: those of the history, and those published since the match began. When the
+    publisher says that this is done (CaughtUp), the subscription gets what all get. So each sample goes one
+    way, and is counted once.
     """
     publisher, subscription = match.publisher, match.subscription
     graph.reroute(match)
@@ -188,7 +188,7 @@ def end_match(
 
 
 def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
-    """Tell a lossless publisher the number that all it waits for have acknowledged, if that has grown."""
+    """Tell a lossless publisher the number that all it waits for have acknowledged, if it has grown."""
     last_seq = publisher.next_seq - 1
     seq: int = min(map(_ACKED_SEQ, publisher.awaited.values()), default=last_seq)
     publisher.is_credit_ahead = seq > last_seq

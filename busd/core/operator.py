@@ -1,4 +1,4 @@
-"""Requests of those who run busd: to stop, to restart, to read the configuration again."""
+"""Requests of the operator: to stop, to restart, to read the configuration again."""
 
 from bus.errors import ConfigurationError
 from bus.wire import messages as m
@@ -10,7 +10,7 @@ __all__ = ["Operator"]
 
 
 class Operator:
-    """Has the shell carry them out, if they come from a user whom no rule of access restricts.
+    """Has the shell carry them out, if they come from a user that no rule of access restricts.
 
     `uid` is the daemon's user.
     """

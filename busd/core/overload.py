@@ -1,8 +1,8 @@
-"""What is dropped when a process, or all processes of a user, hold more bytes of samples than they may.
+"""Choice of samples to drop if a process, or all processes of a user, hold too many bytes of samples.
 
-Of a user's processes the one with most loses. Its longest queues lose their runs first, the oldest of each,
-up to the newest; then the newest, too, except the one that has just come: so a single message of any size
-gets through.
+Among a user's processes, the process with most bytes loses. Its longest queues lose their runs first, the
+oldest of each, up to the newest. Then they lose the newest, too, except the run that has just come. So a
+single message of any size gets through.
 """
 
 from collections import deque
@@ -120,8 +120,9 @@ def _relieve(
 def _drop_longest(
     account: Account, longest_first: list[_T], spared: _T | None, drop: Callable[[_T, int, int], None]
 ) -> None:
-    """`drop` from each, longest first, all but its newest run; then the newest, too, except that of
-    `spared`."""
+    """`drop` from each, longest first, all but its newest run; then the newest, too, except the run of
+    `spared`.
+    """
     # To look for the longest costs: with many queues some more goes at once.
     slack = account.limit // 16 if len(longest_first) > _MANY_QUEUES else 0
     for spare in (1, 0):

@@ -1,4 +1,4 @@
-"""Places of lossless subscriptions whose process was lost: their publishers keep them for the lease.
+"""Places of lossless subscriptions of lost processes: their publishers keep them for the lease.
 
 The publisher keeps the samples, within its window. busd says for how long (Unmatched), and tells it at once
 if the process has ended: then nothing waits for that. If the publisher is lost, too, before it has repeated
@@ -88,7 +88,7 @@ class Places:
     def await_repeated(self, now_ns: int, match: Match) -> None:
         """The process of a publisher was lost; the match ends now.
 
-        What it was to repeat comes when it is back. If it does not come back in time, that is lost.
+        Samples that it was to repeat come when it is back. If it does not come back in time, they are lost.
         """
         if match.is_repeated:
             publisher, subscription = match.publisher, match.subscription

@@ -1,5 +1,4 @@
-"""Questions and their answers: the graph, types, what each process makes busd hold; and the observers of the
-graph.
+"""Questions and their answers: the graph, types, resources of each process; and the observers of the graph.
 
 Handlers of the broker's control messages, as in `busd.core.registry`. Owns the observers. Changes nothing
 that a peer could see.
@@ -54,7 +53,7 @@ class Queries:
         self._absentees = absentees
         self._pid = pid
         self._observers: dict[PeerId, GraphView | None] = {}
-        """What each observer sees; None: everything."""
+        """The view of each observer; None: everything."""
         self._filling: dict[PeerId, GraphView] = {}
         """Views that are being filled; then their peers observe."""
 
@@ -108,7 +107,7 @@ class Queries:
             yield from view.fill()
             del self._filling[peer.id]
         self._observers[peer.id] = view
-        peer.withheld = GRAPH  # what changes from here on must not come before the answer
+        peer.withheld = GRAPH  # later changes must not come before the answer
         answer = yield from take_snapshot(
             self._graph,
             message.request,
@@ -132,7 +131,9 @@ class Queries:
         return TELL * (len(self._observers) + len(self._filling))
 
     def renew(self, peer: Peer, out: list[Effect]) -> Work:
-        """Other rules of access hold: send `peer`, if it observes, what it sees more or less by them."""
+        """Other rules of access apply: if `peer` observes, send it the records that it now sees or no longer
+        sees.
+        """
         graph, guard = self._graph, self._access_guard
         at_once = max(1, min(_ASKED_AT_ONCE, _RULES_AT_ONCE // (1 + len(guard.access.rules))))
         tables: tuple[Mapping[EndpointId, Publisher | Subscription], ...]

@@ -1,6 +1,6 @@
 """How much each process and each user may have: every comparison with a limit, and the text of each refusal.
 
-Owns the users, and what all processes of a user hold together. Must not know what is made where there is
+Owns the users, and the totals of all processes of a user. Must not know the things that are made if there is
 room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.overload`.
 """
 
@@ -37,7 +37,7 @@ _FEW = 32
 """Records of a graph, or matches, that cost as much as one declaration."""
 
 _WITHOUT_REFUSAL = frozenset({m.DeclareType, m.DestroyNode, m.DestroyEndpoint, m.Ping})
-"""Messages that have no answer, so that they can't be refused: they are carried out, and counted."""
+"""Messages without an answer. They can't be refused: busd carries them out and counts them."""
 _FOR_THE_GRAPH = frozenset({m.GetGraph, m.GetPeers, m.Observe})
 _COUNTED = frozenset(
     {m.CreateNode, m.CreatePublisher, m.CreateSubscription, m.GetType} | _FOR_THE_GRAPH | _WITHOUT_REFUSAL
@@ -104,7 +104,7 @@ class Quotas:
     def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
         """Why one more process of a user can't be let in ("": it can), and whether the log has said so.
 
-        `connections` are all, `of_user` that user's, each with the one that asks.
+        `connections` counts all, `of_user` that user's; both include the asking connection.
         """
         most, most_of_user = self.limits.connections, self.limits.connections_per_user
         if connections > most:
@@ -120,9 +120,9 @@ class Quotas:
     def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
         """One more process of a user wants to come in, which said Hello at `said_ns`.
 
-        Returns 0 where it may, and counts it; else how long to wait before asking again. So a user whose
-        processes come without end takes little time from busd and from others; but none waits longer than a
-        second, or than a part of the time for the handshake.
+        Returns 0 if it may, and counts it; else how long to wait before asking again. So a user with an
+        endless stream of processes takes little time from busd and from others. No process waits longer than
+        a second, or than a part of the time for the handshake.
         """
         arrivals = self.user(now_ns, uid).arrivals
         longest_ns = min(_LONGEST_PAUSE_NS, int(self.limits.handshake_s * 1e9) // _HANDSHAKE_PART)
@@ -150,13 +150,13 @@ class Quotas:
         """Count a control frame; a question about the graph counts for the records that busd goes through,
         too.
 
-        `records` are those of the graph. So does a guest's GetType: busd looks for an endpoint of that type
-        that the guest may see.
+        `records` counts the records of the graph. So does a guest's GetType: busd looks for an endpoint of
+        that type that the guest may see.
 
-        Raises QuotaExceeded where there were too many for now, if that can be answered, and RefusedForNow for
-        commands, whose limit is no setting. A process that is
-        over its own rate is not read for a while, so that refusing costs no more than serving. One that only
-        asks waits long before that: the burst is for a process that declares all that it has.
+        Raises QuotaExceeded if there were too many for now and the frame can be answered. Raises
+        RefusedForNow for commands: their limit is no setting. busd does not read a process over its own rate
+        for a while, so refusing costs no more than serving. A process that only asks waits long before that:
+        the burst is for a process that declares all its entities.
         """
         kind = type(message)
         if kind not in _COUNTED:
@@ -195,7 +195,7 @@ class Quotas:
             self._pause(now_ns, peer, min(wait_ns, self._longest_pause_ns), out)
 
     def check_node(self, peer: Peer) -> None:
-        """Raise QuotaExceeded where there is no room for another node."""
+        """Raise QuotaExceeded if there is no room for another node."""
         limits = self.limits
         _check(
             ("nodes", peer, len(peer.nodes), 1, limits.nodes_per_peer),
@@ -203,7 +203,7 @@ class Quotas:
         )
 
     def check_type(self, peer: Peer) -> None:
-        """Raise QuotaExceeded where there is no room for another type."""
+        """Raise QuotaExceeded if there is no room for another type."""
         limits = self.limits
         _check(
             ("types", peer, len(peer.types) + len(peer.refused_types), 1, limits.endpoints_per_peer),
@@ -214,9 +214,8 @@ class Quotas:
     def check_endpoint(
         self, now_ns: int, peer: Peer, topic: str, topics: Collection[str], matches: int
     ) -> None:
-        """Raise QuotaExceeded where there is no room for another endpoint on `topic`, of as many `matches`.
-
-        `topics` are all that exist. A match of a guest and a peer that is none counts for the guest alone.
+        """Raise QuotaExceeded if there is no room for another endpoint on `topic`, of as many `matches`.
+        `topics` counts all topics. A match of a guest and a peer that is none counts for the guest alone.
         """
         limits, user = self.limits, peer.user
         asked: list[_Asked] = [
@@ -241,7 +240,7 @@ class Quotas:
     def take_descriptors(self, peer: Peer, descriptors: tuple[object, ...]) -> None:
         """Count `descriptors` for as long as anything holds them.
 
-        Raises QuotaExceeded where there is no room for them; then they are not counted.
+        Raises QuotaExceeded if there is no room for them; then they are not counted.
         """
         limits, more = self.limits, len(descriptors)
         _check(
@@ -278,7 +277,7 @@ class Quotas:
     def records(
         self, now_ns: int, only: User | None
     ) -> tuple[tuple[m.PeerRecord, ...], tuple[m.UserRecord, ...]]:
-        """What every process and every user holds, or `only` that user."""
+        """Records of the resources of every process and every user, or of `only` that user."""
         users = (
             [user for user in self.users.values() if user.peers or user.absent] if only is None else [only]
         )
@@ -341,7 +340,9 @@ def _name(holder: Holder) -> str:
 
 
 def _descriptors(holder: Holder) -> int:
-    """How many busd holds of it; those of connections are the kernel's and the shell's, but count as well."""
+    """How many busd holds of it. Connections have descriptors in the kernel and the shell; these count as
+    well.
+    """
     return len(holder.descriptors) + (len(holder.peers) if isinstance(holder, User) else 1)
 
 

@@ -1,9 +1,9 @@
-"""Nodes, endpoints and types come and go: what a peer may make, under which limits and rules.
+"""Nodes, endpoints and types come and go: the entities that a peer may make, under which limits and rules.
 
 Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError,
 QuotaExceeded or AccessDenied (the broker answers Refused); an id that is not the peer's own raises
-RemoteProtocolError. What may take long is Work, done in pieces. While an endpoint is being made, its process
-gets no news of it (`Peer.withheld`): others know of it first.
+RemoteProtocolError. Long tasks are Work, done in pieces. While an endpoint is being made, its process gets no
+news of it (`Peer.withheld`): others know of it first.
 """
 
 import logging
@@ -225,7 +225,7 @@ class Registry:
         return self._remove_endpoint(self.own_endpoint(peer, message.endpoint), out)
 
     def own_endpoint(self, peer: Peer, number: int) -> Publisher | Subscription:
-        """The peer's endpoint with that id; RemoteProtocolError where it has none."""
+        """The peer's endpoint with that id; RemoteProtocolError if it has none."""
         endpoint = peer.endpoints.get(EndpointId(number))
         if endpoint is None:
             raise RemoteProtocolError(f"endpoint {number} is not one of yours")
@@ -290,9 +290,8 @@ class Registry:
         yield ENDPOINT
 
     def _free_gid(self, now_ns: int, peer: Peer, gid: bytes, out: list[Effect]) -> Steps:
-        """Raises RefusedForNow where an endpoint has that gid: a mirror comes by one way only.
-
-        What a process that has gone had goes first: a bridge may be back.
+        """Raises RefusedForNow if an endpoint has that gid: a mirror comes by one way only. Endpoints of a
+        process that has gone are removed first: a bridge may be back.
         """
         other = self._graph.endpoint_with(self._access_guard.gid(peer, gid))
         if other is None:
@@ -359,7 +358,7 @@ class Registry:
 def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
     """Tell the process of `node`, once and if it may see that, that `other` has the same name."""
     mine, its = node.peer, other.peer
-    # The same process by another connection may be one that comes back, before the old one was seen to end.
+    # The same process may come back by another connection before busd saw the old one end.
     is_back = mine is not its and mine.process == its.process
     may_hear = mine.hears_of_namesakes and node.origin is None and (mine.uid == its.uid or not mine.is_guest)
     if may_hear and not is_back and not node.knows_namesake:
@@ -371,7 +370,7 @@ def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
 
 
 def _within(most: int, topic: str, qos: QoSProfile) -> QoSProfile:
-    """`qos` within depth `most`. ConfigurationError where a program chose a larger depth."""
+    """`qos` within depth `most`. ConfigurationError if a program chose a larger depth."""
     if qos.history is not History.KEEP_LAST or qos.depth <= most:
         return qos
     if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:

@@ -1,10 +1,10 @@
 """The hot path: a run of samples from a publisher to the queues of its matched subscriptions.
 
-Costs one step per run and subscription, whatever the number of samples in the run; no payload is decoded.
-If the subscriptions are many, the publisher's turn pays for a step per run and *process*, and each of those
-hands the run to its subscriptions in turns of its own (`busd.core.crowd`).
-A queue that a run overfills is not trimmed at once: the shell first sends what the subscriber's socket takes,
-then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
+Costs one step per run and subscription, whatever the number of samples in the run; no payload is decoded. If
+the subscriptions are many, the publisher's turn pays for a step per run and *process*, and each process hands
+the run to its subscriptions in its own turns (`busd.core.crowd`). A queue that a run overfills is not trimmed
+at once. The shell first sends as much as the subscriber's socket takes, then calls `trim`. So a subscriber
+that keeps up loses nothing to batching.
 """
 
 from collections.abc import Callable, Iterable
@@ -69,7 +69,7 @@ class Router:
     def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
         """Queue `run` for every matched subscription.
 
-        Raises RemoteProtocolError where the publisher's numbers go back, or a run claims too many samples.
+        Raises RemoteProtocolError if the publisher's numbers go back, or a run claims too many samples.
         """
         size = len(run.body)
         payload_bytes = size - run.count * RECORD_HEAD_BYTES
@@ -131,7 +131,7 @@ class Router:
     def passed_on(self, publisher: Publisher, first_seq: int, count: int, size: int) -> bool:
         """Count a run of `size` bytes, which the shell passes on to its only taker.
 
-        False where only `route` can do it; then nothing is done.
+        False if only `route` can do it; then nothing is done.
         """
         payload_bytes = size - count * RECORD_HEAD_BYTES
         if (
@@ -147,7 +147,7 @@ class Router:
         return True
 
     def _gather(self, publisher: Publisher) -> None:
-        """See to it that `publisher.crowds` are there where its subscriptions are many, and else are not."""
+        """Make `publisher.crowds` if its subscriptions are many, and remove them if not."""
         crowds, routed = publisher.crowds, publisher.routed
         if len(routed) <= _MANY_QUEUES:
             if not any(one.has_news or one.is_due for one in crowds.values()):
@@ -247,7 +247,7 @@ class Router:
     def trim(self, now_ns: int) -> None:
         """Bring the overfull queues within their bounds: oldest samples first, each counted.
 
-        What has expired goes first, but no more of it than must: a queue that is full costs no more for that.
+        Expired samples go first, but no more of them than must: a queue that is full costs no more for that.
         """
         for subscription in self._overfull:
             queue = subscription.queue
@@ -310,7 +310,7 @@ class Router:
         match.begin_routing()
 
     def give_up_repeated(self, now_ns: int, match: Match) -> None:
-        """The publisher sends nothing again any more: what did not come is lost."""
+        """The publisher sends nothing again any more: samples that did not come are lost."""
         if match.is_repeated:
             self._pass_over(now_ns, match, match.publisher.next_seq)
 

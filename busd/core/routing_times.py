@@ -1,7 +1,7 @@
 """How long busd has runs in its hands: a histogram that costs next to nothing to fill.
 
 Owns the buckets. Must not know a clock: the shell measures, from a read off a publisher's socket until all
-that it brought was handed on.
+its runs were handed on.
 """
 
 from bus.wire.records import RoutingRecord

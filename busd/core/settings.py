@@ -1,6 +1,7 @@
-"""What the operator can change while busd runs: limits, topic rules and access. How new values are applied.
+"""Settings that the operator can change while busd runs: limits, topic rules and access. How new values are
+applied.
 
-Must not know where they come from.
+Must not know their source.
 """
 
 from collections.abc import Callable, Collection
@@ -41,7 +42,7 @@ class AccessReview:
         self._cut = cut
 
     def change(self, access: Access, peers: Collection[Peer]) -> None:
-        """New rules: each guest is held against them in turns of its own, before what else waits."""
+        """New rules: each guest is checked against them in its own turns, before its other waiting tasks."""
         if access.rules == self.guard.access.rules:  # a change asks for each endpoint of each guest
             return
         self.guard.renew(access)

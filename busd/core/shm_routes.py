@@ -1,7 +1,7 @@
-"""The route through shared memory: what processes share, which ring each reads, and the way back.
+"""The route through shared memory: descriptors that processes share, rings that they read, and the way back.
 
 Handlers of the broker's control messages, as in `busd.core.registry`. Descriptors are opaque here: the shell
-has looked at them. Where some did not arrive (a process was out of descriptors), samples go by socket.
+has looked at them. If some did not arrive (a process was out of descriptors), samples go by socket.
 """
 
 import logging

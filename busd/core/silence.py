@@ -1,9 +1,9 @@
-"""Silence: processes that were not heard for their lease, and what must not wait for them.
+"""Silence: processes that were not heard for their lease, and publishers that must not wait for them.
 
 A silent process is there as long as its connection is: it may be busy, or stopped, and wake up. So it keeps
 its nodes, endpoints and matches. Only what waits for it goes on without it: a lossless publisher stops
-waiting for its lossless subscriptions until it is heard again. What they miss by that is counted where it is
-lost, as with any subscription that is too slow. (The leases of publishers are in `busd.core.leases`.)
+waiting for its lossless subscriptions until it is heard again. Samples that they miss are counted at the
+place of the loss, as with any slow subscription. (The leases of publishers are in `busd.core.leases`.)
 """
 
 import logging
@@ -48,7 +48,7 @@ class Silences:
         self._check_at(now_ns + peer.lease_ns)
 
     def end(self, now_ns: int, peer: Peer) -> None:
-        """It is heard again; what it said before that was at its `last_heard_ns`."""
+        """It is heard again; it spoke last at its `last_heard_ns`."""
         silent_ns = now_ns - peer.last_heard_ns
         peer.is_silent = False
         self.watch(now_ns, peer)
@@ -90,7 +90,7 @@ class Silences:
         self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))
 
     def _report_one(self, now_ns: int, news: tuple[Peer, int], match: Match) -> None:
-        """By what is true now, however often it is told."""
+        """Report the present state, however often this is called."""
         (peer, silent_ns), waiting = news, match.publisher.node.peer
         if match.has_ended or not match.is_lossless or peer.id not in self._peers:
             return
@@ -108,7 +108,7 @@ class Silences:
 
 
 def _matches(peer: Peer) -> Iterator[Match]:
-    """Of its lossless subscriptions."""
+    """Matches of its lossless subscriptions."""
     for subscription in peer.subscriptions():
         if subscription.is_lossless:
             yield from tuple(subscription.matches.values())

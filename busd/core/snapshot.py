@@ -33,7 +33,7 @@ def take_snapshot(
 ) -> Generator[int, int, GraphSnapshot]:
     """Everything, or only the `shown` nodes and endpoints, as the answer to `request`.
 
-    What changes after the first step is not in it.
+    Changes after the first step are not in it.
     """
     revision = graph.changes.revision
     nodes = list(graph.nodes.values())

@@ -1,9 +1,9 @@
 """Work for peers that is done in pieces: tasks that wait for the next turn of their peer.
 
 A peer has one task at a time for what it has asked for, or for what its end leaves behind; before that is
-done, nothing else that it sends is handled. Beside it there may be feeds: what waits for the peer, which get
-half of each turn. Also owns the effects that are withheld from a peer while its task makes something: first
-all others learn of it. Must not know what the work does.
+done, nothing else that it sends is handled. Beside it there may be feeds (samples that wait for the peer).
+They get half of each turn. Also owns the effects that are withheld from a peer while its task makes
+something: first all others learn of it. Must not know what the work does.
 """
 
 from collections import deque
@@ -22,7 +22,7 @@ __all__ = ["Task", "Tasks"]
 
 
 class Task(msgspec.Struct):
-    """Work for a peer: to carry out `message`, or what comes of its end, or of runs for it."""
+    """Work for a peer: to carry out `message`, or work after its end, or work for its runs."""
 
     peer: Peer
     work: Work
@@ -40,7 +40,7 @@ class Tasks:
         out: list[Effect],
     ) -> None:
         self.unfinished: dict[PeerId, Task] = {}
-        """Of peers, present or gone: done before what they send next is handled. Opaque to the shell."""
+        """Tasks of peers, present or gone: done before their next message is handled. Opaque to the shell."""
         self.feeds: dict[PeerId, deque[Task]] = {}
         """What is done beside them, for peers that are present."""
         self.withheld: dict[PeerId, list[Effect]] = {}
@@ -75,7 +75,9 @@ class Tasks:
         peer.withheld = 0
 
     def begin(self, peer_id: PeerId, work: Work, *, is_first: bool = False) -> None:
-        """`work` is to be done in turns of a peer, beside its requests; of one that has gone it is not."""
+        """`work` is to be done in turns of a peer, beside its requests. For a peer that has gone it is not
+        done.
+        """
         if (peer := self._peers.get(peer_id)) is not None:
             feeds = self.feeds.setdefault(peer_id, deque())
             (feeds.appendleft if is_first else feeds.append)(Task(peer, work))
@@ -102,14 +104,14 @@ class Tasks:
             del self.feeds[peer_id]
 
     def feed_all(self, now_ns: int) -> None:
-        """Do at once all that was begun beside requests."""
+        """Do at once all work that was begun beside requests."""
         for peer_id in tuple(self.feeds):
             while peer_id in self.feeds:
                 self._meter.left = UNLIMITED
                 self.feed(now_ns, peer_id)
 
     def drop(self, peer: Peer) -> None:
-        """The peer goes, and what was begun for it with it."""
+        """The peer goes, and with it all work begun for it."""
         self.unfinished.pop(peer.id, None)
         self.feeds.pop(peer.id, None)
         self.withheld.pop(peer.id, None)

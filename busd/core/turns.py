@@ -5,8 +5,8 @@ A *party* is one process; more connections give it no more. Work is counted in u
 
 A party that asks for little is served at once, out of an allowance that fills up again with time. One that
 has used it up, or that leaves work behind, stands in the line. The shell serves one turn of the line between
-two looks at its sockets. So a party within its allowance waits for the turn that is being served, at most
-one or two; one that has used it up waits, with n parties in the line, for the n - 1 turns of the others.
+two looks at its sockets. So a party within its allowance waits for the turn that is being served, at most one
+or two. A party that has used it up waits, with n parties in the line, for the n - 1 turns of the others.
 """
 
 from collections import deque
@@ -49,7 +49,7 @@ class Party(Generic[Job]):
 
 
 class Turns(Generic[Job]):
-    """The parties, and the line of those that wait."""
+    """The parties, and the line of waiting parties."""
 
     def __init__(self) -> None:
         self._parties: WeakValueDictionary[Hashable, Party[Job]] = WeakValueDictionary()
@@ -92,7 +92,7 @@ class Turns(Generic[Job]):
         return party
 
     def next_job(self, party: Party[Job]) -> Job | None:
-        """The job to go on with in this turn; None where the turn is over. It may `wait` again."""
+        """The job to go on with in this turn; None if the turn is over. It may `wait` again."""
         if party.left <= 0 or not party.jobs:
             return None
         job = party.jobs.popleft()

@@ -1,6 +1,6 @@
 """The types that processes have declared, with their descriptions.
 
-Owns the tables and what each process and user holds of them. Must not know who uses a type.
+Owns the tables and what each process and user holds of them. Must not know the users of a type.
 """
 
 from collections import Counter
@@ -17,7 +17,7 @@ class TypeTable:
     def __init__(self) -> None:
         self.trusted: dict[MessageType, bytes] = {}
         self.of_guests: dict[MessageType, bytes] = {}
-        """Descriptions by guests, who might lie."""
+        """Descriptions by guests; a guest might lie."""
         self._declarers: Counter[MessageType] = Counter()
         """How many peers have declared a type."""
 

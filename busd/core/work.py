@@ -1,4 +1,4 @@
-"""What the broker's work costs, and long work in pieces.
+"""Costs of the broker's work, and long work in pieces.
 
 A unit is about a microsecond on a present-day machine. The prices were measured once and rounded; only their
 proportions matter. Knows no clock.
@@ -27,7 +27,7 @@ ENDPOINT = 20
 """An endpoint is made or taken out."""
 SAMPLES_PER_UNIT = 64
 STAMPS_PER_UNIT = 8
-"""Samples whose age is looked at."""
+"""Samples checked for their age."""
 RUNS_PER_UNIT = 2
 """Runs that are dropped."""
 RUNS_AT_ONCE = 128
@@ -76,7 +76,7 @@ class Rounds(Generic[S, T]):
         self._rounds: deque[tuple[S, Iterator[T]]] = deque()
 
     def begin(self, now_ns: int, subject: S, things: Iterator[T]) -> None:
-        """A round through `things`, after those that have begun."""
+        """A round through `things`, after the rounds already begun."""
         self._rounds.append((subject, things))
         if len(self._rounds) == 1:
             self._go_on(now_ns)

@@ -155,7 +155,7 @@ class _Lines(logging.Handler):
             while not self._waiting:
                 if self._is_closed:
                     return None
-                # Where nothing can be written now, the next line is soon enough: each try costs something.
+                # If nothing can be written now, the next line is soon enough: each try costs something.
                 has_to_report = self._left_out and not self._is_failing
                 if not self._changed.wait(_TELL_S if has_to_report else None):
                     self._write_left_out()
@@ -167,7 +167,7 @@ class _Stderr:
     """Writes to stderr, whatever that is, and waits as long as that takes. Turns over a log file that is
     full.
 
-    `path`: of the log file, if stderr is one. `write` raises OSError where nothing can be written.
+    `path`: of the log file, if stderr is one. `write` raises OSError if nothing can be written.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -203,7 +203,7 @@ class _Stderr:
                 ready.poll()
 
     def _go_on(self, most_bytes: int) -> None:
-        """Go on in the file at the path, or in this one from its beginning where that can't be had.
+        """Go on in the file at the path. If it can't be opened, go on in this one from its beginning.
 
         One that has `most_bytes` is full.
         """

@@ -14,7 +14,7 @@ _log = logging.getLogger("busd")
 
 
 class Repetitions:
-    """Logs lines; one that repeats the line before within ten seconds gets the level DEBUG."""
+    """Logs lines; a line that repeats the line before within ten seconds gets the level DEBUG."""
 
     def __init__(self) -> None:
         self._last = ""

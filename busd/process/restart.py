@@ -26,7 +26,7 @@ def command_line(arguments: Sequence[str] | None) -> list[str]:
 
 
 async def find_fault(command: Sequence[str]) -> str:
-    """Why `command` could not start, in one line; empty where it could."""
+    """Why `command` could not start, in one line; empty if it could."""
     try:
         process = await asyncio.create_subprocess_exec(
             *command,
@@ -51,5 +51,5 @@ async def find_fault(command: Sequence[str]) -> str:
 
 
 def hand_over(command: Sequence[str], bequest: Mapping[str, str]) -> None:
-    """Become `command`, whose environment has the `bequest`, too. Returns only by raising OSError."""
+    """Become `command`; its environment has the `bequest`, too. Returns only by raising OSError."""
     os.execve(command[0], [*command], {**os.environ, **bequest})

@@ -14,7 +14,7 @@ READY = "READY=1"
 STOPPING = "STOPPING=1"
 ALIVE = "WATCHDOG=1"
 
-# READY must get through a queue that is full for a moment; one that stays full must not hang the daemon.
+# READY must get through a queue that is full for a moment; a queue that stays full must not hang the daemon.
 _SEND_TIMEOUT_S = 1.0
 
 

@@ -1,6 +1,6 @@
 """The shell around the core: the socket, connections, turns, effects, the end.
 
-    `listener.py` -> `admission.py` (until Hello) -> `peer.py` -> `serving.py` (whose turn) -> busd.core
+    `listener.py` -> `admission.py` (until Hello) -> `peer.py` -> `serving.py` (turns) -> busd.core
     sockets <- `peer.py` <- `effect_runner.py` <------------------------------- effects <-------+
 
 `passing.py` is the short way of a run that needs no queue. `life.py` has the states of busd as a table,

@@ -1,9 +1,9 @@
 """The way in: connections from their accept to their Hello, until their user's turn comes and they are let
 in.
 
-Owns the readiness of the listening socket, and the connections that are not let in yet. Of such a one busd
-holds the descriptor, and bytes only while a part of its Hello is missing. It has one of a fixed number of
-places (`busd.core.anteroom`), never one of a peer. All of them together may take a part of the processor's
+Owns the readiness of the listening socket, and the connections that are not let in yet. For such a connection
+busd holds the descriptor, and bytes only while a part of its Hello is missing. It has one of a fixed number
+of places (`busd.core.anteroom`), never one of a peer. All of them together may take a part of the processor's
 time; above that, new ones wait in the backlog. So a storm of them leaves the rest of the time to peers. Must
 not know what is said after Hello, nor what a user may do.
 """
@@ -43,7 +43,7 @@ _MOST_TURNED_AWAY = 1024
 
 
 class AdmissionHost(Protocol):
-    """What admission asks the server."""
+    """Questions of admission to the server."""
 
     @property
     def handshake_s(self) -> float: ...
@@ -52,7 +52,7 @@ class AdmissionHost(Protocol):
         """The frame of busd's own Hello."""
 
     def why_turned_away(self, who: Credentials) -> str:
-        """Why that user may not connect at all; "" where it may."""
+        """Why that user may not connect at all; "" if it may."""
 
     def arrive(self, who: Credentials, said_ns: int) -> int:
         """How many ns a connection that said Hello at `said_ns` must wait; 0: it may come in, and is
@@ -69,7 +69,7 @@ class AdmissionHost(Protocol):
 
 
 class _Newcomer:
-    """`number` is that of its descriptor while busd looks at it (epoll), else -1."""
+    """`number` is its descriptor's number while busd looks at it (epoll), else -1."""
 
     __slots__ = ("greeting", "hello", "number", "sock", "who")
 
@@ -81,7 +81,7 @@ class _Newcomer:
         self.hello: Hello | None = None
 
     def listen(self) -> bool:
-        """Read what has come of its Hello; False where it has closed. Raises RemoteProtocolError."""
+        """Read what has come of its Hello; False if it has closed. Raises RemoteProtocolError."""
         try:
             while self.hello is None:
                 more = strangers.receive(self.sock, self.greeting.wanted)
@@ -95,8 +95,9 @@ class _Newcomer:
         return True
 
     def close(self) -> None:
-        """What it has sent is read: it may have brought descriptors, and where something unread is left, the
-        other side's libuv would perhaps not see the end."""
+        """busd reads the rest of its data: the data may have brought descriptors. If something unread were
+        left, the other side's libuv would perhaps not see the end.
+        """
         strangers.finish(self.sock)
 
 
@@ -109,7 +110,7 @@ class Admission:
         self._loop = asyncio.get_running_loop()
         self._anteroom: Anteroom[_Newcomer] = Anteroom()
         self._by_number: dict[int, _Newcomer] = {}
-        # An epoll of its own: cheaper for connections that come and go, and it reports an end without a read.
+        # A separate epoll: cheaper for connections that come and go, and it reports an end without a read.
         self._epoll = select.epoll()
         self._cost = TokenBucket(_SHARE_US_PER_S, _BURST_US)
         self._rest: asyncio.TimerHandle | None = None
@@ -141,7 +142,8 @@ class Admission:
         return most
 
     def close(self) -> None:
-        """Accept no more, and close those that were not let in, without a word: another busd may serve them.
+        """Accept no more, and close connections that were not let in, without a word: another busd may serve
+        them.
 
         Their clients try again, as those do that a busd leaves in its backlog.
         """
@@ -185,7 +187,7 @@ class Admission:
         self._charge(began_ns)
 
     def _charge(self, began_ns: int) -> None:
-        """Charge the time that newcomers have cost, and make them wait where it was too much."""
+        """Charge the time that newcomers have cost, and make them wait if it was too much."""
         now_ns = monotonic_ns()
         self._cost.take(now_ns, (thread_time_ns() - began_ns) // 1000)
         if owed_ns := self._cost.owed_ns(now_ns):
@@ -262,7 +264,7 @@ class Admission:
         return newcomer.number >= 0 and newcomer.hello is None
 
     def _may_come_in(self, newcomer: _Newcomer, said_ns: int, now_ns: int) -> bool:
-        """Ask for its user's turn; where that is later, look again then."""
+        """Ask for its user's turn; if the turn is later, look again then."""
         wait_ns = self._host.arrive(newcomer.who, said_ns)
         if wait_ns:
             self._wake_by(now_ns + wait_ns)
@@ -334,10 +336,12 @@ class Admission:
         self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
 
     def _tick(self) -> None:
-        """Turn away what has been silent for too long, and let in those whose turn it is."""
+        """Turn away connections that have been silent for too long, and let in connections that have their
+        turn.
+        """
         began_ns = thread_time_ns()
         self._timer = None
-        self._poll()  # one that has closed is not let in, and one that has said Hello by now is not too late
+        self._poll()  # a closed connection is not let in; a Hello said by now is not too late
         now_ns = monotonic_ns()
         while (first := self._anteroom.silent()) is not None:
             newcomer, since_ns = first

@@ -1,8 +1,8 @@
 """Wakes the core up when one of its timers is due.
 
-If this process was stopped or starved meanwhile, peers whose leases seem to have ended may well have sent
-something: the core is woken up a moment later, when that has been read. It happens once for each timer, so
-that leases also end on a machine that is always late.
+If this process was stopped or starved meanwhile, peers with seemingly ended leases may have sent something.
+So the core is woken up a moment later, after busd has read it. It happens once for each timer. So leases also
+end on a machine that is always late.
 """
 
 import asyncio

@@ -40,15 +40,15 @@ class _Socket(Protocol):
 class Credentials(msgspec.Struct, frozen=True):
     """The process that made the connection, as it was then: its pid may have been given to another since.
 
-    Where the system doesn't tell, pid is 0 and uid and gid are -1. A pid is also 0 where the process lives
-    in a pid namespace that this one can't see.
+    If the system doesn't tell, pid is 0 and uid and gid are -1. A pid is also 0 if the process lives in a pid
+    namespace that this one can't see.
     """
 
     pid: int
     uid: int
     gid: int
     groups: frozenset[int] | None = frozenset()
-    """All groups, `gid` included; None where they can't be told, because there are too many."""
+    """All groups, `gid` included; None if they can't be told, because there are too many."""
     process: ProcessKey = ("pid", 0)
     """The process. If the kernel does not tell which one it is, each connection counts as a process."""
 
@@ -66,7 +66,7 @@ def peer_credentials(peer: _Socket) -> Credentials:
 
 
 def lives(pid: int) -> bool:
-    """Whether the process runs, or is stopped; True also where that can't be found out. A zombie does not."""
+    """Whether the process runs, or is stopped; True also if that can't be found out. A zombie does not."""
     try:
         process = os.pidfd_open(pid) if pid > 0 else -1
     except OSError as error:
@@ -125,7 +125,7 @@ def _peer_groups(peer: _Socket, gid: int) -> frozenset[int] | None:
 
 
 def process_name(pid: int) -> str:
-    """A short name for a process, for logs, as program_name makes it; "unknown" where it can't be read."""
+    """A short name for a process, for logs, as program_name makes it; "unknown" if it can't be read."""
     try:
         return program_name(Path(f"/proc/{pid}/cmdline").read_bytes())
     except OSError:
@@ -144,7 +144,7 @@ def program_name(command_line: bytes) -> str:
 
 
 def _script(arguments: list[str]) -> str | None:
-    """The script or module that a Python command line runs; None where there is none."""
+    """The script or module that a Python command line runs; None if there is none."""
     if not Path(arguments[0]).name.startswith("python"):
         return None
     rest = iter(arguments[1:])

@@ -1,6 +1,6 @@
 """Carries out the effects of the core: messages and runs go to the sockets, in an order that peers rely on.
 
-Owns what is queued and not flushed yet. Decides nothing; what concerns busd as a whole is for the server.
+Owns what is queued and not flushed yet. Decides nothing; matters of busd as a whole are for the server.
 """
 
 import logging
@@ -23,7 +23,7 @@ _WRITE = 4
 
 
 class EffectHost(Protocol):
-    """What effects lead to besides messages."""
+    """Results of effects besides messages."""
 
     def serve_later(self, peer: PeerId) -> None:
         """The core has begun something for that peer, present or gone."""
@@ -49,7 +49,7 @@ class EffectRunner:
         self._host = host
 
     def carry_out(self, effects: list[Effect]) -> None:
-        """Carry them out in order; what they queue is sent by `flush`."""
+        """Carry them out in order; `flush` sends the messages that they queue."""
         overfull: list[PeerConnection] = []
         encoded, frame = None, b""  # a change of the graph is the same message for all observers
         for effect in effects:
@@ -89,7 +89,7 @@ class EffectRunner:
             self._relieve(connection)
 
     def flush(self, last: PeerConnection | None = None) -> None:
-        """Send to every peer that something waits for; last to `last`, whose message was handled.
+        """Send to every peer with waiting data; last to `last`, the sender of the message just handled.
 
         A subscription that learns that it exists may count on every publisher knowing it by then.
         """

@@ -1,6 +1,6 @@
-"""The life of busd: its states, what may happen in each of them, and which state follows.
+"""The life of busd: its states, the events that may happen in each of them, and the state that follows.
 
-Owns the table and nothing else. What has to be done when the state changes is in `busd.server.server`.
+Owns the table and nothing else. The actions at a change of state are in `busd.server.server`.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ __all__ = ["TRANSITIONS", "Life", "LifeError", "LifeEvent", "LifeState"]
 
 
 class LifeState(Enum):
-    """What busd is doing."""
+    """State of busd."""
 
     __hash__ = object.__hash__  # Enum's own is a call in Python
 
@@ -103,7 +103,7 @@ class Life:
 
     @property
     def is_ending(self) -> bool:
-        """Whether busd lets nobody in any more."""
+        """Whether busd lets no process in any more."""
         return self.state is not LifeState.SERVING
 
     @property

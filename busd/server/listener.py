@@ -41,7 +41,7 @@ _HANDOVER = "BUSD_HANDOVER"
 
 
 class AlreadyRunning(ConfigurationError):
-    """Another process serves this path; `pid` is None where it can't be found out."""
+    """Another process serves this path; `pid` is None if it can't be found out."""
 
     def __init__(self, path: Path, pid: int | None, *, program: str = "busd") -> None:
         suffix = f" (pid {pid})" if pid else ""
@@ -55,7 +55,7 @@ class SocketRights(Protocol):
 
     @property
     def mode(self) -> int:
-        """Of the socket's file."""
+        """Mode of the socket's file."""
 
     @property
     def group(self) -> str | int | None:
@@ -63,7 +63,7 @@ class SocketRights(Protocol):
 
     @property
     def gid(self) -> int | None:
-        """Its number, or None if the group stays that of the process."""
+        """The group's number, or None if the socket keeps the process's group."""
 
 
 class Listener:
@@ -91,9 +91,9 @@ class Listener:
             self._lock = None
 
     def let_in(self, rights: SocketRights | None) -> None:
-        """Set the socket's mode and group, where it is ours to set; connections that are there stay.
+        """Set the socket's mode and group, if busd may set them; existing connections stay.
 
-        Raises ConfigurationError where that is not permitted.
+        Raises ConfigurationError if that is not permitted.
         """
         if self._lock is not None:
             try:
@@ -104,7 +104,7 @@ class Listener:
     def bequeath(self) -> dict[str, str]:
         """Leave the socket and the lock to the program that this process runs next.
 
-        Returns what its environment must say, so that its `open_listener` finds them.
+        Returns the variables that its environment needs for its `open_listener` to find them.
         """
         kept = [self.socket.fileno()] if self._lock is None else [self.socket.fileno(), self._lock.fileno()]
         for descriptor in kept:
@@ -131,9 +131,9 @@ def open_listener(
     """Listen on the socket that a service manager passed, else at `path`, else where `socket_path` says.
 
     First of all counts the socket that the program before this one, in the same process, has left
-    (`Listener.bequeath`). The variables that say so are removed from `environ`, so that no child takes them
-    for its own. A missing folder is made where it is the default one; any other must exist. `rights`: of
-    others, by default none; a socket that a service manager passed stays as it is.
+    (`Listener.bequeath`). The variables that say so are removed from `environ`; else a child could take them
+    for its own. A missing folder is made if it is the default one; any other must exist. `rights`: of others,
+    by default none; a socket that a service manager passed stays as it is.
 
     Raises AlreadyRunning if another process serves the path, and ConfigurationError, which says why, if the
     socket or its folder can't be used or can't be trusted.
@@ -178,7 +178,7 @@ def _activated(environ: MutableMapping[str, str]) -> Listener | None:
 
 
 def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None:
-    """What was bequeathed to us, if it is for `path` and still in place; else the socket is made anew."""
+    """The bequeathed socket, if it is for `path` and still in place; else the socket is made anew."""
     pid, *numbers = environ.pop(_HANDOVER, "").split() or [""]
     if pid != str(os.getpid()):
         return None
@@ -195,7 +195,7 @@ def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None
 
 
 def _may_enter(rights: SocketRights | None) -> int:
-    """What the default folder's mode may have beyond 0700: users that are let in must get there."""
+    """Bits that the default folder may have besides 0700: users that are let in must get there."""
     mode = 0 if rights is None else rights.mode
     return (0o050 if mode & stat.S_IWGRP else 0) | (0o055 if mode & stat.S_IWOTH else 0)
 
@@ -206,7 +206,7 @@ def _bind(path: Path, rights: SocketRights | None) -> socket.socket:
         _remove_stale(path)
         listening.bind(os.fspath(path))
         try:
-            _let_in(path, rights)  # before listen(), so that no process could connect in between
+            _let_in(path, rights)  # before listen(): no process can connect in between
         except BaseException:
             path.unlink()
             raise
@@ -222,7 +222,7 @@ def _bind(path: Path, rights: SocketRights | None) -> socket.socket:
 
 
 def _let_in(path: Path, rights: SocketRights | None) -> None:
-    """Raises ConfigurationError where this process may not give the socket to that group."""
+    """Raises ConfigurationError if this process may not give the socket to that group."""
     path.chmod(0o600)  # the group comes first: never another one, not for a moment
     if rights is None:
         return

@@ -1,7 +1,7 @@
 """Passes runs on from the buffer that they were read into: no object, no queue, no copy.
 
-Only runs for one subscription whose process takes them at once; at a moderate rate all are. The core says
-which they are, and counts them. Must not know what else a read brings, nor whose turn it is.
+Only runs for one subscription, if its process takes them at once; at a moderate rate all are. The core says
+which they are, and counts them. Must not know the other contents of a read, nor which process has the turn.
 """
 
 from collections.abc import Mapping

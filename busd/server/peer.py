@@ -2,8 +2,8 @@
 
 Descriptors that a peer sends are checked here, before the core sees them: no process must map memory that
 could shrink under it. Of each peer busd holds one for each publisher (their number is limited), its doorbell
-and its readers' segment. Those of publishers that have gone may still wait to be sent to a peer that does not
-read: so all of them together have a bound, and new connections always find room.
+and its readers' segment. Rings of publishers that have gone may still wait for a peer that does not read. So
+all descriptors together have a bound, and new connections always find room.
 """
 
 import asyncio
@@ -63,7 +63,7 @@ _STALL_PART = 0.75
 
 
 class Scheduler(Protocol):
-    """When a connection is served, and what becomes of what was read."""
+    """The time to serve a connection, and the handling of the data read."""
 
     def may_read(self, connection: "PeerConnection") -> bool: ...
 
@@ -110,8 +110,8 @@ def greeting(host: PeerHost) -> bytes:
 class PeerConnection:
     """Takes over `sock`, on which `hello` was read. `id` is the peer's in the core.
 
-    `party` is its process, among those that take turns. `control` is charged with the control frames that
-    wait for it, `unfinished` with messages that have not come whole.
+    `party` is its process, among the processes that take turns. `control` is charged with the control frames
+    that wait for it, `unfinished` with messages that have not come whole.
 
     While it `is_held`, busd neither reads it nor handles what was read: it has asked too often (`pause`), or
     it does not take what is sent to it (`put`).
@@ -132,11 +132,12 @@ class PeerConnection:
         self.credentials = credentials
         self.party = party
         self.items: Iterator[Any] | None = None
-        """What was read and is yet to be handled."""
+        """Data read but not yet handled."""
         self.is_parked = False
         """Its socket is not read, because it waits for its turn."""
         self.is_early = True  # until the server has looked
-        """What its process had over an earlier connection is not removed yet; until then it is not read."""
+        """Entities of its process over an earlier connection are not removed yet; until then it is not read.
+        """
         self.is_choked = False
         """It is not read because it does not take what is sent to it."""
         self._host = host
@@ -178,9 +179,9 @@ class PeerConnection:
             self._choke = self._loop.call_later(_LOOK_S, self._check_choke)
 
     def accept(self, carried: Carried) -> tuple[Descriptor, ...]:
-        """The descriptors that came with a message; none where busd has too many.
+        """The descriptors that came with a message; none if busd has too many.
 
-        Raises RemoteProtocolError where one is not what the message says it is.
+        Raises RemoteProtocolError if a descriptor is not of the kind that the message says.
         """
         kind, claimed = type(carried.message), getattr(carried.message, "descriptors", 0)
         faults = _FAULTS.get(kind, ())
@@ -246,7 +247,7 @@ class PeerConnection:
             self._end(reason)
 
     def leave(self, text: str) -> None:
-        """busd ends: have the peer stop sending, and read all that it has sent."""
+        """busd ends: have the peer stop sending, and read the rest of its data."""
         hello = self.stream.session.peer
         if hello is not None and LEAVING in hello.capabilities:
             self.stream.linger()

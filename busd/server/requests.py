@@ -18,7 +18,7 @@ __all__ = ["RequestHost", "Requests"]
 
 
 class RequestHost(Protocol):
-    """What requests need of the server."""
+    """Services of the server to requests."""
 
     @property
     def is_ending(self) -> bool: ...

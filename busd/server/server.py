@@ -1,7 +1,7 @@
 """Puts the parts of the daemon together, lets connections in and out, and begins the end.
 
-`busd.server.serving` feeds the core, and `busd.server.effect_runner` carries out its effects. What ends busd,
-and how, is a table: `busd.server.life`.
+`busd.server.serving` feeds the core, and `busd.server.effect_runner` carries out its effects. The events that
+end busd, and how, are a table: `busd.server.life`.
 """
 
 import asyncio
@@ -88,7 +88,7 @@ class Server:
 
     @property
     def is_ending(self) -> bool:
-        """Whether nobody is let in any more."""
+        """Whether busd lets no process in any more."""
         return self._life.is_ending
 
     @property
@@ -179,7 +179,7 @@ class Server:
         pid = connection.credentials.pid
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self.is_ending:
-            return  # what it has sent still goes to the others, as if it were there
+            return  # its data still goes to the others, as if it were there
         del self._peers[connection.id]
         self.serving.remove(connection)
         self._watch_idle()

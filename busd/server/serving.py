@@ -1,8 +1,8 @@
 """Feeds the core with what peers send, in turns, and charges each process for the work that it causes.
 
-Owns the order: who is read, handled and gone on with next (`busd.core.turns`). A process within its allowance
-is served at once, any other in its turn; until then its sockets are left alone. Must not know how connections
-come about, nor how busd ends.
+Owns the order: which peer is read, handled and gone on with next (`busd.core.turns`). A process within its
+allowance is served at once, any other in its turn; until then its sockets are left alone. Must not know how
+connections come about, nor how busd ends.
 """
 
 import asyncio
@@ -36,13 +36,13 @@ _PART = 7
 _BYTES_PER_UNIT = 8192
 """Bytes that are read then: for them, the system has to find memory first."""
 _QUESTIONS = frozenset({GetGraph, GetType, GetPeers, Observe})
-"""Messages that need not be handled once their process has gone; what it has published is still routed."""
+"""Messages that need not be handled once their process has gone; its samples are still routed."""
 _CLOSED = ReadState.CLOSED  # looked up for every item
 _Job: TypeAlias = PeerConnection | PeerId
 
 
 class Serving:
-    """Serves `connections`, all that are open; `peers` are those of them that the core knows, by id."""
+    """Serves all open `connections`; `peers` are the connections that the core knows, by id."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class Serving:
     def may_read(self, connection: PeerConnection) -> bool:
         """Whether the connection's socket may be read now; if not, it gets its turn."""
         if connection.is_choked:
-            connection.wrote()  # it may have gone meanwhile, so that this is the end of what it has sent
+            connection.wrote()  # it may have gone meanwhile: then this is the end of its data
         if (
             connection.items is None
             and not (connection.is_early and self._is_early(connection))
@@ -154,18 +154,18 @@ class Serving:
         self._settle(connection.id)
 
     def check_early(self) -> None:
-        """Line up the early connections: what they wait for may have gone."""
+        """Line up the early connections: the entities that they wait for may have gone."""
         early, self._early = self._early, set()
         for connection in early:
             self._line_up(connection.party, connection)
 
     def _settle(self, peer: PeerId) -> None:
-        """If the core has forgotten a peer that has gone, nobody need wait for that any more."""
+        """If the core has forgotten a peer that has gone, no connection need wait for that any more."""
         if peer not in self._broker.tasks.unfinished and self._gone.pop(peer, None) is not None:
             self.check_early()
 
     def _is_early(self, connection: PeerConnection) -> bool:
-        """What its process had over an earlier connection has to be removed first."""
+        """Entities of its process over an earlier connection have to be removed first."""
         if connection.is_early:
             party = connection.party
             connection.is_early = party in self._gone.values() or any(
@@ -237,7 +237,7 @@ class Serving:
             self.check_early()
 
     def _go_on(self, peer: PeerId) -> None:
-        """Go on with what the broker has begun for a peer, or for one that has gone."""
+        """Go on with the work that the broker has begun for a peer, present or gone."""
         if self._broker.tasks.has_work(peer):
             now_ns = monotonic_ns()
             try:
@@ -255,7 +255,7 @@ class Serving:
         return True
 
     def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
-        """Hand the broker what came, one by one; what there is no time for waits."""
+        """Hand the broker the messages, one by one; messages wait if there is no time for them."""
         broker, effects, peer = self._broker, self._effects, connection.id
         meter, stream = broker.meter, connection.stream
         now_ns, runs, is_swamped = monotonic_ns(), 0, False
@@ -293,7 +293,9 @@ class Serving:
 
     @contextmanager
     def _metered(self, party: Party[_Job]) -> Iterator[None]:
-        """Charge the work done inside to `party`; where it is done within another party's, to that one."""
+        """Charge the work done inside to `party`. Exception: work done within another party's work is charged
+        to that party.
+        """
         if self._payer is not None:
             yield
             return

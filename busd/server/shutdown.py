@@ -1,8 +1,8 @@
-"""The orderly end of the connections: what peers have sent is routed, what waits for them is sent.
+"""The orderly end of the connections: samples from peers are routed, data that waits for them is sent.
 
 Owns the order and the bounds of time. Must not know what is sent. A peer that understands Leaving ends what
-it sends between two frames; of any other, busd takes what its socket holds. As long as one may still send,
-all are served: what it sends may be for them.
+it sends between two frames; of any other, busd takes what its socket holds. As long as any peer may still
+send, all are served: its samples may be for them.
 """
 
 import asyncio
@@ -25,9 +25,9 @@ _log = logging.getLogger("busd")
 class Drain:
     """Begins at once. `connections` are looked at until all are closed; then `on_end` is called, once.
 
-    `on_poll` is called each time that they are looked at again. `on_heard` is called, at least once, when all
-    that peers have sent was read. `longest_s`: what peers have not taken by then is left, and the log says
-    how much. A peer has half of that time to heed Leaving.
+    `on_poll` is called each time that they are looked at again. `on_heard` is called, at least once, after
+    all data from peers was read. `longest_s`: data that peers have not taken by then is left, and the log
+    says how much. A peer has half of that time to heed Leaving.
     """
 
     def __init__(

@@ -1,13 +1,13 @@
-"""Descriptors that peers send: those of strange files are closed in threads of their own.
+"""Descriptors that peers send: separate threads close those of strange files.
 
 To close a file can take as long as its owner likes: a file of a file system in a user's process (FUSE), a TCP
-socket with SO_LINGER and bytes that nobody reads. That holds, too, where the kernel closes what was not
+socket with SO_LINGER and unread bytes. That is also true if the kernel closes descriptors that were not
 received or not read. So busd receives all descriptors that come with what it reads, and empties a connection
 before it closes it. What is known to close at once is closed at once: a thread costs this process more. Owns
 which files are strange, and the threads. Must not know which messages bring descriptors.
 
-No more than `_MOST` wait to be closed. Where that many do, and none of them is closed within `_PATIENCE_S`,
-the kernel closes what comes: it does not wait for file systems then, but for sockets that linger.
+No more than `_MOST` wait to be closed. If that many do, and none of them is closed within `_PATIENCE_S`, the
+kernel closes new ones: it does not wait for file systems then, but for sockets that linger.
 """
 
 import fcntl
@@ -56,7 +56,7 @@ class Stranger(Descriptor):
 class Strangers:
     """Takes descriptors (`bus.transport.stream.Taker`).
 
-    Threads close the strange: one more where all are busy, and none while there is nothing to do.
+    Threads close the strange: one more if all are busy, and none while there is nothing to do.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class Strangers:
         return received
 
     def finish(self, sock: socket.socket) -> None:
-        """Read all that is left, and close `sock`; the other side can send no more from now on."""
+        """Read the remaining data, and close `sock`; the other side can send no more from now on."""
         with suppress(OSError):
             sock.shutdown(socket.SHUT_RDWR)
         numbers = self._next_numbers(sock)
