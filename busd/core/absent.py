@@ -110,12 +110,12 @@ class Absentees:
         self._held: dict[int, int] = {}  # by user: how many accounts these have
         self._total = 0
         self._sources: WeakValueDictionary[tuple[str, bytes], _Source] = WeakValueDictionary()
-        self._open: dict[EndpointId, Accounts] = {}  # of those that are back
+        self._open: dict[EndpointId, Accounts] = {}  # of subscriptions that are back
         self._is_looking = False
         self._logged_ns: int | None = None
         self._unclaimed_in_all = self._given_up_in_all = 0
-        # What the log is yet to hear: how many did not come back, what had waited for them, the last of them;
-        # and for how many there was no room.
+        # Not yet in the log: how many did not come back, their waiting samples, the last of them; and for how
+        # many there was no room.
         self._lost = self._waited = self._given_up = 0
         self._last_name = ""
 
@@ -135,12 +135,12 @@ class Absentees:
             source.publisher, source.has_left = publisher, False
 
     def go(self, publisher: Publisher) -> None:
-        """A publisher is about to leave the graph: it will publish nothing more."""
+        """A publisher is about to leave the graph: its published samples are complete."""
         source = self._sources.get((publisher.topic.name, publisher.gid))
         if source is not None and source.publisher is publisher:
             source.end(publisher.next_seq - 1, has_left=publisher.has_left)
 
-    # --- subscriptions; those that are Steps return the present time
+    # --- subscriptions; methods that are Steps return the present time
 
     def find(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """A subscription is there and is yet to be matched: if it is back, tell it what it can't know.
@@ -185,6 +185,7 @@ class Absentees:
 
     def settle(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """It is matched with all present publishers: missed samples of other publishers will not come.
+
         Exception: publishers that were lost, too, may come back with their history.
         """
         if subscription.id in self._open:

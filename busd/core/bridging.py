@@ -11,9 +11,10 @@ __all__ = ["are_for_each_other", "check_origin"]
 
 
 def are_for_each_other(publisher: Publisher, subscription: Subscription) -> bool:
-    """Whether there may be a match at all; if not, no process is told. Samples from a bridge never go back to
-    a bus that they were on. A tap is for lossless publishers alone or for all others alone, so that each
-    publisher has one.
+    """Whether there may be a match at all; if not, no process is told.
+
+    Samples from a bridge never go back to a bus that they were on. A tap is for lossless publishers alone or
+    for all others alone. So each publisher has one.
     """
     origin = publisher.node.origin
     if origin is not None:

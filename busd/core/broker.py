@@ -186,7 +186,7 @@ class Broker:
         """Go on with what was begun for a peer, present or gone."""
         if (task := self.tasks.unfinished.pop(peer_id, None)) is not None:
             if peer_id in self._peers:
-                self._leases.note_alive(now_ns, task.peer)  # it is we who are late, not the peer
+                self._leases.note_alive(now_ns, task.peer)  # busd is late, not the peer
             try:
                 self.tasks.do(now_ns, task)
             except BusError as error:

@@ -146,7 +146,7 @@ class Peer(Holder):
         self.subject = Subject(self.uid, self.gids)
 
     def by_its_clock(self, at_ns: int) -> int:
-        """A time of busd's clock, by that of the process."""
+        """A time of busd's clock, by the clock of the process."""
         return min(max(at_ns + self.clock_ns, 0), MAX_COUNT)
 
     def subscriptions(self) -> "list[Subscription]":
@@ -271,7 +271,7 @@ class Publisher(Endpoint):
     """Whether all have taken more than came through here: credit for it is given when it comes."""
     uncredited_bytes: int = 0
     stands_for: "_Bytes" = b""
-    """The gid of a publisher on another bus; observers see it instead of this publisher's gid."""
+    """The gid of a publisher on another bus; shown instead of this publisher's gid."""
 
     kind = "publisher"
 

@@ -108,8 +108,9 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     @property
     def bytes_per_user(self) -> int:
-        """Most bytes that one user's processes can make busd hold, whatever they do. Queued or incomplete
-        messages, history, control frames, schemas; and an estimate of the bookkeeping.
+        """Most bytes that one user's processes can make busd hold, whatever they do.
+
+        Queued or incomplete messages, history, control frames, schemas; and an estimate of the bookkeeping.
         """
         counted = (
             2 * self.queued_bytes_per_user + self.history_bytes_per_user + 2 * self.control_bytes_per_user

@@ -260,7 +260,7 @@ def _replayed_from(match: Match) -> int | None:
     received_seq = subscription.last_seqs.get(match.publisher.gid)
     if subscription.takes_history:
         return received_seq or 0
-    # Of the others only a lossless one, which was there before, has missed something.
+    # Otherwise, only a lossless subscription that was there before has missed something.
     return received_seq if match.is_lossless else None
 
 

@@ -150,8 +150,8 @@ class Quotas:
         """Count a control frame; a question about the graph counts for the records that busd goes through,
         too.
 
-        `records` counts the records of the graph. So does a guest's GetType: busd looks for an endpoint of
-        that type that the guest may see.
+        `records` counts the records of the graph. A guest's GetType counts for the records, too: busd looks
+        for an endpoint of that type that the guest may see.
 
         Raises QuotaExceeded if there were too many for now and the frame can be answered. Raises
         RefusedForNow for commands: their limit is no setting. busd does not read a process over its own rate
@@ -215,7 +215,9 @@ class Quotas:
         self, now_ns: int, peer: Peer, topic: str, topics: Collection[str], matches: int
     ) -> None:
         """Raise QuotaExceeded if there is no room for another endpoint on `topic`, of as many `matches`.
-        `topics` counts all topics. A match of a guest and a peer that is none counts for the guest alone.
+
+        `topics` are all existing topics. A match of a guest and a peer that is none counts for the guest
+        alone.
         """
         limits, user = self.limits, peer.user
         asked: list[_Asked] = [
@@ -340,7 +342,7 @@ def _name(holder: Holder) -> str:
 
 
 def _descriptors(holder: Holder) -> int:
-    """How many busd holds of it. Connections have descriptors in the kernel and the shell; these count as
+    """How many busd holds of it. Those of its connections belong to the kernel and the shell, but count as
     well.
     """
     return len(holder.descriptors) + (len(holder.peers) if isinstance(holder, User) else 1)

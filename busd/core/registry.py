@@ -47,8 +47,9 @@ from busd.core.work import ENDPOINT, FRAME, RUNS_AT_ONCE, RUNS_PER_UNIT, UNMATCH
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
 _OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
-"""No program chooses their depth, as that of parameter services: a lower limit caps it instead of
-refusing."""
+"""No program chooses their depth, nor the depth of parameter services: a lower limit caps it instead of
+refusing.
+"""
 
 
 class Registry:
@@ -290,8 +291,9 @@ class Registry:
         yield ENDPOINT
 
     def _free_gid(self, now_ns: int, peer: Peer, gid: bytes, out: list[Effect]) -> Steps:
-        """Raises RefusedForNow if an endpoint has that gid: a mirror comes by one way only. Endpoints of a
-        process that has gone are removed first: a bridge may be back.
+        """Raises RefusedForNow if an endpoint has that gid: a mirror comes by one way only.
+
+        Endpoints of a process that has gone are removed first: a bridge may be back.
         """
         other = self._graph.endpoint_with(self._access_guard.gid(peer, gid))
         if other is None:

@@ -26,7 +26,7 @@ from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, SAMPLES_PER_U
 
 _MANY_QUEUES = 64
 _FEW = 32
-"""Subscriptions that get a run of those that wait, between two looks at other work."""
+"""Subscriptions that get a waiting run between two looks at other work."""
 
 
 class Router:

@@ -48,7 +48,7 @@ class Silences:
         self._check_at(now_ns + peer.lease_ns)
 
     def end(self, now_ns: int, peer: Peer) -> None:
-        """It is heard again; it spoke last at its `last_heard_ns`."""
+        """It is heard again; its last message before that came at its `last_heard_ns`."""
         silent_ns = now_ns - peer.last_heard_ns
         peer.is_silent = False
         self.watch(now_ns, peer)

@@ -22,7 +22,7 @@ __all__ = ["Task", "Tasks"]
 
 
 class Task(msgspec.Struct):
-    """Work for a peer: to carry out `message`, or work after its end, or work for its runs."""
+    """Work for a peer: to carry out `message`, or work after its end, or work for runs to it."""
 
     peer: Peer
     work: Work

@@ -39,7 +39,7 @@ def pass_on(broker: Broker, peers: Mapping[PeerId, PeerConnection], connection: 
         reader.readdress(front, subscription.id, publisher.id)
         taker = stream
         runs += 1
-        meter.left -= size >> 12  # what it costs to send it, as in Stream.flush
+        meter.left -= size >> 12  # the cost to send it, as in Stream.flush
         if reader.is_cut:
             is_all = True
             break

@@ -1,7 +1,7 @@
 """One connection of the daemon, from its Hello to the end. Makes no routing decision.
 
 Descriptors that a peer sends are checked here, before the core sees them: no process must map memory that
-could shrink under it. Of each peer busd holds one for each publisher (their number is limited), its doorbell
+could shrink under it. For each peer busd holds one for each publisher (their number is limited), its doorbell
 and its readers' segment. Rings of publishers that have gone may still wait for a peer that does not read. So
 all descriptors together have a bound, and new connections always find room.
 """

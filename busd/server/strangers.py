@@ -1,4 +1,4 @@
-"""Descriptors that peers send: separate threads close those of strange files.
+"""Descriptors that peers send: separate threads close descriptors of strange files.
 
 To close a file can take as long as its owner likes: a file of a file system in a user's process (FUSE), a TCP
 socket with SO_LINGER and unread bytes. That is also true if the kernel closes descriptors that were not
