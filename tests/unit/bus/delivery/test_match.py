@@ -1,6 +1,5 @@
 """bus.delivery.match: every cell of the table, and what leads from state to state."""
 
-from collections import deque
 from collections.abc import Callable
 from itertools import product
 from typing import Any, cast
@@ -28,22 +27,10 @@ from bus.wire import messages as m
 from client_world import ClientWorld, Numbered
 from list_port import Owner
 from rows import for_each
+from transitions import paths
 
 shared = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 KEEP_ALL = QoSProfile(history="keep_all")
-
-
-def paths(transitions: Any, first: Any) -> dict[Any, list[Any]]:
-    """To each state that can be reached, the events of a shortest way."""
-    found: dict[Any, list[Any]] = {first: []}
-    waiting = deque([first])
-    while waiting:
-        state = waiting.popleft()
-        for event, following in transitions[state].items():
-            if following not in found:
-                found[following] = [*found[state], event]
-                waiting.append(following)
-    return found
 
 
 def matched(qos: QoSProfile = KEEP_ALL) -> m.Matched:

@@ -1,6 +1,5 @@
 """bus.transport.stream_state: every cell of both tables, and what leads from state to state."""
 
-from collections import deque
 from typing import Any
 
 import pytest
@@ -19,6 +18,7 @@ from bus.transport.stream_state import (
     follow,
 )
 from rows import for_each
+from transitions import paths
 
 READ_CELLS = """
                     | linger             | hang up            | shut   | end    | close
@@ -60,19 +60,6 @@ HALVES: dict[Any, tuple[Any, Any]] = {
     WriteState: (WRITES, WriteState.OPEN),
 }
 CELLS = [*cells(READ_CELLS, ReadState, ReadEvent), *cells(WRITE_CELLS, WriteState, WriteEvent)]
-
-
-def paths(table: Any, first: Any) -> dict[Any, list[Any]]:
-    """To each state that can be reached, the events of a shortest way."""
-    found: dict[Any, list[Any]] = {first: []}
-    waiting = deque([first])
-    while waiting:
-        state = waiting.popleft()
-        for event, after in table[state].items():
-            if after not in found:
-                found[after] = [*found[state], event]
-                waiting.append(after)
-    return found
 
 
 @for_each(("state", "event", "after"), CELLS)

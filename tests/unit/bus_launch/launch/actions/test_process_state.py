@@ -1,6 +1,5 @@
 """bus_launch.launch.actions.process_state: every cell of the table, and which states can be reached."""
 
-from collections import deque
 from itertools import product
 
 import pytest
@@ -13,6 +12,7 @@ from bus_launch.launch.actions.process_state import (
     next_state,
 )
 from rows import for_each
+from transitions import paths
 
 START, EXIT, END, RESTART, GIVE_UP = ProcessEvent
 STARTING, UNWANTED, RUNNING, ENDING, WAITING, ENDED = ProcessState
@@ -39,21 +39,11 @@ def test_every_cell(state: ProcessState, event: ProcessEvent) -> None:
 
 
 def test_every_state_has_a_row_and_can_be_reached_and_left() -> None:
-    assert {*PROCESSES} == {*ProcessState} == reached_from(STARTING)
+    assert {*PROCESSES} == {*ProcessState} == {*paths(PROCESSES, STARTING)}
     for state in ProcessState:
-        assert ENDED in reached_from(state)
+        assert ENDED in paths(PROCESSES, state)
 
 
 def test_a_process_can_be_told_to_end_in_every_state() -> None:
     """A launch shuts down at any moment, and says it to all."""
     assert all(END in row for row in PROCESSES.values())
-
-
-def reached_from(first: ProcessState) -> set[ProcessState]:
-    found, waiting = {first}, deque([first])
-    while waiting:
-        for following in PROCESSES[waiting.popleft()].values():
-            if following not in found:
-                found.add(following)
-                waiting.append(following)
-    return found
