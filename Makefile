@@ -21,10 +21,10 @@ PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
 PYTEST_ARGS ?=
-# Half of the time a test waits for a process or a period, so that two a processor keep that busy.
-WORKERS ?= $(shell expr 2 \* $$(nproc))
-# With bytecode kept: what is compiled anew in each process costs more than many a test.
-PYTEST := PYTHONASYNCIODEBUG=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+# Tests often wait for a process or a period, so three workers a processor keep it busy.
+WORKERS ?= $(shell expr 3 \* $$(nproc))
+# With bytecode kept: to compile the modules anew in each process costs more than most tests.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 NATIVE_LOG := tests/native/build/short.log
 ARM_LOG := tests/native/build/arm.log
 ARM_CC := aarch64-linux-gnu-gcc
@@ -91,8 +91,9 @@ NIGHTLY = test-nightly test-uptime test-nohup native sanitize arm wheels mutants
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
+# In asyncio's debug mode, which finds calls from the wrong thread. It costs a tenth of the suite's processor time.
 test-nightly: $(TOOLS) $(VISION_STAMP)
-	$(PYTEST) --nightly $(PYTEST_ARGS)
+	PYTHONASYNCIODEBUG=1 $(PYTEST) --nightly $(PYTEST_ARGS)
 
 # The clocks of a machine that booted a minute ago: a test must not subtract an hour from them.
 test-uptime: $(TOOLS)

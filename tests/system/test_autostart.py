@@ -18,6 +18,8 @@ from conftest import WAIT_S
 from neighbours import wait_until
 from semantics import until
 
+pytestmark = pytest.mark.either_loop
+
 IDLE_S = 2
 """Longer than a busy machine may keep who started it from connecting."""
 

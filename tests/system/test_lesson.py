@@ -70,12 +70,11 @@ async def subscribed(topic: str) -> None:
 @pytest.mark.parametrize(
     ("way", "form", "code"),
     [
-        (RUN, "node", -signal.SIGINT),
-        (RUN, "member_function", 0),
-        (FROM_INSIDE, "node", -signal.SIGINT),
-        (FROM_INSIDE, "member_function", 0),
+        pytest.param(RUN, "node", -signal.SIGINT, id="run, older"),
+        pytest.param(RUN, "member_function", 0, id="run, newer", marks=pytest.mark.nightly),
+        pytest.param(FROM_INSIDE, "node", -signal.SIGINT, id="import, older", marks=pytest.mark.nightly),
+        pytest.param(FROM_INSIDE, "member_function", 0, id="import, newer"),
     ],
-    ids=["run, older", "run, newer", "import, older", "import, newer"],
 )
 @on_one_loop
 async def test_a_publisher_and_two_subscribers(
