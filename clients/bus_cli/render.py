@@ -25,19 +25,10 @@ class TooManyValuesError(Exception):
 
 
 class Budget:
-    """How many values of one message may be shown; `renew` it for each."""
+    """The number of values of one message that may still be shown. Set `left` to `most` for each message."""
 
     def __init__(self, most: int) -> None:
-        self.most = self._left = most
-
-    def renew(self) -> None:
-        self._left = self.most
-
-    def spend(self) -> None:
-        """One more value. Raises TooManyValuesError."""
-        self._left -= 1
-        if self._left < 0:
-            raise TooManyValuesError
+        self.most = self.left = most
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,8 +47,11 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
 
         Raises TooManyValuesError if that are more than the budget allows.
         """
-        if self.budget is not None:
-            self.budget.spend()
+        budget = self.budget
+        if budget is not None:
+            budget.left -= 1
+            if budget.left < 0:
+                raise TooManyValuesError
         match node:
             case "string":
                 return self._string(value)
@@ -84,12 +78,12 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         return value
 
     def _struct(self, schema: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
-        fields = ((field, getattr(value, field["name"])) for field in schema["types"][name]["fields"])
-        return {
-            field["name"]: self.plain(schema, field["type"], part)
-            for field, part in fields
-            if part is not msgspec.UNSET
-        }
+        parts: dict[str, Any] = {}
+        for field in schema["types"][name]["fields"]:
+            part = getattr(value, field["name"])
+            if part is not msgspec.UNSET:
+                parts[field["name"]] = self.plain(schema, field["type"], part)
+        return parts
 
     def _sequence(self, schema: dict[str, Any], item: Any, value: Any, bounds: list[Any] | None) -> Any:
         if self.no_arr:

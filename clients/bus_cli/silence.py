@@ -18,28 +18,22 @@ _PATIENCE_S = 2.0
 
 
 class Silence:
-    """Watches one subscription. `hear` is called for each message, `show` for each that is printed."""
+    """Watches one subscription. Its user counts the messages `received` and those `shown`."""
 
     def __init__(self, node: Node, topic: str) -> None:
+        self.received = 0
+        self.shown = 0
         self._node = node
         self._topic = topic
-        self._heard = 0
-        self._shown = 0
         self._last_reason = ""
-
-    def on_message(self) -> None:
-        self._heard += 1
-
-    def show(self) -> None:
-        self._shown += 1
 
     async def watch(self, subscription: Subscription[Any]) -> None:
         """Until it is cancelled, say each reason once."""
         await self._check(subscription, patient=True)
         while True:
-            shown = self._shown
+            shown = self.shown
             await asyncio.sleep(_PATIENCE_S)
-            if self._shown > shown:
+            if self.shown > shown:
                 self._last_reason = ""
             else:
                 await self._check(subscription, patient=False)
@@ -68,9 +62,9 @@ class Silence:
     def _nothing_shown(self, subscription: Subscription[Any]) -> str | None:
         """A topic that has shown something may be a slow one."""
         nodes = sorted({match.node for match in subscription.matches})
-        if self._shown or not nodes:
+        if self.shown or not nodes:
             return None
-        if self._heard:
+        if self.received:
             return f"messages come on '{self._topic}', but none has passed the filter yet"
         verb = "publishes" if len(nodes) == 1 else "publish"
         return f"no message yet on '{self._topic}'; {', '.join(nodes)} {verb} it, but sent nothing"

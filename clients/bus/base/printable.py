@@ -24,19 +24,19 @@ def printable(text: str, keep: str = "\n\t") -> str:
     """
     if text.isprintable():
         return text
-    return _hostile().sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
+    return _hostile(keep).sub(_escape, text)
 
 
 def printable_json(text: str) -> str:
     """The same for JSON, where `text` can be told: what JSON itself lets stand is escaped in its way."""
-    return text if text.isprintable() else _hostile().sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return text if text.isprintable() else _hostile("").sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 @cache
-def _hostile() -> re.Pattern[str]:
+def _hostile(keep: str) -> re.Pattern[str]:
     """Compiled when the first text needs it: most programs see none."""
-    return re.compile(_HOSTILE)
+    return re.compile(f"(?![{re.escape(keep)}]){_HOSTILE}" if keep else _HOSTILE)
 
 
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode()
+def _escape(found: re.Match[str]) -> str:
+    return found[0].encode("unicode_escape").decode()

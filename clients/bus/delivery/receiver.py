@@ -152,6 +152,17 @@ class Receiver(Generic[M]):
         if self.reader is not None:
             self.reader.messages(0, self._decode)
 
+    @property
+    def lost_silently(self) -> int:
+        """A number that grows with each sample that is lost without a call of `on_drop`: in a ring, or as a
+        gap in the numbers."""
+        reader = self.reader
+        if reader is None:
+            return self.tracker.missing
+        reader.messages(0, self._decode)  # as `count_replaced`
+        in_rings = reader.replaced + reader.overrun + reader.expired + reader.undecodable
+        return in_rings + self.tracker.missing
+
     def drain_rings(self) -> None:
         """Bring what waits in the rings into the queue, in its order; not what comes meanwhile."""
         if self.reader is None:

@@ -116,12 +116,12 @@ async def _echo(args: Namespace) -> int:
         done = asyncio.get_running_loop().create_future()
         silence = Silence(node, topic)
 
-        def on_message(message: Any, info: MessageInfo) -> None:
+        def on_message(message: Any, info: MessageInfo | None = None) -> None:
             if done.done():
                 return
-            silence.on_message()
+            silence.received += 1
             if passes is None or passes(message):
-                silence.show()
+                silence.shown += 1
                 try:
                     write(message, info)
                 except TooManyValuesError:
@@ -134,8 +134,17 @@ async def _echo(args: Namespace) -> int:
                     done.set_result(None)
 
         events = SubscriptionEvents(message_lost=None if args.no_lost_messages else _lost_notice(args))
+
+        def on_message_with_info(message: Any, info: MessageInfo) -> None:
+            on_message(message, info)
+
         subscription = await node.create_subscription(
-            message_type, topic, profile, on_message, events=events, raw=args.raw
+            message_type,
+            topic,
+            profile,
+            on_message_with_info if args.include_message_info else on_message,
+            events=events,
+            raw=args.raw,
         )
         watching = asyncio.create_task(silence.watch(subscription))
         try:
@@ -148,8 +157,8 @@ async def _echo(args: Namespace) -> int:
     return 0
 
 
-def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageInfo], None]:
-    """What writes a message in the format of the options."""
+def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageInfo | None], None]:
+    """A function that writes a message in the format of the options, with its info if there is one."""
     paths = [FieldPath(text, schema) for text in args.field or ()]
     length = args.truncate_length
     if length is None and not args.json:
@@ -167,9 +176,9 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
     whole = replace(view, truncate_length=args.truncate_length)
     clear = _CLEAR if args.clear_screen and sys.stdout.isatty() else ""
 
-    def write(message: Any, info: MessageInfo) -> None:
+    def write(message: Any, info: MessageInfo | None) -> None:
         if budget is not None:
-            budget.renew()
+            budget.left = budget.most
         if paths:
             parts = {
                 path.text: (whole if path.node == "string" else view).plain(
@@ -179,7 +188,7 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
             }
         else:
             parts = view.plain(schema, schema["root"], message)
-        about = _about(info) if args.include_message_info else None
+        about = None if info is None else _about(info)
         if args.json:
             print_json(parts if about is None else {"info": about, "message": parts})
         elif args.csv:
@@ -187,19 +196,21 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
             say(to_csv([*(about or {}).values(), parts]))
         else:
             head = "" if about is None else f"{_info_text(about)}---\n"
-            shown = parts.values() if paths else [parts]
-            body = "".join(to_text(part, flow_style=args.flow_style) for part in shown)
+            if paths:
+                body = "".join(to_text(part, flow_style=args.flow_style) for part in parts.values())
+            else:
+                body = to_text(parts, flow_style=args.flow_style)
             sys.stdout.write(clear)
             say(f"{head}{body}---")
 
     return write
 
 
-def _raw(args: Namespace) -> Callable[[Any, MessageInfo], None]:
-    """What writes a message as it travelled."""
+def _raw(args: Namespace) -> Callable[[Any, MessageInfo | None], None]:
+    """A function that writes a message's encoded bytes, with its info if there is one."""
 
-    def write(payload: memoryview, info: MessageInfo) -> None:
-        about = _about(info) if args.include_message_info else None
+    def write(payload: memoryview, info: MessageInfo | None) -> None:
+        about = None if info is None else _about(info)
         if args.json:
             print_json({**({} if about is None else {"info": about}), "raw": payload.hex()})
         else:
