@@ -126,7 +126,7 @@ class Subscription(Endpoint[M]):
         """
         if self._core.dispatcher is not None:
             raise ConfigurationError("a subscription that delivers to a callback announces no arrivals")
-        self._core.on_arrival = callback
+        self._core.announce(callback)
 
     def hold_back(self, publisher_gid: bytes) -> None:
         """Give one publisher no more room until `release`: a lossless publisher waits, and others go on.
@@ -147,9 +147,7 @@ class Subscription(Endpoint[M]):
         Has no time limit: use `asyncio.timeout`. Raises ConnectionClosed once the subscription is closed. A
         cancellation loses no message.
         """
-        while (taken := self._receiver.take()) is None:
-            await self._core.wait_for_arrival()
-        return taken[0], self._core.info(taken)
+        return await self._core.receive()
 
     def __aiter__(self) -> AsyncIterator[M]:
         return self
@@ -160,7 +158,8 @@ class Subscription(Endpoint[M]):
         while (taken := self._receiver.take()) is None:
             if type(self._core.refusal) is ConnectionClosed:
                 raise StopAsyncIteration
-            await self._core.wait_for_arrival()
+            if (taken := await self._core.wait_for_arrival()) is not None:
+                break
         return taken[0]
 
     async def wait_for_publishers(self, number: int = 1) -> None:

@@ -114,7 +114,7 @@ class Box:
     def arrive(self, first_seq: int, count: int, body: Any, *, is_alone: bool) -> list[bytes]:
         """Put and taken, or the quick way where that can be gone."""
         if is_alone and (got := self.receiver.take_lone(Run(1, 1, first_seq, count, body))):
-            return got
+            return [got[0]]
         self.put(first_seq, count, body)
         return self.take(1, by_messages=True)
 

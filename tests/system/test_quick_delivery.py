@@ -256,3 +256,35 @@ async def test_a_callback_may_close_publish_and_fork(node: bus.Node, route: str)
     publisher.publish(UInt64(data=5))
     await until(lambda: other.heard[-1] == 5)
     assert heard in ([1, 2, 3], [1, 2, 3, 4])
+
+
+async def test_a_task_that_is_cancelled_as_a_message_comes_loses_none(node: bus.Node, route: str) -> None:
+    """Whichever comes first in the turn of the loop; the message keeps its number and its publisher."""
+    publisher = await node.create_publisher(UInt64, "mixed", DEEP)
+    subscription = await node.create_subscription(UInt64, "mixed", DEEP)
+    await until(lambda: len(publisher.matches) == 1)
+    received: list[tuple[int, bus.MessageInfo]] = []
+    rng = random.Random(7)
+
+    async def receive() -> None:
+        message, info = await subscription.receive()
+        received.append((message.data, info))
+
+    number = 0
+    while number < 300:
+        task = asyncio.create_task(receive())
+        await asyncio.sleep(0)
+        publisher.publish(UInt64(data=number))
+        number += 1
+        for _ in range(rng.randrange(5)):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait([task])
+    while len(received) < number:
+        async with asyncio.timeout(WAIT_S):
+            await receive()
+    assert [data for data, _ in received] == [*range(number)]
+    assert [info.publication_sequence_number for _, info in received] == [*range(1, number + 1)]
+    assert [info.reception_sequence_number for _, info in received] == [*range(1, number + 1)]
+    assert {info.publisher_gid for _, info in received} == {publisher.gid}
+    assert accounted(subscription) == number

@@ -88,12 +88,12 @@ class Dispatcher(Generic[M]):
         Only where the callback `is_plain`.
         """
         state = self._calls
-        if state.is_busy or self._has_ended or not (messages := self._receiver.take_lone(run)):
+        if state.is_busy or self._has_ended or (taken := self._receiver.take_lone(run)) is None:
             return False
         state.is_busy = True
         began_ns = monotonic_ns()
         try:
-            self._callback(messages[0])
+            self._callback(taken[0])
         except Exception as error:
             self._on_error(error)
         finally:

@@ -290,8 +290,8 @@ class Receiver(Generic[M]):
             self._reject_from_rings(self.reader)
         return batch
 
-    def take_lone(self, run: Run) -> list[M]:
-        """The message of a run of one sample that was not `put`; empty where it is not as simple as that.
+    def take_lone(self, run: Run) -> Taken[M] | None:
+        """The message of a run of one sample that was not `put`; None if it is not as simple as that.
 
         At a moderate rate it always is: the sample is the next one, and nothing waits here.
         """
@@ -306,10 +306,10 @@ class Receiver(Generic[M]):
             or self.ahead
             or not self._has_core
         ):
-            return []
-        found = shm.native.run_messages(run.body, 0, 1, self._decode)
+            return None
+        found = shm.native.run_samples(run.body, 0, 1, self._decode, run.first_seq, proxy, run.received_ns)
         if found is None or run.first_seq != proxy.last_seq + 1:
-            return []
+            return None
         proxy.last_seq += 1
         self.tracker.received += 1
         samples = self._samples = self._samples + 1
@@ -320,7 +320,7 @@ class Receiver(Generic[M]):
         if self.is_lossless:
             run.origin = proxy
             self._note_taken(run, run.first_seq, size)
-        return found[0]
+        return found[0][0]
 
     def quick_take(self, *, with_info: bool) -> Callable[[], list[Any]] | None:
         """A native call that takes a message out of the rings; for callers that know that nothing waits
@@ -353,6 +353,20 @@ class Receiver(Generic[M]):
         assert self.reader is not None
         self.reader.prepare(
             callback, self._decode, on_error, (*self.waiting, *others), self.on_report_due, on_slow
+        )
+
+    def call_back_with_taken(
+        self, callback: Callable[[Taken[M]], object], on_error: Callable[[Exception], object], *others: Sized
+    ) -> None:
+        """As `call_back`, for a callback of what `take` returns."""
+        assert self.reader is not None
+        self.reader.prepare(
+            callback,
+            self._decode,
+            on_error,
+            (*self.waiting, *others),
+            self.on_report_due,
+            gives_taken=True,
         )
 
     def put_back(self, messages: list[M]) -> None:

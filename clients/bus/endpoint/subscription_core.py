@@ -15,10 +15,10 @@ from bus.delivery.receiver import Receiver, Taken
 from bus.delivery.sequence import PublisherProxy
 from bus.delivery.shm_receiver import ShmReceiver
 from bus.endpoint.acknowledging import Acknowledging
+from bus.endpoint.arrivals import Arrivals
 from bus.endpoint.core import EndpointCore, NodeContext
 from bus.errors import BusError, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
-from bus.process.waiters import Waiters
 from bus.qos import Durability, History, QoSProfile
 from bus.types.support import TypeSupport
 from bus.vocabulary import Route
@@ -114,7 +114,7 @@ class SubscriptionCore(EndpointCore[M]):
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
         self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them
-        self._arrivals: Waiters | None = None  # since a task waited for the first time
+        self._arrivals: Arrivals[M] | None = None  # since a task waited for the first time
         self.on_arrival: Callable[[], object] | None = None
         self.on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
@@ -166,16 +166,27 @@ class SubscriptionCore(EndpointCore[M]):
     async def receive(self) -> tuple[M, MessageInfo]:
         """For callbacks that are coroutine functions: as `Subscription.receive`."""
         while (taken := self.receiver.take()) is None:
-            await self.wait_for_arrival()
+            if (taken := await self.wait_for_arrival()) is not None:
+                break
         return taken[0], self.info(taken)
 
-    def wait_for_arrival(self) -> Coroutine[Any, Any, bool]:
-        """To be awaited until messages have come. Raises why the subscription can't be used any more."""
+    def wait_for_arrival(self) -> Coroutine[Any, Any, Taken[M] | None]:
+        """As `Arrivals.wait`. Raises why the subscription can't be used any more."""
         if self.refusal is not None:
             raise again(self.refusal)
         if self._arrivals is None:
-            self._arrivals = self.link.waiters()
+            # A deadline must see each message, and the callback of arrivals comes before tasks.
+            is_direct = self.qos.deadline is None and self.on_arrival is None
+            self._arrivals = Arrivals(self.link.loop, self.receiver, self.on_error, is_direct=is_direct)
+            if is_direct:
+                self.receive_lone = self._arrivals.receive_lone
         return self._arrivals.wait()
+
+    def announce(self, callback: Callable[[], object] | None) -> None:
+        """As `Subscription.set_arrival_callback`."""
+        self.on_arrival = callback
+        if callback is not None and self._arrivals is not None:
+            self._arrivals.stop_giving()
 
     def info(self, taken: Taken[M]) -> MessageInfo:
         """The information that users get besides a message."""
@@ -338,8 +349,8 @@ class SubscriptionCore(EndpointCore[M]):
 
     def end(self, reason: Any) -> None:
         super().end(reason)
-        if self._arrivals:
-            self._arrivals.release()
+        if self._arrivals is not None:
+            self._arrivals.end()
         if self.acks is not None:
             self.acks.end()
         if self.dispatcher is not None:

@@ -308,14 +308,17 @@ class Reader(Generic[S]):
         """The number that is taken next; 0 where it is not attached."""
     def prepare(
         self,
-        callback: Callable[[M], object],
+        callback: Callable[[Any], object],
         decode: Callable[[Any], M],
         on_error: Callable[[Exception], object],
         queues: tuple[Sized, ...],
         on_report_due: Callable[[], object],
         on_slow: Callable[[int], object] | None = None,
+        gives_taken: bool = False,
     ) -> None:
         """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first.
+
+        With `gives_taken` the callback gets a message as `take` returns it.
 
         Before a message for which `is_report_due` is False it calls `on_report_due`, and sets it. After a
         call that has taken 0.2 s or longer it calls `on_slow` with its nanoseconds.

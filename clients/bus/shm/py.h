@@ -167,6 +167,7 @@ struct prepared {
     PyObject *queues;        /* a tuple: what waits in these comes before what is in the rings */
     PyObject *on_report_due; /* called where `is_report_due` is not set, and then it is */
     PyObject *on_slow;       /* called with the nanoseconds of a slow call of `callback`; None: not */
+    int gives_taken;         /* the callback gets what Reader.take() returns for a message, not the message alone */
 };
 
 struct Reader {

@@ -357,12 +357,12 @@ static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
 
 static PyObject *reader_prepare(PyObject *object, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"callback", "decode", "on_error", "queues", "on_report_due", "on_slow", NULL};
+    static char *names[] = {"callback", "decode", "on_error", "queues", "on_report_due", "on_slow", "gives_taken", NULL};
     Reader *self = (Reader *)object;
     struct prepared prepared = {.on_slow = Py_None};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!O|O", names, &prepared.callback, &prepared.decode,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!O|Op", names, &prepared.callback, &prepared.decode,
                                      &prepared.on_error, &PyTuple_Type, &prepared.queues, &prepared.on_report_due,
-                                     &prepared.on_slow))
+                                     &prepared.on_slow, &prepared.gives_taken))
         return NULL;
     Py_INCREF(prepared.callback);
     Py_INCREF(prepared.decode);

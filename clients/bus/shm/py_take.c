@@ -349,7 +349,7 @@ int reader_deliver(Reader *self)
     PyObject *on_report_due = Py_NewRef(self->prepared.on_report_due), *message;
     PyObject *on_slow = Py_NewRef(self->prepared.on_slow);
     self->is_busy = 1;
-    int status = take_oldest(self, decode, false, &message);
+    int status = take_oldest(self, decode, self->prepared.gives_taken, &message);
     if (status == 1) {
         const bool is_due = has_lost(self);
         /* Before the callback: that may close the subscription, whose counters must be reported then. */
