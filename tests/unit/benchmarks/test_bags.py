@@ -1,4 +1,4 @@
-"""benchmarks/bags.py: recording and replaying, small."""
+"""benchmarks/bags.py: recording and replaying, each measured with few messages."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def test_floods_that_are_recorded_or_counted() -> None:
     work = Work(size=64, count=1_000, warm_up=100, publish_by="publish")
     for way in (RECORD, COUNT):
         found = bags.measure_flood(replace(work, take_by=way))
-        assert found["per_s"] > 0 and found["cpu_taker"] >= 0  # so few take no measurable time
+        assert found["per_s"] > 0 and found["cpu_taker"] >= 0  # so few take no measurable CPU time
 
 
 def test_a_robot_that_is_recorded_or_written() -> None:

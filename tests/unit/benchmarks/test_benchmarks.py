@@ -1,4 +1,6 @@
-"""benchmarks/: its arithmetic, its tables, and that no child is waited for in vain or left over."""
+"""benchmarks/: arithmetic, tables, and child processes: a benchmark waits for no dead child and leaves none
+running.
+"""
 
 import os
 import signal
@@ -194,7 +196,7 @@ def test_a_table_in_parts_has_in_each_the_rows_that_have_a_figure_there() -> Non
     assert all("one " in part or "other " in part for part in parts)
     assert not any("one " in part for part in parts if "latency" not in part)
     assert not any("other " in part for part in parts if "time" not in part)
-    assert parts[-1].count("neither") == 1  # what is wrong with it
+    assert parts[-1].count("neither") == 1  # the reason why it has no figures
 
 
 def test_result_is_saved_and_read_again(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""benchmarks/camera.py: what it counts as lost, what it compares, and the cameras measured, small."""
+"""benchmarks/camera.py: the count of lost images, the comparisons, and each camera measured with few
+images.
+"""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""benchmarks/: systems beside each other at each size, what counts as best, and what may be lost."""
+"""benchmarks/: each system at each size, the choice of the best system, and losses that a system may have."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -108,7 +108,7 @@ def test_systems_have_a_name_each_and_are_of_one_kind() -> None:
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
-    """What was measured, by nobody: each system is there, and has the same figures."""
+    """Calls of `measure`. It measures nothing: each system seems to be installed and has the same figures."""
     done: list[tuple[str, Work]] = []
 
     def measure(
@@ -221,7 +221,7 @@ def test_a_p99_rests_on_enough_messages_and_a_flood_lasts(measured: list[tuple[s
     assert asked[0] == 100 and len(asked) <= 3
     asked.clear()
     assert lasting()["seconds"] >= 2.0
-    assert len(asked) == 1  # it was learned
+    assert len(asked) == 1  # the second run uses the rate that the first one measured
     slow = throughput.Lasting(flood, Work(size=64, count=20_000, warm_up=10), 2.0)
     assert (slow()["seconds"], slow()["seconds"]) == (20.0, pytest.approx(2.4))
 
@@ -269,7 +269,7 @@ def test_goals_name_cases_of_the_other_sections_too() -> None:
             assert {goal.ours, goal.theirs} <= names[goal.section]
 
 
-# --- what may be lost, with a system that says what the test wants
+# --- permitted losses, with a system that says what the test wants
 
 LOSER = """
 import json, os, sys
@@ -296,9 +296,9 @@ def loser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
 @pytest.mark.parametrize(
     ("seen", "arrived"),
     [
-        ("[10, 1010]", 1000),  # nothing lost
-        ("[0, 4, 10, 10, 0, 300, 910, 910]", 900),  # not before two answers agree
-        ("[8, 8, 508]", 500),  # some of the warm-up lost too
+        ("[10, 1010]", 1000),  # the system lost nothing
+        ("[0, 4, 10, 10, 0, 300, 910, 910]", 900),  # the count is final only when two answers agree
+        ("[8, 8, 508]", 500),  # the system lost messages of the warm-up, too
     ],
 )
 def test_of_a_system_that_may_lose_what_arrived_counts(
@@ -327,7 +327,7 @@ def test_a_flood_of_which_nothing_or_too_much_arrives_is_a_failure(
         throughput.measure(loser, FLOOD)
 
 
-# --- where it runs, beside whom, and memory
+# --- CPUs, neighbours and memory
 
 
 def test_a_pair_is_measured_beside_a_process_that_uses_a_cpu() -> None:
@@ -358,7 +358,7 @@ def test_processes_are_put_where_they_shall_be_and_who_is_gone_is_not() -> None:
 
 
 def test_a_thread_that_ends_meanwhile_is_no_process_that_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """zenoh's threads come and go."""
+    """zenoh starts and ends threads all the time."""
     with Group() as group:
         child = group.start_python("child", "-c", "input()")
         there = paced._threads(child)

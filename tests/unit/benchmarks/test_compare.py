@@ -1,4 +1,4 @@
-"""benchmarks.compare: what counts as a change, what is said of the rest, and files that are no results."""
+"""benchmarks.compare: the threshold of a change, the report on all other rows, and files without results."""
 
 import sys
 from pathlib import Path
@@ -39,9 +39,9 @@ def row(name: str = "busd", **figures: Spread) -> Row:
         (Spread(100, 98, 102), Spread(150, 147, 153), "higher", "better"),
         (Spread(100, 98, 102), Spread(150, 147, 153), "", "changed"),
         (Spread(150, 147, 153), Spread(100, 98, 102), "lower", "better"),
-        (Spread(100, 80, 120), Spread(130, 110, 150), "lower", "same"),  # they overlap
-        (Spread(100, 95, 105), Spread(115, 110, 120), "lower", "same"),  # widened by half they meet
-        (Spread(100, 99.9, 100.1), Spread(104, 103.9, 104.1), "lower", "same"),  # below the threshold
+        (Spread(100, 80, 120), Spread(130, 110, 150), "lower", "same"),  # the spreads overlap
+        (Spread(100, 95, 105), Spread(115, 110, 120), "lower", "same"),  # they overlap if widened by half
+        (Spread(100, 99.9, 100.1), Spread(104, 103.9, 104.1), "lower", "same"),  # the change is too small
         (Spread(100, 100, 100), Spread(120, 120, 120), "lower", "same"),  # one repetition each
         (Spread(100, 100, 100), Spread(130, 130, 130), "lower", "worse"),
         (Spread(0, 0, 0), Spread(3, 3, 3), "lower", "worse"),

@@ -1,4 +1,4 @@
-"""benchmarks/fairness: what it compares; that pairs are measured, and that all attacks attack."""
+"""benchmarks/fairness: the comparisons, the measurement of pairs, and every attack."""
 
 from typing import get_args
 
@@ -22,7 +22,9 @@ pytestmark = pytest.mark.nightly
 
 @pytest.fixture
 def pretended(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is measured. With an attack of `number` something all is worse, with another busd twice so."""
+    """Measures nothing. All figures are ten times as bad with a numbered attack, and twice as bad with
+    another busd.
+    """
 
     def measure(neighbour: Neighbour, seconds: float, program: str = "") -> Figures:
         attacks = neighbour.attacks
@@ -144,7 +146,9 @@ def test_hostile_programs_speak_the_protocol_as_its_description_has_it() -> None
 
 
 def _did(group: Group, child: Child) -> int:
-    """What it asks for from now on, once it has asked for something."""
+    """Wait until an attacker has made its first request, and return the number of requests of its next
+    report.
+    """
     asked = 0
     while not asked:
         child.send("report")
@@ -153,7 +157,7 @@ def _did(group: Group, child: Child) -> int:
 
 
 _QUIET_KINDS = {"everything"}
-"""They are a load by being there."""
+"""Their presence is the load; they make no requests."""
 _NEED_MEMORY = {"shared memory", "rings"}
 
 
@@ -168,7 +172,7 @@ def test_every_attack_attacks_and_ends() -> None:
     with Group() as group:
         group.start_busd()
         for kind in kinds:
-            with Group() as attackers:  # one after the other
+            with Group() as attackers:  # one kind of attack at a time
                 attackers.environ = group.environ
                 child = beside.start_attack(attackers, 0, Attack(kind, connections=2, number=20, samples=4))
                 attackers.expect(child, "ready", within_s=START_S)

@@ -1,4 +1,4 @@
-"""benchmarks/fanout.py: what it counts, refuses and compares, and each kind of fan-out measured, small."""
+"""benchmarks/fanout: counting, refusals, comparisons, and each kind of fan-out measured with few messages."""
 
 import json
 import os
@@ -59,7 +59,7 @@ def puppet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
 
 
 def _say(monkeypatch: pytest.MonkeyPatch, *subscribers: dict[str, Any], sent: bool = True) -> None:
-    """Let the publisher say that it has sent, and each subscriber what it is to say, by word."""
+    """Make the publisher report that it has sent, and each subscriber answer each word as given."""
     publisher = {"go": [SENT]} if sent else {}
     monkeypatch.setenv("SAYS", json.dumps({"publisher": [publisher], "subscriber": subscribers}))
 
@@ -125,7 +125,7 @@ def test_a_subscriber_that_hangs_is_a_failure(puppet: System, monkeypatch: pytes
     monkeypatch.setattr(fanout, "_LIMIT_S", 0.2)
     _say(monkeypatch, _took_all(1.1), {"at once": [{"event": "warm"}]})
 
-    # A busy machine may be late already with what comes before.
+    # On a busy machine, an earlier step may be the late one.
     with pytest.raises(Failure, match=r"did not say '(warm|sent|received)'"):
         fanout.measure_flood(puppet, FLOOD)
 
@@ -173,7 +173,7 @@ def test_a_message_of_which_nobody_knows_what_became_is_a_failure(
         fanout.measure_lossy(puppet, LOSSY)
 
 
-# --- what is compared
+# --- comparisons
 
 
 def _outcome(name: str, *repetitions: Figures) -> tuple[str, Outcome]:
@@ -206,7 +206,7 @@ def test_the_goals_are_against_the_best_that_loses_nothing() -> None:
     assert found[f"{ours}, deliveries/s"].is_met
 
 
-# --- the real thing, small
+# --- real systems, few messages
 
 
 @pytest.mark.parametrize("system", [BUS, BUS_SOCKET, PYZMQ], ids=lambda system: system.name)

@@ -1,4 +1,4 @@
-"""benchmarks/floors: the program in C does the work, and says what is wrong with what it is asked."""
+"""benchmarks/floors: the program in C does its work and reports errors in its arguments."""
 
 import shutil
 import subprocess

@@ -1,4 +1,6 @@
-"""benchmarks/growth.py and benchmarks/discovery.py: what is measured of what, and both of them, small."""
+"""benchmarks/growth.py and benchmarks/discovery.py: their figures and comparisons, and both measured with few
+topics.
+"""
 
 from collections import Counter
 from typing import Any
@@ -42,7 +44,7 @@ def test_a_load_knows_what_comes_where() -> None:
 
     assert (load.count, load.warm_up, load.in_each) == (100, 100, 4)
     assert load.work(load.in_each).total == 400
-    assert Load(topics=1000).warm_up == 1000  # no topic without
+    assert Load(topics=1000).warm_up == 1000  # each topic gets a message
 
 
 def test_growth_measures_what_several_begin_with_once_and_shows_it_in_each(
@@ -58,7 +60,7 @@ def test_growth_measures_what_several_begin_with_once_and_shows_it_in_each(
 
     monkeypatch.setattr(growth, "measure", measure)
     monkeypatch.setattr(growth, "measure_endpoints", measure)
-    monkeypatch.setattr(growth, "BUS", BUS._replace(missing=str))  # also where no memory is shared
+    monkeypatch.setattr(growth, "BUS", BUS._replace(missing=str))  # also without shared memory
 
     section = growth.run(Plan(quick=True, repetitions=1))
 

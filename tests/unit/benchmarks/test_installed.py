@@ -1,4 +1,4 @@
-"""benchmarks/installed.py: busd as its users have it."""
+"""benchmarks/installed.py: busd as its users install it."""
 
 import subprocess
 import sys

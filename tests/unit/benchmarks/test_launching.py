@@ -1,4 +1,4 @@
-"""benchmarks/launching.py: nodes that a launch file starts, small."""
+"""benchmarks/launching.py: a few nodes, started by a launch file."""
 
 import pytest
 
@@ -22,4 +22,4 @@ def test_the_goal_is_of_ten(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(launching, "BUS", BUS._replace(missing=str))
     section = launching.run(Plan(quick=True, repetitions=1))
     (comparison,) = section.comparisons
-    assert not comparison.is_met  # 2.5 s, and two are allowed
+    assert not comparison.is_met  # the launch takes 2.5 s, and the goal is two

@@ -1,4 +1,4 @@
-"""benchmarks/look.py, measured once."""
+"""benchmarks/look.py: one measurement."""
 
 import pytest
 

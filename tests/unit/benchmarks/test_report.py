@@ -1,4 +1,4 @@
-"""The report, its pictures and the README's table: what they say, and of which result they are."""
+"""The report, its pictures and the README's table: their texts, and the result that each is made from."""
 
 import re
 import sys
@@ -116,7 +116,7 @@ def test_the_goals_come_first_and_are_met_or_missed() -> None:
     text = markdown.report_of(result(section), "x.json")
 
     assert text.index("## In short") < text.index("## Goals") < text.index("## Where it loses")
-    assert "1 of 2 are met." in text and "1 of 2 goals are met." in text  # those of the section beside them
+    assert "1 of 2 are met." in text and "1 of 2 goals are met." in text  # the goals of the section beside it
     assert "| 64 B, p50 / theirs | 0.800 (0.720 - 0.880) | at most 0.900 | met |" in text
     assert "| 64 B, messages/s | 3.00M (2.70M - 3.30M) | at least 4.00M | **missed** |" in text
     assert "## Goals" not in markdown.report_of(RESULT, "x.json")
@@ -244,7 +244,7 @@ def test_a_quick_run_makes_a_preview_and_no_report(
 
 
 def test_report_and_readme_are_of_the_result_that_they_name() -> None:
-    """Where no report is committed the README may have no table of anything."""
+    """If no report is committed, the README has no table of speeds."""
     speed = markdown.between_marks(write.README.read_text())
     assert speed is not None
     if not write.REPORT.exists():

@@ -1,4 +1,4 @@
-"""benchmarks/soak.py: what it takes for growth, what it counts and shows; and all of it once, for seconds."""
+"""benchmarks/soak.py: the detection of growth, counts, pictures, and one soak of a few seconds."""
 
 import random
 import signal
@@ -35,7 +35,7 @@ def verdict(value: Callable[[float], float], times_s: list[float] = TWENTY_MINUT
     return fit(times_s, [value(at) for at in times_s]).verdict(MEMORY)
 
 
-# --- what grows
+# --- growth
 
 
 def test_a_line_is_found_exactly() -> None:
@@ -157,7 +157,7 @@ def test_a_lossy_ledger_allows_gaps_only_and_not_thousands_of_lines() -> None:
 
 
 def visit(numbers: range, *, created_ns: int, talkers: int = 1) -> Visit:
-    """Of one talker, whose message n is sent at n ns."""
+    """A visit to one talker, which sends message n at n ns."""
     found = Visit(LATCHED, talkers)
     found.created(created_ns)
     for number in numbers:
@@ -170,7 +170,7 @@ def test_a_visit_hears_what_was_kept_and_goes() -> None:
     assert visit(range(31, 54), created_ns=50).verdict() == []
     assert not visit(range(31, 53), created_ns=50).is_over
     assert not visit(range(31, 54), created_ns=50, talkers=2).is_over
-    assert visit(range(1, 9), created_ns=5).verdict() == []  # there were no more
+    assert visit(range(1, 9), created_ns=5).verdict() == []  # the talker sent nothing before message 1
 
 
 def test_a_visit_that_hears_less_says_so() -> None:
@@ -187,7 +187,7 @@ def test_a_visit_that_hears_less_says_so() -> None:
 
 
 def record() -> Record:
-    """Of half an hour, in which `busd` leaks descriptors and `talker` does not."""
+    """A record of half an hour, in which `busd` leaks descriptors and `talker` does not."""
     found = Record()
     ages = Histogram()
     for duration_ns in (10_000, 20_000, 900_000):
@@ -263,7 +263,7 @@ def test_the_picture_shows_each_group_and_process(tmp_path: Path) -> None:
 
 
 def run_main(monkeypatch: pytest.MonkeyPatch, act: Callable[[Record], None], *arguments: str) -> int:
-    """`main` with a soak that only does `act`."""
+    """Run `main` with a soak that only does `act`."""
 
     def play(self: soak.Soak) -> None:
         act(self._record)
@@ -308,7 +308,7 @@ def test_an_interrupted_soak_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
     run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert run.stdout is not None
-        assert any("a look every" in line for line in run.stdout)  # now all have been started
+        assert any("a look every" in line for line in run.stdout)  # by now, all processes are started
         run.send_signal(signal.SIGTERM)
         _, errors = run.communicate(timeout=60)
     finally:
@@ -320,11 +320,11 @@ def test_an_interrupted_soak_leaves_nothing_behind(tmp_path: Path, monkeypatch: 
     assert not list(tmp_path.iterdir())
 
 
-# --- all of it
+# --- the whole soak
 
 
 def test_a_soak_of_seconds(tmp_path: Path) -> None:
-    """Nothing lost that must not be, nobody too late for what was kept, all accounts closed."""
+    """Lossless topics lose nothing, each late joiner gets the kept messages, and all accounts balance."""
     command = [sys.executable, "-m", "benchmarks.soak", "--seconds", "2", "--output", str(tmp_path)]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
 

@@ -1,4 +1,4 @@
-"""benchmarks/: starts, first messages, idle systems and the memory of endpoints, each measured once."""
+"""benchmarks/: starts, first messages, idle systems and the memory of endpoints: one measurement of each."""
 
 import gc
 import mmap
@@ -62,7 +62,7 @@ def test_a_talker_that_ends_with_an_error_is_a_failure() -> None:
 
 
 def _loaded_by(module: str) -> set[str]:
-    """What a Python that imports it has imported."""
+    """The modules that a fresh Python has loaded after it imported `module`."""
     paths = f"import sys; sys.path[:0] = {sys.path!r}"
     command = [sys.executable, "-I", "-c", f"{paths}; import {module}; print(*sys.modules)"]
     return set(subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split())
@@ -73,7 +73,7 @@ def _loaded_by(module: str) -> set[str]:
     sorted({one.module for one in RIVALS if one.runner == PYZMQ.runner and not one.missing()}),
 )
 def test_the_processes_of_rivals_load_nothing_of_ours(module: str) -> None:
-    """Neither the bus nor its command line: their start and their memory are measured."""
+    """Their start and memory are measured, so they load neither the bus nor its command line."""
     loaded = _loaded_by(module)
 
     assert module in loaded
@@ -135,7 +135,7 @@ def test_memory_of_endpoints(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_usage_tells_shared_memory_from_private_and_counts_a_segment_once() -> None:
-    gc.collect()  # what an earlier test has left may go now, and not between
+    gc.collect()  # free the objects of earlier tests now, not between the two measurements
     before = usage_of(os.getpid())
     size = 1 << 20
     with os.fdopen(os.memfd_create("busd-test-of-usage"), "r+b") as file:

@@ -1,4 +1,4 @@
-"""benchmarks/: what is counted and what is refused, and each system measured, small."""
+"""benchmarks/: counting, refusals, and each system measured with few messages."""
 
 import os
 from pathlib import Path
@@ -102,7 +102,7 @@ def test_a_match_by_another_route_is_a_failure(liar: System, tmp_path: Path) -> 
             liar._replace(route="shm").start_role(group, "publisher", FLOOD)
 
 
-# --- the real thing, small
+# --- real systems, few messages
 
 
 def _or_skip(system: System) -> System:

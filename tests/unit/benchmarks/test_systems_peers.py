@@ -1,4 +1,4 @@
-"""benchmarks/adapters: rivals without a server, each measured small. One that is not installed is skipped."""
+"""benchmarks/adapters: each rival without a server, measured with few messages. Missing ones are skipped."""
 
 import msgspec
 import pytest

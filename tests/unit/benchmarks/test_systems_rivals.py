@@ -1,4 +1,4 @@
-"""benchmarks/: the rivals with a broker and those of pipes, each measured once, small."""
+"""benchmarks/: each rival with a broker or pipes, measured once with few messages."""
 
 import os
 from pathlib import Path
@@ -30,7 +30,7 @@ def _or_skip(system: System) -> System:
 
 
 def _received_by_two(system: System, work: Work) -> list[int]:
-    """How many messages of a flood each of two subscribers takes."""
+    """The number of messages that each of two subscribers takes from a flood."""
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, work, 2)
@@ -93,7 +93,8 @@ def test_a_flood_waits_for_its_slowest_subscriber() -> None:
         return count
 
     assert sent_until_full() == 4 * window.step
-    # One of the two has everything, the other nothing: half of what is on its way may be the other's.
+    # One subscriber has everything, the other nothing: half of the messages in flight may be for the other
+    # one.
     assert all(window.taken() for _ in range(4))
     assert sent_until_full() == 2 * window.step
     assert roles.Window(Work(size=LARGEST, count=1, warm_up=0)).step == 1

@@ -1,4 +1,6 @@
-"""benchmarks/: one program on busd's facade and on ROS 2's own rclpy, where that is; and what both take."""
+"""benchmarks/: one program on busd's facade, and on ROS 2's rclpy if it is installed; and messages for
+both.
+"""
 
 import re
 from pathlib import Path

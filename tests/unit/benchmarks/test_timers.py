@@ -1,4 +1,4 @@
-"""benchmarks/timers: what it makes of the calls of a timer; that each program's timer is measured."""
+"""benchmarks/timers: the figures made from the calls of a timer, and the timer of each program, measured."""
 
 import pytest
 
@@ -13,7 +13,7 @@ MS = 1_000_000
 
 
 def test_lateness_and_missed_calls() -> None:
-    at_ms = (100.25, 110.75, 120.5, 150.5, 160.5)  # due each 10 ms; two are missed
+    at_ms = (100.25, 110.75, 120.5, 150.5, 160.5)  # a call is due every 10 ms; two are missing
     calls = Calls(due_ns=10 * MS, at_ns=[round(one * MS) for one in at_ms], cpu_s=0.003)
 
     found = timers.summary(calls, 10 * MS)

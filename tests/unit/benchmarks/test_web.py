@@ -1,4 +1,4 @@
-"""benchmarks/web.py, measured once, as short as can be."""
+"""benchmarks/web.py: one measurement, as short as possible."""
 
 import pytest
 
