@@ -1,4 +1,4 @@
-"""A node's clock and rates: by the machine's time and by a simulation's."""
+"""A node's clock and rates: with the machine's time and with simulated time."""
 
 import asyncio
 from collections.abc import Callable
@@ -31,13 +31,13 @@ def now_s() -> float:
 
 
 async def turns(count: int = 5) -> None:
-    """Let all go on that can."""
+    """Let all other tasks run for `count` turns of the loop."""
     for _ in range(count):
         await asyncio.sleep(0)
 
 
 class Sleeper:
-    """Sleeps by a rate, again and again, and notes when it wakes."""
+    """Sleeps at a rate, again and again, and records the times at which it wakes."""
 
     def __init__(self, rate: Rate, now: Callable[[], float]) -> None:
         self.woken: list[float] = []

@@ -1,4 +1,4 @@
-"""bus.errors: what is raised again is the same error, without what it met before."""
+"""bus.errors: an error raised again is an equal copy, without the first one's traceback."""
 
 import pytest
 

@@ -1,4 +1,6 @@
-"""Numbers of a broken busd, or in a broken ring: refused where they come in, or held to what can be sent."""
+"""Numbers from a broken busd or a broken ring: busd's library refuses them, or limits them to values that it
+can send.
+"""
 
 from typing import Any
 

@@ -28,7 +28,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def log() -> Logger:
-    """A logger whose level and sinks no other test shares."""
+    """A logger with its own level and sinks, which no other test uses."""
     return get_logger(f"test_{next(_numbers)}")
 
 

@@ -1,4 +1,4 @@
-"""The console log and Ctrl-C, wherever it comes."""
+"""The console log, and a Ctrl-C at any moment."""
 
 import io
 import itertools
@@ -13,14 +13,16 @@ from bus.logger import ConsoleHandler
 
 
 def test_ctrl_c_leaves_no_lock_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wherever it comes: another thread can log."""
+    """After a Ctrl-C at any moment, another thread can log."""
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     handler = ConsoleHandler({})
     lock = handler.lock
     assert isinstance(lock, type(threading.RLock()))
 
     class Interrupt:
-        """A KeyboardInterrupt at the call or return of that number: where Python looks for signals."""
+        """Raises KeyboardInterrupt at the call or return with the given number. Python checks for signals
+        there.
+        """
 
         def __init__(self, number: int) -> None:
             self.left = number

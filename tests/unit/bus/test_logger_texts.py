@@ -1,4 +1,4 @@
-"""bus.logger: what a line on the console may do to a terminal, whoever wrote what is in it."""
+"""bus.logger: texts on the console cannot control the terminal, whoever wrote them."""
 
 from bus.logger import ConsoleHandler
 from rows import for_each

@@ -1,4 +1,4 @@
-"""Names: each rule with ROS's text and the place of the fault, and expansion."""
+"""Names: each rule with ROS's text and the place of the fault, and the expansion of names."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ VALIDATORS: list[Callable[[str], None]] = [
 
 
 def fault(validate: Callable[[str], None], name: str) -> tuple[str, int | None]:
-    """The rule in the error's first line, and its index."""
+    """The broken rule from the error's first line, and the index of the fault."""
     with pytest.raises(ConfigurationError) as caught:
         validate(name)
     first_line = str(caught.value).splitlines()[0]

@@ -1,4 +1,4 @@
-"""QoS profiles: what they accept, how they travel, and the matrix of compatibility."""
+"""QoS profiles: accepted values, the encoding, and the matrix of compatibility."""
 
 import itertools
 import math
@@ -22,7 +22,7 @@ AUTOMATIC = "ERROR: Publisher's liveliness is automatic and subscription's is ma
 NO_LEASE = "ERROR: Subscription has a liveliness lease duration, but publisher does not;"
 LEASE_LESS = "ERROR: Subscription liveliness lease duration is less than publisher;"
 
-# (offered, requested) -> why not; a pair that is not here matches.
+# (offered, requested) -> the reason. All other pairs match.
 REFUSED_RELIABILITY = {("best_effort", "reliable"): BEST_EFFORT}
 REFUSED_DURABILITY = {("volatile", "transient_local"): VOLATILE}
 REFUSED_LIVELINESS = {("automatic", "manual_by_topic"): AUTOMATIC}

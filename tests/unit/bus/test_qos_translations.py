@@ -1,4 +1,4 @@
-"""Every policy of a QoS profile comes through every other form that profiles have."""
+"""Every policy of a QoS profile keeps its value in every other form of profiles."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from rows import for_each
 
 
 def changed(policy: PolicyField) -> QoSProfile:
-    """The default profile with another value of `policy`, which a publisher may offer."""
+    """The default profile with another value of `policy`. A publisher can offer it."""
     default_value = getattr(default, policy.name)
     value = next((one for one in policy.offers.values() if one is not default_value), 1.5)
     fields: dict[str, Any] = {policy.name: value}

@@ -1,4 +1,4 @@
-"""bus.runner: the garbage collector is as before a run, and a Ctrl-C before it begins is silent."""
+"""bus.runner: a run restores the state of the garbage collector, and a Ctrl-C before a run is silent."""
 
 import signal
 import subprocess
@@ -28,7 +28,7 @@ def test_what_a_program_has_frozen_stays_frozen(word: str, said: str) -> None:
 
 
 def test_a_ctrl_c_before_main_begins_is_silent() -> None:
-    """Python would warn that `main` was never awaited."""
+    """Otherwise Python would warn that `main` was never awaited."""
     program = """
 import asyncio, signal
 import bus
@@ -52,7 +52,9 @@ bus.run(main())
 
 
 def test_a_ctrl_c_while_the_task_is_made_is_silent() -> None:
-    """The task may be scheduled and not yet known to asyncio, which then does not cancel it."""
+    """The task may be scheduled while asyncio does not know it yet. In that case, asyncio does not
+    cancel it.
+    """
     program = """
 import asyncio
 import bus, bus.runner

@@ -1,4 +1,4 @@
-"""bus.timer: calls by a period, and a period that changes."""
+"""bus.timer: calls at a period, and changes of the period."""
 
 import asyncio
 from typing import Any
@@ -15,7 +15,7 @@ S = 10**9
 
 
 class World:
-    """A timer, and when its calls came: seconds since the timer was made."""
+    """A timer, and the times of its calls in seconds since the timer was made."""
 
     def __init__(self, period_s: float, clock: Clock | None = None) -> None:
         self.clock = clock or Clock("/robot")
@@ -29,7 +29,7 @@ class World:
         self.then()
 
     def then(self) -> None:
-        """What the callback does besides."""
+        """The callback calls this, too."""
 
 
 def test_a_shorter_period_holds_from_the_last_call_on() -> None:
@@ -49,7 +49,7 @@ def test_the_next_call_comes_at_once_if_its_time_is_past() -> None:
         world = World(1000)
         await asyncio.sleep(50)
         world.timer.period = 20
-        assert not world.calls  # not within the assignment
+        assert not world.calls  # the assignment itself makes no call
         await asyncio.sleep(45)
         assert (world.calls, world.timer.missed) == ([50, 70, 90], 0)
 
@@ -90,7 +90,7 @@ def test_the_callback_cancels_or_resets_its_timer(method: str, expected: list[fl
 
         def stop() -> None:
             if len(world.calls) == 2:
-                loop.jumped_s += 5  # a reset counts from here
+                loop.jumped_s += 5  # a reset counts from this time
                 getattr(world.timer, method)()
 
         world.then = stop  # type: ignore[method-assign]

@@ -1,7 +1,7 @@
-"""What the library does by the clock: deadlines, signs of life, acknowledgements, reports.
+"""Timed actions of the library: deadlines, signs of life, acknowledgements, reports.
 
-In a loop whose time jumps (`tests/jumping_loop.py`), so that a time is told from one that is twice as long,
-on any machine.
+The loop's time jumps (`tests/jumping_loop.py`), so a test can tell a time from twice that time on any
+machine.
 """
 
 import asyncio
@@ -46,7 +46,7 @@ def test_a_deadline_is_noticed_at_its_end_on_both_sides(two: Play) -> None:
 
 
 def test_a_publisher_that_is_held_back_hears_soon_of_the_last_one_that_was_taken(two: Play) -> None:
-    """Of a few at a time nothing is said at once; a moment later it is."""
+    """The subscription does not acknowledge each few messages at once, but a moment later."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -62,7 +62,7 @@ def test_a_publisher_that_is_held_back_hears_soon_of_the_last_one_that_was_taken
 
 
 def test_one_that_says_nothing_keeps_its_place(two: Play) -> None:
-    """For a hundred leases of busd: its signs of life come of themselves, and often enough."""
+    """The library sends signs of life by itself, often enough for a hundred leases of busd."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -114,7 +114,7 @@ def test_manual_liveliness_lasts_for_its_lease(two: Play, sign: str) -> None:
 
 
 async def counted(listener: bus.Node) -> tuple[int, int, int]:
-    """What the graph says a second later: published, delivered, queued."""
+    """Figures in the graph a second later: published, delivered, queued."""
     await asyncio.sleep(1)
     graph = await listener.graph(statistics=True)
     (sent,), (got,) = graph.publishers_of(TOPIC), graph.subscriptions_of(TOPIC)
@@ -123,7 +123,7 @@ async def counted(listener: bus.Node) -> tuple[int, int, int]:
 
 
 def test_the_graph_hears_of_what_was_counted_within_a_second(two: Play) -> None:
-    """Also of what is taken long after it came, and of what is counted after a report."""
+    """This includes messages taken long after their arrival, and messages counted after a report."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -139,7 +139,7 @@ def test_the_graph_hears_of_what_was_counted_within_a_second(two: Play) -> None:
 
 
 def test_the_graph_hears_of_what_is_taken_as_soon_as_it_is_there(two: Play) -> None:
-    """Before the event loop has heard of it."""
+    """This is true even if the event loop has not noticed the message yet."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -154,19 +154,21 @@ def test_the_graph_hears_of_what_is_taken_as_soon_as_it_is_there(two: Play) -> N
 
 
 def stand_still(seconds: float) -> None:
-    """As time.sleep does it."""
+    """Block the loop, like time.sleep."""
     loop = asyncio.get_running_loop()
     assert isinstance(loop, JumpingLoop)
     loop.jumped_s += seconds
 
 
 class TestStandstill:
-    """A program whose own event loop stood still says so, and looks for no fault at busd."""
+    """If a program's own event loop stood still, the program says so and does not blame busd."""
 
     SAID = "this program's event loop stood still for "
 
     def test_for_how_long(self, two: Play, caplog: pytest.LogCaptureFixture) -> None:
-        """Exactly where something was done just before; else between two signs of life."""
+        """The text has the exact time if the loop ran just before. Otherwise it has a range between two signs
+        of life.
+        """
 
         async def story(world: World) -> None:
             node = nodes(world)[1]
@@ -208,7 +210,7 @@ class TestStandstill:
         two(story, lease_s=0.6)
 
     def test_a_question_that_has_not_left_yet(self, two: Play) -> None:
-        """Neither busd nor this program could say anything meanwhile."""
+        """During the standstill, neither busd nor this program could send anything."""
 
         async def story(world: World) -> None:
             node = nodes(world)[1]

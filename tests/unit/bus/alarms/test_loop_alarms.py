@@ -1,4 +1,4 @@
-"""bus.alarms: calls at times on an event loop, by a timer of the kernel and by the event loop's timers."""
+"""bus.alarms: timed calls on an event loop, by a kernel timer and by the event loop's own timers."""
 
 import asyncio
 import contextvars
@@ -20,7 +20,7 @@ FAR_NS = 3_600_000 * MS
 
 
 class Rung:
-    """An event loop's wake-up that notes to what it is set, and is rung by hand."""
+    """An event loop's wake-up. It records the times that it is set to, and a test rings it."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, ring: Callable[[], object]) -> None:
         self.ring = ring
@@ -152,7 +152,7 @@ async def test_the_wake_up_is_set_only_where_the_earliest_alarm_changes(
         alarms.add(now_ns + 2 * FAR_NS, print)
     assert rung.times == [now_ns + FAR_NS]
     far.cancel()
-    alarms.add(now_ns + FAR_NS, print)  # a reset: it is set to that already
+    alarms.add(now_ns + FAR_NS, print)  # a reset: the wake-up is set to that time already
     assert rung.times == [now_ns + FAR_NS]
     rung.times.clear()
     left = 3
@@ -180,7 +180,7 @@ async def test_a_child_does_not_touch_the_timer_of_its_parent() -> None:
     if not (pid := os.fork()):
         try:
             alarm.cancel()
-            alarms.add(0, print)  # set to that, the parent's would be readable at once
+            alarms.add(0, print)  # if the child set the timer to 0, the parent's timer would fire at once
             alarms.add(NEVER_NS, print)
             alarms.release()
             is_sane = Alarms.acquire(loop) is not alarms and not done.is_set()

@@ -1,4 +1,4 @@
-"""bus.alarms.schedule: which calls are due, and in which order."""
+"""bus.alarms.schedule: the calls that are due, and their order."""
 
 from contextvars import copy_context
 
@@ -32,7 +32,7 @@ def test_a_call_comes_once_at_its_time() -> None:
 
 
 def test_an_alarm_that_a_call_adds_waits_for_the_next_time() -> None:
-    """Else a period of 0 would keep the event loop from all else."""
+    """Otherwise, a period of 0 would keep the event loop busy for ever."""
     schedule, calls = Schedule(), list[str]()
 
     def again() -> None:
@@ -74,7 +74,7 @@ def test_an_exception_leaves_the_others_for_the_next_time() -> None:
 
 
 def test_canceled_alarms_do_not_pile_up() -> None:
-    """A watchdog is put off with each message."""
+    """A program may postpone a watchdog with each message."""
     schedule = Schedule()
     kept = [schedule.add(10**9, int, CONTEXT) for _ in range(10)]
     for number in range(10_000):
@@ -97,7 +97,7 @@ def test_canceled_alarms_do_not_pile_up() -> None:
 def test_as_a_sorted_list(steps: list[tuple[str, int]]) -> None:
     schedule = Schedule()
     alarms: dict[int, Alarm] = {}
-    model: dict[int, int] = {}  # due times of those that are pending
+    model: dict[int, int] = {}  # due times of pending alarms
     calls: list[int] = []
     now_ns = 0
     for number, (step, value) in enumerate(steps):

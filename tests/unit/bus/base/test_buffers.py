@@ -1,4 +1,4 @@
-"""bus.base.buffers: only written pages take memory, and the last view gives it back."""
+"""bus.base.buffers: only written pages use memory, and the last view frees it."""
 
 import errno
 import gc
@@ -14,7 +14,7 @@ SIZE = 32 << 20
 
 
 def resident() -> int:
-    """Bytes of memory that this process has."""
+    """Resident memory of this process in bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * mmap.PAGESIZE
 
 

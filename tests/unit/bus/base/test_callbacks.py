@@ -1,4 +1,4 @@
-"""What a callback is like, as `inspect` says it: of plain functions by their code, of others by asking."""
+"""Properties of a callback, as `inspect` reports them. busd reads those of a plain function from its code."""
 
 from collections.abc import Callable
 from functools import partial, wraps

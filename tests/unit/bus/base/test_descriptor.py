@@ -1,4 +1,4 @@
-"""bus.base.descriptor: closed once, by whoever comes first."""
+"""bus.base.descriptor: a descriptor is closed only once, by the first caller."""
 
 import os
 from pathlib import Path

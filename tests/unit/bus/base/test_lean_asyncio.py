@@ -1,4 +1,4 @@
-"""asyncio without TLS and `inspect`, which are there for everybody who asks for them."""
+"""asyncio without TLS and `inspect`: both are loaded if a program asks for them."""
 
 import subprocess
 import sys

@@ -1,4 +1,6 @@
-"""bus.base.loading: a Ctrl-C during an import comes after it, and shows no traceback of it."""
+"""bus.base.loading: a Ctrl-C during an import takes effect after the import, and prints no traceback of
+it.
+"""
 
 import signal
 import subprocess
@@ -25,7 +27,7 @@ sys.settrace(trace)
 
 
 def ended(program: str, folder: Path) -> tuple[int, str, str]:
-    """Exit status and both outputs of a program in a file of its own."""
+    """Exit status and both outputs of `program`, run from its own file."""
     path = folder / "program.py"
     path.write_text(program)
     done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, timeout=60)
@@ -93,7 +95,7 @@ class TestDeferredInterrupts:
 
 class TestImports:
     def test_python_drops_no_interrupt(self, tmp_path: Path) -> None:
-        """In that callback CPython prints a KeyboardInterrupt as ignored, and goes on."""
+        """In the callback `cb`, CPython only prints "ignored" for a KeyboardInterrupt, and continues."""
         program = (
             "import bus\n"
             + SIGNAL_AT.format(function="cb", file="importlib._bootstrap>", at_last="")
@@ -117,7 +119,9 @@ class TestImports:
         assert ended(program, tmp_path) == (-signal.SIGINT, "", "")
 
     def test_msgspec_finds_datetime_loaded(self, tmp_path: Path) -> None:
-        """msgspec's core would load it, and go on if a KeyboardInterrupt cut that short."""
+        """busd loads datetime first. Otherwise msgspec's core loads it, and ignores a KeyboardInterrupt
+        during that import.
+        """
         program = (
             SIGNAL_AT.format(function="time", file="/datetime.py", at_last="raise KeyboardInterrupt")
             + "import bus\nfrom bus.msg.std_msgs import String\nprint('runs on')\n"
@@ -164,7 +168,7 @@ class TestImports:
         assert ended(program, tmp_path) == (0, "bye\n", "")
 
     def test_others_have_their_traceback(self, tmp_path: Path) -> None:
-        """A program's own code is as Python has it."""
+        """An interrupt in the program's own code prints a traceback, as usual in Python."""
         status, _, said = ended(
             "import bus, signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
             "bus.run\nsignal.raise_signal(signal.SIGINT)\n",

@@ -1,4 +1,4 @@
-"""One line for names that do not exist: of the library, of its packages, of a message's fields."""
+"""Errors in one line for unknown names: of the library, of its packages, of a message's fields."""
 
 import asyncio
 import subprocess

@@ -1,4 +1,4 @@
-"""`bus.base.optional` and the pages say the same as the extras in pyproject.toml."""
+"""`bus.base.optional` and the pages name the same packages as the extras in pyproject.toml."""
 
 import re
 import tomllib
@@ -17,7 +17,7 @@ SILENT = {"rich"}
 """Packages whose absence no program mentions."""
 REQUIREMENT = re.compile(r"([\w-]+)([^;]*)")
 PAGES = {path for folder in ("", "docs", "benchmarks") for path in (ROOT / folder).glob("*.md")}
-PAGES -= {ROOT / "PACKAGE.md"}  # it is for those who have found busd on an index
+PAGES -= {ROOT / "PACKAGE.md"}  # that page is for readers who found busd on an index
 
 
 def test_bounds_are_those_of_the_extras() -> None:
@@ -42,7 +42,7 @@ def test_pages_list_all_extras() -> None:
 
 @for_each("page", PAGES)
 def test_pages_name_an_extra_in_one_form(page: Path) -> None:
-    """A name on an index (`busd[web]`) installs nothing as long as busd is on none."""
+    """No index has busd, so a name on an index (`busd[web]`) would install nothing."""
     text = page.read_text()
     assert not re.findall(r"pip install[^\n]*busd\[", text)
     for command, names in re.findall(r"(pip install[^\n`]*\.)\[([\w,]+)\]", text):

@@ -1,4 +1,4 @@
-"""bus.base.printable: which characters a terminal never gets from others."""
+"""bus.base.printable: characters of foreign texts that busd never prints to a terminal."""
 
 import json
 import sys
@@ -14,7 +14,9 @@ HARMLESS = "plain äöü 漢字 \u00a0 שלום ❤\ufe0f 👩\u200d🚀 \\x1b %
 
 @cache
 def hostile() -> str:
-    """All of them; a look at each letter there is takes a second, which no other test is to wait for."""
+    """All of these characters. The search takes a second, so it is done once, and only for the tests that
+    need it.
+    """
     return "".join(
         letter
         for letter in map(chr, range(sys.maxunicode + 1))

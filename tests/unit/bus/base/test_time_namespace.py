@@ -1,4 +1,4 @@
-"""bus.base.time_namespace: the kernel's text, and what is no such text."""
+"""bus.base.time_namespace: reading the kernel's text, and texts that are invalid."""
 
 import subprocess
 import sys

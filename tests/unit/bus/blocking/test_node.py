@@ -1,4 +1,4 @@
-"""`bus.connect` before it has a connection: a Ctrl-C at each of its steps is silent."""
+"""`bus.connect` before it has a connection: a Ctrl-C at any step ends it silently."""
 
 import signal
 import subprocess

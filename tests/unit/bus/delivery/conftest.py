@@ -1,4 +1,6 @@
-"""What tests of delivery leave open is closed: to look for it takes longer than most of them."""
+"""Closes the worlds that tests of delivery leave open. A search for them would take longer than most of the
+tests.
+"""
 
 from collections.abc import Iterator
 
@@ -10,7 +12,8 @@ from client_world import ClientWorld
 
 @pytest.fixture(autouse=True)
 def worlds_end(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)  # they are counted by event loop
+    # The bounds are counted by event loop.
+    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
     yield
     while ClientWorld.all_open:
         ClientWorld.all_open.pop().close()

@@ -1,4 +1,4 @@
-"""bus.delivery.ages: how old messages were when they were taken."""
+"""bus.delivery.ages: the ages of messages when a program takes them."""
 
 from bus.delivery.ages import AT_ONCE, EACH, Ages
 from bus.wire.layout import MAX_COUNT

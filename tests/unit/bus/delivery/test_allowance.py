@@ -1,4 +1,6 @@
-"""bus.delivery.allowance: a queue holds what it is bounded by, where there is memory, and else its newest."""
+"""bus.delivery.allowance: a queue fills up to its bound if memory is free; otherwise it keeps the newest
+messages.
+"""
 
 import pytest
 
@@ -13,7 +15,7 @@ STEP = allowance.STEP_BYTES
 
 @pytest.fixture
 def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Its one number is what is left of memory; then come the looks at it."""
+    """The first item is the free memory. Each look at it appends an item."""
     left = [1 << 40]
 
     def look() -> int:
@@ -25,7 +27,9 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def put(queue: RunQueue, seq: int, most: int = 64 * MiB, *, is_lossless: bool = False) -> int:
-    """As a publisher does with a message of 1 MiB; returns how many of the oldest went."""
+    """Append a message of 1 MiB, as a publisher does. Returns the number of old messages that the queue
+    dropped.
+    """
     if not queue.runs:
         allowance.begin(queue)
     queue.append(Run(0, 0, seq, 1, bytes(MiB)))
@@ -40,8 +44,8 @@ def new_queue() -> RunQueue:
 def test_up_to_its_bound_where_there_is_memory(left: list[int]) -> None:
     queue = new_queue()
     lost = sum(put(queue, seq) for seq in range(100))
-    assert lost == 100 - 63  # each costs a little more
-    assert len(left) - 1 < 100 / (STEP / MiB) + 2  # a look for each step, and none beyond the bound
+    assert lost == 100 - 63  # each message costs slightly more than 1 MiB
+    assert len(left) - 1 < 100 / (STEP / MiB) + 2  # one look for each step, and none beyond the bound
 
 
 def test_no_longer_where_there_is_none(left: list[int]) -> None:
@@ -90,7 +94,7 @@ def test_what_is_lossless_gives_up_nothing_before_its_bound(left: list[int]) -> 
 
 @pytest.mark.parametrize(("spare", "held"), [(1 << 40, INBOX_BYTES // MiB - 1), (0, STEP // MiB - 1)])
 def test_of_a_subscription(left: list[int], spare: int, held: int) -> None:
-    """What it gives up it counts."""
+    """The subscription counts the messages that it drops."""
     left[0] = spare
     receiver: Receiver[bytes] = Receiver(
         bytes,

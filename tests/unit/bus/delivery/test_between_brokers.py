@@ -1,8 +1,8 @@
-"""Samples that are on their way while a match is made, a broker is away, or a route changes.
+"""Samples in flight while a match is made, a broker is away, or a route changes.
 
-Each is heard once, by its number, and what is lost is counted.
+A subscription gets each sample once, by its number, and counts lost samples.
 
-In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+The world has no process, no socket and no clock (`tests/world/client_world.py`).
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
 LAST_10 = QoSProfile(10)
 LARGE = "x" * (3 << 20)
-"""More than the first ring holds."""
+"""A text longer than the first ring."""
 
 
 def numbers(client: Client, subscription: Subscription[Any]) -> list[int]:
@@ -42,15 +42,15 @@ def test_a_match_by_socket_gets_what_was_published_behind_what_is_on_its_way() -
     world.settle()
     assert numbers(far, before) == [1, 2]
     talker.publish(publisher, 3)
-    talker.step()  # these leave, and the broker has not read them yet
+    talker.step()  # the samples leave, and the broker has not read them yet
     assert talker.connection is not None and talker.connection.sent_up
     far.close(before)
     far.step()
     while far.serve():
         pass
-    talker.step()  # nobody is there by socket any more
+    talker.step()  # no subscription uses the socket route any more
     assert not publisher._sender.goes_by_socket
-    talker.publish(publisher, 2)  # into the ring alone
+    talker.publish(publisher, 2)  # into the ring only
     after = far.subscription(LAST_10)
     far.step()
     while far.serve():
@@ -104,7 +104,7 @@ def test_what_a_publisher_that_has_gone_wrote_into_another_ring_meanwhile_is_cou
     talker.publish(publisher, 3)
     world.settle()
     listener.hang_up()
-    talker.publish(publisher, 1, LARGE)  # its ring grows, and only who is connected hears of that
+    talker.publish(publisher, 1, LARGE)  # the ring grows, and only connected subscriptions learn of it
     world.settle()
     talker.close(publisher)
     world.settle()

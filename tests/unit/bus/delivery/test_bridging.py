@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of bridges, and those that are matched with them."""
+"""Publishers and subscriptions of bridges, and the endpoints that match them."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ by_shm = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
 
 class Stage:
-    """A talker and a bridge, which has a node of another bus."""
+    """A talker and a bridge, which has a mirror of another bus's node."""
 
     def __init__(self, *, shares: bool) -> None:
         self.world = ClientWorld()
@@ -38,7 +38,7 @@ class Stage:
         return made
 
     def report(self) -> dict[bytes, m.EndpointStatistics]:
-        """By gid, what the graph says."""
+        """The statistics in the graph, by gid."""
         self.world.advance(1)
         found = self.world.whole_graph(statistics=True).endpoints
         return {one.gid: one.statistics for one in found if one.statistics is not None}
@@ -46,7 +46,7 @@ class Stage:
 
 @pytest.fixture(params=["shm", "socket"])
 def shares(request: pytest.FixtureRequest) -> bool:
-    """Whether the clients share memory."""
+    """True if the clients share memory."""
     if request.param == "shm" and not shm.is_available():
         pytest.skip("no shared memory here")
     return bool(request.param == "shm")
@@ -91,7 +91,9 @@ class TestTaps:
         assert publisher._core.matches.taps == {} and stage.changes == []
 
     def test_nobody_who_waits_for_a_subscription_waits_for_it(self, shares: bool) -> None:
-        """Nor is kept waiting by one whose process hangs before it has named its slot."""
+        """A caller that waits for a subscription does not wait for a tap, even if the tap's process hangs
+        before it has named its slot.
+        """
         stage = Stage(shares=shares)
         publisher = stage.publisher(QoSProfile(3))
         stage.bridge.is_held = True
@@ -133,7 +135,7 @@ def mirror_node(mirror: GraphMirror) -> int:
 
 
 class Held(Stage):
-    """Two lossless publishers and a tap that gives the first no more room."""
+    """Two lossless publishers, and a tap that gives the first one no more room."""
 
     def __init__(self, *, shares: bool) -> None:
         super().__init__(shares=shares)
@@ -144,7 +146,9 @@ class Held(Stage):
         self.heard: list[tuple[int, int]] = []
 
     def fill(self, publisher: Publisher[Any]) -> int:
-        """Publish until it must wait, and take meanwhile; returns how many it has said."""
+        """Publish until the publisher must wait, and take meanwhile. Returns the number of published
+        messages.
+        """
         said = 0
         while self.talker.publish(publisher, 1, PADDING):
             said += 1
@@ -160,7 +164,7 @@ class Held(Stage):
         return found
 
     def goes_on(self, said: int) -> None:
-        """Once released, all of the first comes, and there is room."""
+        """After the release, all messages of the first publisher arrive, and it has room again."""
         self.tap.release(self.first.gid)
         self.take()
         assert [number for who, number in self.heard if who == 1] == [*range(1, said + 1)]
@@ -212,7 +216,7 @@ class TestHoldingBack:
         stage.world.restart_broker()
         stage.world.connect_all()
         stage.world.advance(15)
-        said += stage.fill(stage.first)  # the window by socket begins anew
+        said += stage.fill(stage.first)  # the socket window starts from the beginning
         assert stage.talker.publish(stage.second, 1) == 1
         assert stage.take() == [(2, 1)]
         stage.goes_on(said)
@@ -295,7 +299,7 @@ class TestMirrors:
         assert publisher.matches == () and [one.current_count for one in stage.changes] == [1, 0]
 
     def test_it_waits_for_no_message(self, shares: bool) -> None:
-        """Those that it stands for have the deadline."""
+        """The endpoint behind the mirror has the deadline, so the mirror itself has none."""
         stage = Stage(shares=shares)
         qos = QoSProfile(3, deadline=0.1)
         stage.publisher(qos)

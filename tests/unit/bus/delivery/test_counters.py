@@ -1,6 +1,6 @@
-"""The accounts of a subscription and of a publisher: every message is delivered, waits, or has a reason.
+"""Accounts of a subscription and a publisher: every message is delivered, queued, or dropped with a reason.
 
-In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+The world has no process, no socket and no clock (`tests/world/client_world.py`).
 """
 
 from typing import Any
@@ -39,7 +39,7 @@ class Pair:
         return [number for _, number in self.listener.take(self.subscription)]
 
     def closes(self) -> dict[str, int]:
-        """What was dropped; all that was expected is accounted for."""
+        """Check that the account of expected messages balances, and return the dropped ones."""
         found = self.subscription.statistics()
         assert found.expected == found.delivered + found.queued + sum(found.dropped.values())
         return found.dropped
@@ -58,7 +58,9 @@ class Pair:
 
 
 def flood(pair: Pair, count: int) -> None:
-    """More than the depth, while the subscription's process reads nothing: the broker drops the rest."""
+    """Publish more than the depth while the subscription's process reads nothing, so the broker drops the
+    rest.
+    """
     pair.listener.is_held = True
     process = pair.listener.connection
     assert process is not None
@@ -101,7 +103,7 @@ def test_what_a_ring_gave_up_before_the_match_went_by_socket_is_counted_here() -
     refusal = m.RefuseRoute(endpoint=pair.subscription._core.id, other=pair.publisher._core.id, text="a test")
     pair.listener.send_about(pair.subscription._core, refusal)
     while pair.listener.step() | pair.listener.serve():
-        pass  # the ring is left, and its publisher has yet to hear of that
+        pass  # the subscription has left the ring, and its publisher does not know it yet
     pair.talker.publish(pair.publisher, 100, "x" * 20_000)
     pair.world.settle()
     pair.publish()
@@ -127,7 +129,7 @@ def test_what_came_by_an_earlier_connection_the_present_broker_did_not_route() -
 
 
 class TestReasonsThatAreToldLater:
-    """After its process was away, a subscription hears how much was lost, and why that was."""
+    """After its process was away, a subscription learns how many messages were lost, and why."""
 
     GID = b"g" * 16
 

@@ -1,4 +1,4 @@
-"""bus.delivery.dispatcher: a run that comes alone is given to the callback at once, if nothing forbids it."""
+"""bus.delivery.dispatcher: a run that arrives alone goes to the callback at once, if nothing forbids it."""
 
 import asyncio
 from collections.abc import Callable
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not has_core(), reason="the native core was not 
 
 
 class World:
-    """An receiver and its dispatcher, as the link uses them."""
+    """A receiver and its dispatcher, as the link uses them."""
 
     def __init__(self, callback: Callable[..., Any] | None = None) -> None:
         self.heard: list[int] = []
@@ -59,12 +59,12 @@ class World:
         self.act(number)
 
     def run(self, *numbers: int) -> Run:
-        """The next one."""
+        """The next run."""
         first_seq, self.seq = self.seq + 1, self.seq + len(numbers)
         return Run(1, 1, first_seq, len(numbers), b"".join(frame_record(b"%d" % one, 1) for one in numbers))
 
     def arrive(self, *numbers: int) -> bool:
-        """Whether the quick way was gone; else it is put and dispatched."""
+        """True if the run went the quick way. Otherwise it is queued and dispatched."""
         run = self.run(*numbers)
         if self.dispatcher.is_plain and self.dispatcher.deliver(run):
             return True
@@ -122,7 +122,7 @@ async def test_what_comes_during_a_call_is_delivered_after_it() -> None:
 
     world.act = nest
     assert world.arrive(1)
-    await until(lambda: len(calls) == 4)  # on a busy machine not all in one turn
+    await until(lambda: len(calls) == 4)  # on a busy machine, this takes more than one turn of the loop
     assert world.heard == calls == [1, 2, 3, 4]
 
 

@@ -1,4 +1,4 @@
-"""bus.subscription: how many of its publishers are alive, as its event says."""
+"""bus.subscription: the number of alive publishers in the event."""
 
 from bus.events import LivelinessChanged, SubscriptionEvents
 from bus.qos import QoSProfile
@@ -19,7 +19,7 @@ def test_each_change_is_told_once() -> None:
     world.advance(0.5)
     talker.publish(second)
     world.settle()
-    world.advance(0.8)  # the first has been quiet for its lease
+    world.advance(0.8)  # the first publisher has been silent for its whole lease
     talker.close(first)
     world.settle()
     world.advance(1.0)

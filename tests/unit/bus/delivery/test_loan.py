@@ -1,4 +1,4 @@
-"""Loans: what may be lent, and what happens to a publisher while one is open."""
+"""Loans: fields that can be lent, and the calls that a publisher allows while a loan is open."""
 
 import gc
 import sys
@@ -57,14 +57,14 @@ class Short(msgspec.Struct):
 
 
 class ShortWithMore(msgspec.Struct):
-    """One that has no plan."""
+    """A type without an encoding plan."""
 
     data: Annotated[bytes, Meta(min_length=3, max_length=10)] = b"..."
     more: dict[str, int] = {}
 
 
 class Stage:
-    """A publisher, and a subscription that hears it."""
+    """A publisher and a matched subscription."""
 
     def __init__(
         self, route: str, qos: QoSProfile = LAST_10, cls: Any = Image, *, limits: Limits | None = None
@@ -278,7 +278,7 @@ def test_that_only_a_cycle_holds_ends_with_it(route: str) -> None:
     loan: Any = stage.loan()
     cycle = [loan]
     cycle.append(cycle)
-    gc.disable()  # else it may be collected before it is looked for
+    gc.disable()  # otherwise the collector may collect it before the test looks
     try:
         del loan, cycle
         with pytest.raises(LocalProtocolError, match="is open"):
@@ -310,7 +310,9 @@ class Interrupted(BaseException):
 
 
 def break_off_after(steps: int, call: Callable[[], Any]) -> Any:
-    """What `call` returns; after so many calls and returns in it Interrupted is raised, as by a signal."""
+    """Return the result of `call`. After `steps` calls and returns in it, Interrupted is raised, as by a
+    signal.
+    """
     left = steps
 
     def break_off(frame: FrameType, event: str, called: object) -> None:
@@ -319,7 +321,8 @@ def break_off_after(steps: int, call: Callable[[], Any]) -> Any:
         if not left:
             raise Interrupted
 
-    gc.disable()  # it calls back what hypothesis has given it, which would be broken off in place of `call`
+    # A collection calls back into hypothesis, and Interrupted would be raised there instead of in `call`.
+    gc.disable()
     sys.setprofile(break_off)
     try:
         return call()
@@ -333,11 +336,11 @@ def break_off_after(steps: int, call: Callable[[], Any]) -> Any:
 def test_whose_making_is_broken_off_at_any_step(route: str, is_quick: bool) -> None:
     stage = Stage(route, cls=Image if is_quick else ShortWithMore)
     message = stage.support.cls()
-    stage.publisher.loan(message, "data", 5)  # what is made once is there then
+    stage.publisher.loan(message, "data", 5)  # makes the objects that are made only once
     for steps in count(1):
         try:
             loan = break_off_after(steps, partial(stage.publisher.loan, message, "data", 5))
-        except Interrupted:  # whose traceback holds what was made
+        except Interrupted:  # its traceback refers to the new objects
             pass
         else:
             break
@@ -352,7 +355,7 @@ def test_whose_making_is_broken_off_at_any_step(route: str, is_quick: bool) -> N
 
 @by_either
 def test_whose_publishing_is_broken_off_at_any_step(route: str) -> None:
-    """It has ended, or can still be ended."""
+    """An interrupted publish has ended the loan, or the loan can still be ended."""
     stage = Stage(route, KEEP_ALL)
     stage.publish(stage.loan(0))
     for steps in count(1):

@@ -1,4 +1,4 @@
-"""bus.delivery.match: every cell of the table, and what leads from state to state."""
+"""bus.delivery.match: every cell of the table, and the events that lead from state to state."""
 
 from collections.abc import Callable
 from itertools import product
@@ -92,7 +92,7 @@ def test_how_many_records_must_stay() -> None:
 
 
 class Scene:
-    """A lossless publisher and one that reads its ring, whose match has come to a state."""
+    """A lossless publisher and a subscription that reads its ring. Their match is in `state`."""
 
     def __init__(self, state: GateState) -> None:
         self.world = ClientWorld()
@@ -112,14 +112,14 @@ class Scene:
         self.check()
 
     def check(self) -> None:
-        """The tables that go with the state."""
+        """Check the tables against the state."""
         gate, gates = self.gate, self.ring.gates
         is_gone = gate.state in (GateState.LEFT, GateState.LOST, GateState.ENDED)
         assert (gates.by_gid.get(self.subscription.gid) is not gate) is is_gone
         assert (gate in gates._unattached.values()) is (gate.state in (GateState.EXPECTED, GateState.UNSURE))
         assert (gate in gates._left.values()) is (gate.state in (GateState.LEFT, GateState.LOST))
 
-    # --- what happens
+    # --- events
 
     def lose_busd(self) -> None:
         self.world.restart_broker()
@@ -130,7 +130,7 @@ class Scene:
         self.world.settle()
 
     def close(self) -> None:
-        """The subscription does."""
+        """The subscription closes."""
         self.listener.close(self.subscription)
         self.listener.serve()
         self.talker.step()
@@ -146,7 +146,7 @@ class Scene:
         self.world.advance(1)
 
     def vanish(self) -> None:
-        """It hangs up, and its process lives."""
+        """The subscription hangs up; its process lives on."""
         self.listener.hang_up()
         self.world.advance(1)
 
@@ -228,7 +228,7 @@ def test_one_that_was_silent_and_is_matched_by_another_busd_is_waited_for_again(
 
 
 class ReadScene(Scene):
-    """The same, with a message that waits in the ring, as the subscription sees it."""
+    """The same, seen from the subscription, with a message that waits in the ring."""
 
     def __init__(self, state: FeedState) -> None:
         super().__init__(GateState.ATTACHED)
@@ -249,7 +249,7 @@ class ReadScene(Scene):
         assert self.read.state is state
         assert (self.rings._feeds.get(self.publisher.gid) is self.read) is (state is not FeedState.ENDED)
 
-    # --- what happens
+    # --- events
 
     def publisher_closes(self) -> None:
         self.talker.close(self.publisher)
@@ -284,7 +284,8 @@ class ReadScene(Scene):
         (FeedState.READING_ON, ReadScene.end, FeedState.ENDED),
         (FeedState.FINISHING, ReadScene.take, FeedState.ENDED),
         (FeedState.FINISHING, ReadScene.connection_is_lost, FeedState.FINISHING),
-        (FeedState.FINISHING, ReadScene.all_come_back, FeedState.ENDED),  # another ring, or from there on
+        # Another ring, or the same one from there on.
+        (FeedState.FINISHING, ReadScene.all_come_back, FeedState.ENDED),
         (FeedState.FINISHING, ReadScene.end, FeedState.ENDED),
     ],
 )
@@ -298,7 +299,9 @@ def test_what_becomes_of_a_feed(
 
 @shared
 def test_one_that_comes_back_reads_on() -> None:
-    """In another ring of the subscription's, from where the one that was finishing had come to."""
+    """In another ring of the publisher, the subscription continues at the position that it reached in the
+    finishing one.
+    """
     scene = ReadScene(FeedState.FINISHING)
     scene.all_come_back()
     assert scene.rings._feeds[scene.publisher.gid].state is FeedState.ATTACHED

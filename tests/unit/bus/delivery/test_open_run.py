@@ -1,4 +1,6 @@
-"""bus.delivery.open_run: what `publish` does, and what it leaves to others. See test_runs_native.py, too."""
+"""bus.delivery.open_run: the tasks of `publish`, and the tasks that it leaves to its callers. See also
+test_runs_native.py.
+"""
 
 import gc
 import sys
@@ -21,7 +23,7 @@ SUPPORT = type_support(String)
 
 
 class Route:
-    """Begins runs, as a publisher's route does; each has room for `budget` more bytes."""
+    """Begins runs, as a publisher's route does. Each run has room for `budget` more bytes."""
 
     make: Callable[[], OpenRun] = PythonRun
 
@@ -35,7 +37,7 @@ class Route:
         self.run.begins_below = 100
 
     def prepare(self, encode: Callable[[Any], bytes] | None = None) -> OpenRun:
-        """With an encoder of its own, no plan stands in for it."""
+        """Prepare the run. With its own encoder, it has no plan that would replace the encoder."""
         self.run.begin_by(self.begun, self.may_begin)
         if encode is None:
             self.run.prepare(*SUPPORT.steps)
@@ -54,7 +56,7 @@ class Route:
 
 
 def payload_bytes(run: OpenRun) -> list[bytes]:
-    """What is in the run, which ends."""
+    """End the run and return its payloads."""
     count = run.samples
     body = memoryview(run.end(1, 1, 0))[DATA_HEAD_BYTES:]
     return [bytes(payload) for payload, _ in Run(0, 0, 1, count, body).records()]
@@ -73,7 +75,7 @@ natively = pytest.mark.skipif(not has_core(), reason="the native core was not bu
 
 @pytest.fixture(params=["python", pytest.param("native", marks=natively)])
 def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The runs of routes are of this kind."""
+    """Parameter: runs in Python, or runs of the native core."""
     monkeypatch.setattr(Route, "make", PythonRun if request.param == "python" else native_run)
 
 
@@ -129,7 +131,7 @@ class TestPublish:
             pass
 
         route = Route()
-        assert route.run.publish(String()) is False  # not prepared
+        assert route.run.publish(String()) is False  # the run is not prepared yet
         run = route.prepare()
         wrong: Any = 5
         for message in (None, "text", String, Other(), String(data=wrong), String(data="\ud800")):

@@ -1,4 +1,6 @@
-"""bus.delivery.receiver: what waits, what is given out and counted, what a lossless publisher is told."""
+"""bus.delivery.receiver: queued messages, taking and counting them, and acknowledgements to a lossless
+publisher.
+"""
 
 import builtins
 from typing import Any
@@ -14,12 +16,12 @@ from feeding import frame_record
 from rows import for_each
 
 FIRST, SECOND = 7, 8
-"""Publishers."""
+"""Ids of two publishers."""
 SECOND_NS = 1_000_000_000
 
 
 class Box:
-    """An receiver of numbers as text, and what it has told."""
+    """A receiver of numbers as text, and its calls."""
 
     def __init__(self, depth: int = 10, *, is_lossless: bool = False) -> None:
         self.dropped: list[tuple[str, int]] = []
@@ -41,13 +43,13 @@ class Box:
         return self.receiver.tracker[number]
 
     def put(self, first_seq: int, *payloads: str, source: int = FIRST, stamp_ns: int = 5) -> None:
-        """As the link does it with what one read brought."""
+        """Put a run, as the link does with the result of one read."""
         body = b"".join(frame_record(payload.encode(), stamp_ns) for payload in payloads)
         if self.receiver.put(Run(1, source, first_seq, len(payloads), body)):
             self.receiver.trim()
 
     def take(self, limit: int = 1) -> list[int]:
-        """All that waits."""
+        """Take all queued messages."""
         found = []
         while taken := self.receiver.take(limit):
             found.append(taken[0])
@@ -87,7 +89,7 @@ class TestDepth:
         assert box.counts == (3, 3, 0, {"replaced": 3})
 
     def test_what_was_not_decoded_yet_may_still_be_replaced(self) -> None:
-        """So a run is taken one by one, as long as something may come in between."""
+        """So the receiver takes a run message by message, as long as newer messages can arrive in between."""
         box = Box(3)
         box.put(1, *numbers(1, 4))
         first = box.receiver.take()
@@ -107,7 +109,7 @@ class TestDepth:
     def test_what_is_beyond_the_memory_goes_but_the_newest_stays(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(allowance, "STEP_BYTES", 1000)  # an empty one begins with that
+        monkeypatch.setattr(allowance, "STEP_BYTES", 1000)  # the bound of an empty queue
         monkeypatch.setattr(inbox_module, "INBOX_BYTES", 1000)
         box = Box(0, is_lossless=True)
         for seq in range(1, 11):
@@ -147,7 +149,7 @@ class TestAcknowledging:
         assert (box.taken, box.dropped) == ([(FIRST, 2)], [("expired", 2)])
 
     def test_not_of_what_was_known(self) -> None:
-        """A run that comes once more, from a publisher that does not know what was taken."""
+        """A run may arrive again if its publisher does not know which messages were taken."""
         box = Box(0, is_lossless=True)
         box.put(1, *numbers(1, 5))
         box.take()
@@ -159,7 +161,9 @@ class TestAcknowledging:
 
 
 def test_history_is_old_and_nothing_is_missing_behind_it() -> None:
-    """It comes when newer ones have come by another way; what it knows, is not forgotten by that."""
+    """History may arrive after newer messages that came by another route. It does not reset the known last
+    number.
+    """
     box = Box()
     box.source().last_seq = 9
     body = b"".join(frame_record(b"%d" % number, 5) for number in (7, 8))
@@ -200,7 +204,7 @@ def test_what_was_taken_in_advance_comes_first_and_counts_as_waiting() -> None:
 
 
 class _Rings:
-    """Stands for the native reader, with these messages in it."""
+    """Replaces the native reader; these messages wait in it."""
 
     overrun = expired = replaced = undecodable = samples = bytes = 0
 
@@ -228,7 +232,7 @@ class TestRings:
         box.receiver.reader = _Rings(box.source(), (1, b"1"), (2, b"22"))  # type: ignore[assignment]
         assert (box.receiver.queued, box.receiver.has_more) == (2, True)
         box.receiver.drain_rings()
-        box.source().last_seq = 2  # as whoever leaves the ring knows
+        box.source().last_seq = 2  # the state after a subscription has left the ring
         box.put(3, "333")
         assert box.counts == (0, 0, 3, {})
         got = [(taken[0], taken[2]) for _ in range(3) if (taken := box.receiver.take())]

@@ -1,4 +1,4 @@
-"""bus.delivery.recipients: what is kept for a lossless subscription that was lost, and for how long."""
+"""bus.delivery.recipients: samples kept for a lost lossless subscription, and the time limit."""
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -10,7 +10,7 @@ BACK = OTHER + 1
 
 
 def repeated(way: Way, last_seq: int, other: int = BACK, gid: bytes = GID) -> list[list[int] | str]:
-    """What is sent when the subscription is back and has had all up to `last_seq`."""
+    """Runs that the sender sends again when the subscription returns and has all samples up to `last_seq`."""
     way.port.sent()
     way.sender.recipients.matched(other, gid, KEEP_ALL, by_socket=True, last_seq=last_seq)
     way.port.flush()
@@ -26,7 +26,7 @@ def repeated(way: Way, last_seq: int, other: int = BACK, gid: bytes = GID) -> li
 
 
 def lost(published: int = 5, credit: int = 1, window: int = 10) -> Way:
-    """A way whose subscription was lost, and has a place for ten seconds."""
+    """A sender whose subscription was lost; it keeps the place for ten seconds."""
     way = Way(KEEP_ALL, window=window)
     way.match()
     way.put_apart(published)
@@ -65,7 +65,7 @@ class TestItIsBack:
         assert found == [([3], BACK), ([4], 0), ([5], 0)]
 
     def test_it_may_be_lost_again(self) -> None:
-        """What was sent to it alone may not have come."""
+        """The repeated samples may be lost with the second connection."""
         way = lost()
         repeated(way, 2)
         way.sender.recipients.keep_place(BACK, 10)
@@ -80,7 +80,7 @@ class TestItIsBack:
         assert not way.sender.recipients.places, "it is there"
 
     def test_one_that_was_never_there_gets_nothing(self) -> None:
-        """Or any process could have a publisher send a window full, again and again."""
+        """Otherwise, any process could make a publisher send a full window again and again."""
         assert repeated(lost(), 0, gid=b"x" * 16) == ["caught up"]
 
 
@@ -141,7 +141,9 @@ class TestHowLong:
         assert repeated(way, 2) == [[3], [4], [5], "caught up"]
 
     def test_a_next_broker_that_does_not_ask_is_given_what_was_missed(self) -> None:
-        """It does not know whether that went by a ring; until it has come nothing new is sent."""
+        """The new broker does not know whether the subscription had a ring. The publisher sends nothing new
+        until the subscription has returned.
+        """
         way = lost(3, credit=1)
         way.lose()
         way.declare()

@@ -1,6 +1,6 @@
-"""bus.delivery.sender, with the whole bus behind it: both routes at once, and from one to the other.
+"""bus.delivery.sender with a whole bus: both routes at once, and changes from one to the other.
 
-In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+The world has no process, no socket and no clock (`tests/world/client_world.py`).
 """
 
 from typing import Any
@@ -23,7 +23,7 @@ HISTORY = QoSProfile(10, durability="transient_local")
 
 
 class Pair:
-    """A talker and a listener, each a process: a subscription, and a publisher that is matched with it."""
+    """A talker and a listener, each a process, with a publisher and its matched subscription."""
 
     def __init__(
         self, route: str, qos: QoSProfile = LAST_10, requested: QoSProfile | None = None, world: Any = None
@@ -50,7 +50,7 @@ class Pair:
         return self.subscription.statistics().dropped
 
     def refuse(self) -> None:
-        """The subscription's process can't read the ring; it is told that it may leave it."""
+        """The subscription's process cannot read the ring; busd tells it to leave the ring."""
         core = self.subscription._core
         refusal = m.RefuseRoute(endpoint=core.id, other=self.publisher._core.id, text="a test")
         self.listener.send_about(core, refusal)
@@ -67,7 +67,7 @@ def heard(client: Client, subscription: Subscription[Numbered]) -> list[int]:
 
 
 def sending(client: Client, publisher: Publisher[Numbered], padding: str = PADDING) -> Task:
-    """One that waits for room, and publishes then."""
+    """A task that waits for room and then publishes."""
 
     async def send() -> None:
         while not client.publish(publisher, 1, padding):
@@ -109,7 +109,9 @@ class TestOrder:
 
     @by_shared_memory
     def test_one_by_socket_that_comes_while_messages_are_on_their_way(self) -> None:
-        """What is published after it was there is for it, before the publisher has heard of it, too."""
+        """A sample published after the subscription exists is for it, even before the publisher knows
+        of it.
+        """
         pair = Pair("shm")
         far = pair.world.client()
         pair.publish(2)
@@ -157,7 +159,7 @@ class TestHistory:
     def test_a_late_one_by_socket_gets_what_is_on_its_way_to_busd(self) -> None:
         pair = Pair("shm", HISTORY)
         pair.publish(2)
-        pair.talker.publish(pair.publisher, 2)  # busd has not heard of these
+        pair.talker.publish(pair.publisher, 2)  # busd has not received these yet
         other = pair.world.client(shares=False)
         late = other.subscription(HISTORY)
         pair.world.settle()
@@ -207,7 +209,7 @@ class TestHistory:
 
 
 class TestReroute:
-    """The match goes by socket from now on, and nothing is lost or comes twice."""
+    """The match moves to the socket route; no sample is lost or delivered twice."""
 
     @by_shared_memory
     @pytest.mark.parametrize("taken", [0, 2, 4])
@@ -234,7 +236,7 @@ class TestReroute:
             pass
         talker.publish(publisher, 3)
         context: Any = listener.shm_context
-        context._free.clear()  # no slot is left: the ring can't be read
+        context._free.clear()  # no slot is left, so the ring can't be read
         world.settle()
         talker.publish(publisher, 2)
         world.settle()
@@ -244,7 +246,7 @@ class TestReroute:
 
     @by_shared_memory
     def test_the_graph_hears_what_has_become_of_what_was_in_the_ring(self) -> None:
-        """Also where nothing comes after it."""
+        """The graph learns it even if nothing is published afterwards."""
         pair = Pair("shm", QoSProfile(3))
         pair.refuse()
         while pair.listener.serve():
@@ -329,8 +331,10 @@ class TestKeepAll:
     def test_one_that_was_refused_and_waits_later_goes_on_though_all_was_taken_meanwhile(
         self, route: str, has_news: bool
     ) -> None:
-        """A publisher may be refused in one turn of the loop, and wait in the next: there, nobody is left who
-        would wake it. `has_news`: when it is refused, there may be readers that it has not heard of."""
+        """`publish` may find no room in one turn of the loop, and the program waits for room in a later one.
+        No task may be left then to wake it. `has_news`: at that moment, there may be readers that the
+        publisher does not know yet.
+        """
         pair = Pair(route, KEEP_ALL)
         pair.talker._is_receiving = has_news
         pair.talker.publish(pair.publisher, 10_000, PADDING)
@@ -360,7 +364,7 @@ class TestKeepAll:
         pair.world.settle()
         ring = pair.publisher._sender.ring
         assert ring is not None
-        ring.writer.woken()  # as the second does, when something is taken while it lies down
+        ring.writer.woken()  # the second task does this if a message is taken while it goes to sleep
         pair.heard()
         pair.world.settle()
         assert not first.is_done
@@ -377,7 +381,7 @@ class TestKeepAll:
         while pair.publish(1, PADDING):
             pair.heard()
         task = sending(pair.talker, pair.publisher)
-        pair.world.settle()  # which fails where a task goes on for ever
+        pair.world.settle()  # fails if a task runs on for ever
         assert not task.is_done
         assert heard(far, other)
         pair.world.advance(0.1)
@@ -391,7 +395,7 @@ class TestKeepAll:
         pair.world.restart_broker()
         pair.world.settle()
         pair.listener.die()
-        if route == "socket":  # where the window is, only the next broker makes room
+        if route == "socket":  # the window belongs to busd, so only the next broker makes room
             pair.talker.connect()
         pair.world.advance(2.5)
         assert task.is_done and task.error is None
@@ -429,7 +433,9 @@ class TestBrokerThatDies:
 
     @by_shared_memory
     def test_what_waited_for_one_that_has_left_is_no_surprise_to_the_next_broker(self) -> None:
-        """It hears of it in the declaration: a number that goes back would end the connection."""
+        """The declaration tells the next broker. Otherwise the number would seem to go back, which would end
+        the connection.
+        """
         world = ClientWorld()
         talker, far = world.client(shares=True), world.client()
         subscription = far.subscription(LAST_10)
@@ -508,7 +514,7 @@ class TestLoan:
 
 
 def from_thread(client: Client, publisher: Publisher[Numbered], payload: bytes) -> bool:
-    """As another thread publishes it."""
+    """Publish as another thread does."""
     client.is_mine = False
     try:
         return publisher._put(payload)

@@ -1,4 +1,4 @@
-"""What is published before its readers know of it; what the window of one that keeps all lets through."""
+"""Samples published before their readers are known, and the samples that a keep-all window lets through."""
 
 import asyncio
 from collections.abc import Callable
@@ -22,9 +22,10 @@ by_socket = pytest.mark.parametrize("route", ["socket"], indirect=True)
 def test_all_of_a_new_publisher_is_claimed_also_what_its_first_reader_comes_too_late_for(
     two: Play, memory: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It was matched before the first message; its ring has been round many times before it hears of that.
+    """The subscription was matched before the first message. When it learns of the ring, the writer has
+    lapped that ring many times.
 
-    Where there is no memory for another ring, it is the very first that has been round.
+    Without memory for another ring, this happens to the first ring.
     """
 
     make_ring: Callable[..., Any] = segments.make_ring
@@ -44,7 +45,7 @@ def test_all_of_a_new_publisher_is_claimed_also_what_its_first_reader_comes_too_
         for number in range(5000):
             publisher.publish(Numbered(1, number))
         await world.unblock_all()
-        await asyncio.sleep(1)  # busd tells a moment later what it has dropped
+        await asyncio.sleep(1)  # busd reports its drops a moment later
         found = subscription.statistics()
         assert (found.expected, found.queued, sum(found.dropped.values())) == (5000, 10, 4990)
         assert [taken[0].number for _ in range(10) if (taken := subscription.take())] == [*range(4990, 5000)]
@@ -74,7 +75,9 @@ def test_a_flood_within_one_turn_stops_at_the_window(two: Play) -> None:
 def test_a_full_window_that_was_taken_holds_up_nobody_when_busd_is_back(
     two: Play, order: tuple[int, int], durability: str
 ) -> None:
-    """The word of it died with the busd before, and nothing of it will be taken once more."""
+    """The acknowledgement was lost with the old busd, and the subscription will not take these messages
+    again.
+    """
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)

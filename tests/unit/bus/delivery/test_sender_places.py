@@ -1,4 +1,4 @@
-"""bus.delivery.sender, with the broker: a lossless stream misses nothing where connections are lost."""
+"""bus.delivery.sender with the broker: lost connections lose no sample of a lossless stream."""
 
 import pytest
 
@@ -44,7 +44,7 @@ class Stream:
         self.world.settle()
 
     def check(self, dropped: dict[str, int] | None = None) -> None:
-        """All that was published was heard, but what is known as `dropped`."""
+        """Check that all published samples were delivered, except those counted in `dropped`."""
         for _ in range(3):
             self.take()
         found, published = self.subscription.statistics(), self.publisher.statistics().published
@@ -91,7 +91,9 @@ class TestTheSubscription:
         stream.check()
 
     def test_no_longer_than_the_lease(self) -> None:
-        """What was lost by then is counted when it is back, without anything new."""
+        """The subscription counts the samples lost by then when it returns, even if nothing new is
+        published.
+        """
         stream = Stream()
         other = stream.world.client().subscription(KEEP_ALL)
         stream.world.settle()
@@ -173,7 +175,7 @@ class TestBesideARing:
         assert found.expected == found.delivered + sum(found.dropped.values()) == 4
 
     def test_it_comes_back_by_socket_where_that_was_its_route(self) -> None:
-        """In the ring, what it has missed may have been overwritten."""
+        """The ring may have overwritten the missed samples."""
         stream = Stream(has_ring=True, listener_shares=True)
         (match,) = stream.subscription._core.matches
         stream.subscription._core.rings._refuse(stream.subscription._receiver.tracker[match], "a test")  # type: ignore[union-attr]

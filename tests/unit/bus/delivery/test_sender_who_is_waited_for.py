@@ -1,6 +1,6 @@
-"""After busd was away: for whom a publisher waits, how long, and what it does then.
+"""After busd was away: the subscriptions that a publisher waits for, how long, and what happens next.
 
-In a loop whose time jumps (`tests/jumping_loop.py`), so that ten seconds are told from one on any machine.
+The loop's time jumps (`tests/jumping_loop.py`), so the test can tell ten seconds from one on any machine.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ def queued(publisher: bus.Publisher[Numbered]) -> int:
 
 
 async def came_by_socket(world: World) -> int:
-    """Samples that this busd has seen."""
+    """Number of samples that this busd has routed."""
     await world.settle()
     now_ns, asker = int(asyncio.get_running_loop().time() * 1e9), world.peer(TALKER).id
     effects = world.broker.handle(now_ns, asker, m.GetPeers(request=1))
@@ -36,7 +36,7 @@ async def came_by_socket(world: World) -> int:
 
 
 class TestBySocket:
-    """A subscription that was there is waited for: it misses nothing where it is back a little later."""
+    """A publisher waits for a subscription that was matched before. It misses nothing if it returns soon."""
 
     @by_socket
     @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ class TestBySocket:
 
     @by_socket
     def test_while_the_depth_has_room_for_it(self, two: Play) -> None:
-        """To wait longer would cost what it is to save."""
+        """A longer wait would drop the messages that it is meant to save."""
 
         async def story(world: World) -> None:
             talker, listener = nodes(world)
@@ -119,7 +119,9 @@ class TestBySocket:
 
     @by_socket
     def test_what_was_not_acknowledged_comes_once_more(self, two: Play) -> None:
-        """It was in busd when that died; what the subscription had taken of it, it knows by the number."""
+        """The message was in the busd that died. The subscription recognizes messages that it has taken by
+        their numbers.
+        """
 
         async def story(world: World) -> None:
             talker, listener = nodes(world)
@@ -225,7 +227,9 @@ class TestTheGraph:
         two(story)
 
     def test_the_wall_clock_may_be_set(self, two: Play, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Stamps are of the monotonic clock; what the program is told of them follows within a second."""
+        """Stamps use the monotonic clock. The times that a program sees follow the wall clock within a
+        second.
+        """
         hour_ns = 3_600_000_000_000
 
         async def story(world: World) -> None:

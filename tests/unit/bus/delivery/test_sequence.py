@@ -1,4 +1,4 @@
-"""bus.delivery.sequence: what the numbers of samples tell a subscription, by whatever way they come."""
+"""bus.delivery.sequence: the numbers of samples, received by any route, and the losses that they show."""
 
 from bus.delivery.sequence import PublisherProxy, SequenceTracker
 from bus.qos import QoSProfile
@@ -21,7 +21,7 @@ class Heard:
         self.source = self.tracker[7] = PublisherProxy(7, GID, 0, 0, needs_ack=False)
 
     def get(self, first_seq: int, count: int = 1, *, number: int = 7, is_replay: bool = False) -> list[int]:
-        """A run comes; returns the numbers of what is left of it."""
+        """A run arrives. Returns the numbers that remain of it."""
         body = b"".join(
             RECORD_HEAD.pack(1, 0) + b"%d" % (seq % 10) for seq in range(first_seq, first_seq + count)
         )
@@ -97,8 +97,8 @@ class TestBrokerThatDies:
     def test_what_it_had_told_is_not_counted_again(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.tracker.disconnected(4, "replaced")  # 2 to 5 were dropped
-        heard.tracker.disconnected(0, "replaced")  # and the next one dies before anything comes
+        heard.tracker.disconnected(4, "replaced")  # the broker reports that it dropped 2 to 5
+        heard.tracker.disconnected(0, "replaced")  # the next broker dies before anything arrives
         heard.tracker.lose_while_away(7)
         assert heard.lost == [("disconnected", 3)]
 
@@ -107,7 +107,8 @@ class TestBrokerThatDies:
         heard.get(1)
         other = heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
         heard.tracker.forget(8, 9)
-        heard.tracker.disconnected(6, "replaced")  # 6 to 9 of the other one were dropped, and then 2 and 3
+        # The reports are about 6 to 9 of the other publisher, and then about 2 and 3.
+        heard.tracker.disconnected(6, "replaced")
         heard.tracker.lose_while_away(5, GID)
         assert heard.lost == [("disconnected", 3)]
         heard.tracker.miss({other.gid: (0, 12)})
@@ -116,7 +117,7 @@ class TestBrokerThatDies:
     def test_what_it_had_told_of_one_that_had_gone_does_not_hide_what_it_had_no_time_to_tell(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.get(6)  # 2 to 5 were dropped, and it has told of none of them
+        heard.get(6)  # 2 to 5 were dropped, and the broker has reported none of them
         heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
         heard.tracker.forget(8, 9)
         heard.tracker.disconnected(4, "replaced")
@@ -141,7 +142,7 @@ class TestBrokerThatDies:
 
 
 class TestReasons:
-    """What the broker says later that it had dropped, before the connection to it was lost."""
+    """Later reports of the broker about samples that it dropped before the connection was lost."""
 
     def test_what_was_dropped_has_its_reason(self) -> None:
         heard = Heard()
@@ -157,7 +158,8 @@ class TestReasons:
         heard = Heard()
         heard.get(1)
         heard.get(4)
-        heard.tracker.disconnected(0, "replaced")  # 2 and 3 are missing, and nobody has said why
+        # 2 and 3 are missing, and the broker has not given a reason.
+        heard.tracker.disconnected(0, "replaced")
         heard.tracker.explain({"replaced": 5})
         heard.tracker.lose_while_away(4)
         assert heard.lost == [("disconnected", 2), ("replaced", 3), ("disconnected", 1)]
@@ -179,7 +181,7 @@ class TestReasons:
 
 
 class TestLastSeqs:
-    """What a subscription says when it comes back."""
+    """The numbers that a subscription reports when it returns."""
 
     def test_the_last_number_of_each_those_that_are_there_at_the_end(self) -> None:
         heard = Heard()
@@ -190,7 +192,7 @@ class TestLastSeqs:
         assert [*heard.tracker.last_seqs.items()] == [(b"other", 5), (GID, 3)]
 
     def test_of_many_that_have_gone(self) -> None:
-        """The broker remembers 128, and asks about them."""
+        """The broker remembers 128 publishers, and asks about those."""
         heard = Heard()
         gids = [number.to_bytes(16, "big") for number in range(100, 100 + MOST_REMEMBERED + 200)]
         for number, gid in enumerate(gids, 100):
@@ -202,7 +204,7 @@ class TestLastSeqs:
         assert all(int.from_bytes(gid, "big") == last_seq for gid, last_seq in known.items())
 
     def test_a_history_that_has_not_come_whole(self) -> None:
-        """What has not come of it is to come when the connection is back."""
+        """The rest of the history arrives after the reconnection."""
         for first_seq, count, last_seq in ((6, 0, None), (6, 2, 7), (6, 4, 9), (6, 5, 10)):
             heard = Heard()
             heard.source.last_seq, heard.source.replayed_seq = 9, 0
@@ -233,7 +235,7 @@ class TestPublisherThatReturns:
     def test_what_the_broker_dropped_of_it_is_not_lost_once_more(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.return_as(9, 9, routed_seq=6)  # 2 to 6 were routed, and dropped; 7 and 8 were never sent
+        heard.return_as(9, 9, routed_seq=6)  # 2 to 6 were routed and dropped; 7 and 8 were never sent
         heard.get(9, number=9)
         assert heard.lost == [("disconnected", 2)]
         assert heard.tracker.missing == 5
@@ -241,9 +243,9 @@ class TestPublisherThatReturns:
     def test_what_was_dropped_between_two_returns(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.return_as(9, 5, routed_seq=2)  # 3 and 4 never sent
-        heard.return_as(11, 9, routed_seq=7)  # 5 to 7 routed, 8 never sent
-        assert heard.get(6, 1, number=9) == [6]  # what of these was still queued
+        heard.return_as(9, 5, routed_seq=2)  # 3 and 4 were never sent
+        heard.return_as(11, 9, routed_seq=7)  # 5 to 7 were routed, 8 was never sent
+        assert heard.get(6, 1, number=9) == [6]  # the only one of them that was still queued
         assert heard.lost == [("disconnected", 2)]
         assert heard.get(9, 1, number=11) == [9]
         assert heard.lost == [("disconnected", 2), ("disconnected", 1)]
@@ -270,7 +272,7 @@ class TestPublisherThatReturns:
 
 @for_each(("told", "lapped"), [(0, 5), (2, 3), (9, 0)])
 def test_a_ring_that_gave_up_some_before_the_match_went_by_socket(told: int, lapped: int) -> None:
-    """What the broker says it dropped of those that are missing, the ring did not lose."""
+    """The ring did not lose the missing samples that the broker reports as dropped."""
     heard = Heard()
     heard.source.is_rerouted = True
     heard.get(6)
@@ -281,11 +283,15 @@ def test_a_ring_that_gave_up_some_before_the_match_went_by_socket(told: int, lap
 
 
 class TestBeginnings:
-    """Numbers before the first that came: the broker had skipped them, or they went to others by a ring."""
+    """Missing numbers before the first sample: the broker had skipped them, or they went to other
+    subscriptions by a ring.
+    """
 
     @staticmethod
     def heard(first_seq: int, told: int) -> Heard:
-        """It has heard one, and then lost a broker that had told that it dropped so many."""
+        """A subscription that got one run, and then lost a broker that had reported `told` dropped
+        samples.
+        """
         heard = Heard()
         heard.get(first_seq)
         heard.tracker.disconnected(told, "replaced")
@@ -320,7 +326,7 @@ class TestBeginnings:
         assert heard.tracker.last_seqs == {GID: 9}
 
     def test_nobody_says_and_it_does_not_read_the_ring(self) -> None:
-        """The match by the ring was lost before it was heard of."""
+        """The subscription lost the match before it had learned of the ring."""
         heard = self.heard(5, told=0)
         heard.tracker.miss({GID: (0, 9), b"of whom nothing was heard": (0, 9)})
         assert heard.lost == [("disconnected", 4)]

@@ -1,6 +1,7 @@
-"""bus.delivery.shm_sender, shm_receiver: after the broker has died, who reads on and who is waited for.
+"""bus.delivery.shm_sender, shm_receiver: after the broker has died, readers read on, and publishers wait for
+them.
 
-In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+The world has no process, no socket and no clock (`tests/world/client_world.py`).
 """
 
 import pytest
@@ -82,7 +83,7 @@ def test_a_ring_that_grows_while_the_new_broker_is_told_of_it() -> None:
     world.settle()
     talker.connect()
     talker.serve()
-    talker.step()  # the node is there, the publisher is declared, and nobody has read that
+    talker.step()  # the node and the publisher are declared, and the broker has not read it yet
     talker.publish(publisher, 1, 10 * LONG)
     listener.connect()
     world.settle()
@@ -93,7 +94,7 @@ def test_a_ring_that_grows_while_the_new_broker_is_told_of_it() -> None:
 
 
 def test_one_by_socket_that_comes_back_later_has_missed_nothing() -> None:
-    """Until it is there, what is published goes by socket, too, and waits."""
+    """Until the subscription returns, published samples also wait on the socket route."""
     world = ClientWorld()
     talker, near, far = world.client(shares=True), world.client(shares=True), world.client()
     subscriptions = {near: near.subscription(LAST_10), far: far.subscription(LAST_10)}
@@ -117,7 +118,7 @@ def test_one_by_socket_that_comes_back_later_has_missed_nothing() -> None:
 
 
 def test_of_two_matches_with_one_gid_the_newer_counts() -> None:
-    """No broker looks whether a peer has taken another one's gid; nobody else may suffer from it."""
+    """No broker checks whether a peer uses a foreign gid. Other subscriptions must not suffer from it."""
     world = ClientWorld()
     talker, listener = world.client(shares=True), world.client(shares=True)
     subscription = listener.subscription(LAST_10)

@@ -1,6 +1,7 @@
-"""bus.delivery.shm_sender: for whom a ring keeps messages, when it grows, who is waited for no more.
+"""bus.delivery.shm_sender: the messages that a ring keeps, its growth, and the end of waiting for a
+subscription.
 
-A busd, a talker's and a listener's process in one event loop (`tests/two_processes.py`).
+busd, a talker's and a listener's process are in one event loop (`tests/two_processes.py`).
 """
 
 import asyncio
@@ -32,7 +33,7 @@ class Frame(msgspec.Struct):
 
 @pytest.fixture
 def rings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The sizes of those that are made, in their order."""
+    """The sizes of new rings, in their order."""
     made: list[int] = []
     make_ring: Callable[..., Any] = segments.make_ring
 
@@ -45,18 +46,18 @@ def rings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def doorbells() -> int:
-    """Those that this process has open."""
+    """The number of doorbells that this process has open."""
     found = 0
     for entry in Path("/proc/self/fd").iterdir():
         try:
             found += str(entry.readlink()) == "anon_inode:[eventfd]"
         except OSError:
-            continue  # the one that lists them
+            continue  # the descriptor that lists the folder
     return found
 
 
 def test_it_keeps_what_those_need_that_are_there(two: Play, rings: list[int]) -> None:
-    """The depth of one that has left makes it no larger."""
+    """The depth of a subscription that has left does not make the ring larger."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -81,7 +82,7 @@ def test_it_keeps_what_those_need_that_are_there(two: Play, rings: list[int]) ->
 
 @pytest.mark.parametrize("how", ["closed", "lost"])
 def test_nobody_waits_for_a_subscription_that_has_left(two: Play, how: str) -> None:
-    """Lost: busd has, and does not know whether its process reads on."""
+    """With "lost", busd has lost the subscription and does not know whether its process reads on."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -108,7 +109,7 @@ def test_nobody_waits_for_a_subscription_that_has_left(two: Play, how: str) -> N
 
 
 def test_who_waits_for_room_hears_that_the_ring_has_grown(two: Play) -> None:
-    """Nobody has read anything; but a longer message needed a larger one."""
+    """No message was taken, but a longer message needed a larger ring."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
@@ -131,16 +132,18 @@ def test_who_waits_for_room_hears_that_the_ring_has_grown(two: Play) -> None:
 
 
 def test_a_reader_is_let_go_once_nothing_of_it_is_held(two: Play) -> None:
-    """It has left, and a view of one of its messages lived on."""
+    """The subscription has left, and a view of one of its messages lived on."""
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
         publisher = await talker.create_publisher(Frame, "/frames", 10)
-        await listener.create_subscription(Frame, "/others", 10)  # from now on busd has its doorbell
+        # From now on, busd has the process's doorbell.
+        await listener.create_subscription(Frame, "/others", 10)
         before = doorbells()
         subscription = await listener.create_subscription(Frame, "/frames", 10, views=True)
         await publisher.wait_for_subscriptions()
-        publisher.publish(Frame(b"first"))  # from the second on it may be held in place
+        # From the second message on, the process may hold messages in place.
+        publisher.publish(Frame(b"first"))
         await subscription.receive()
         publisher.publish(Frame(bytes(50_000)))
         held = (await subscription.receive())[0]
@@ -213,7 +216,7 @@ def test_one_that_can_not_read_it_gets_as_much_history_as_any_other(
 def test_what_a_process_has_published_to_itself_and_not_taken_is_there_when_its_connection_is_back(
     two: Play, durability: str
 ) -> None:
-    """By then busd has told the subscription that the publisher had gone, and how far it had come."""
+    """Before that, busd has told the subscription that the publisher left, and its last number."""
 
     async def story(world: World) -> None:
         node, _ = nodes(world)

@@ -1,4 +1,6 @@
-"""bus.delivery.socket_sender: what leaves when, what waits for whom, what is replaced. Over a list alone."""
+"""bus.delivery.socket_sender, over a list: when samples leave, which subscriptions they wait for, and
+replacement.
+"""
 
 import pytest
 
@@ -24,7 +26,7 @@ class TestWhenItLeaves:
         assert way.left() == [[5]]
 
     def test_what_another_publisher_has_just_sent_counts(self) -> None:
-        """A flood of many publishers is gathered as one of a single one is."""
+        """Samples of a flood by many publishers are gathered like those of a single publisher."""
         way = Way(QoSProfile(10))
         way.port.last_sent_ns = way.port.now_ns()
         way.put()
@@ -120,7 +122,7 @@ class TestWithoutBroker:
 
 
 class TestWhoIsWaitedFor:
-    """After a broker has died: who was matched is to miss nothing where it is back a little later."""
+    """After a broker has died, a matched subscription misses nothing if it returns soon."""
 
     @pytest.mark.parametrize(("qos", "wait_s"), [(QoSProfile(10), 1), (KEEP_ALL, 10)], ids=["depth", "all"])
     def test_so_long_and_no_longer(self, qos: QoSProfile, wait_s: float) -> None:
@@ -256,7 +258,7 @@ class TestKeepAll:
         assert way.left() == [[1, 2, 3, 4]]
 
     def test_what_the_dead_broker_may_not_have_passed_on_comes_once_more_and_first(self) -> None:
-        """To that subscription alone; what is newer goes to all."""
+        """These samples go only to that subscription. Newer ones go to all."""
         way = Way(KEEP_ALL, window=10)
         way.match()
         way.put_apart(4)
@@ -296,7 +298,7 @@ class TestCatchingUp:
         assert way.port.sent() == [m.CaughtUp(publisher=1, subscription=OTHER)]
 
     def test_numbers_go_on_where_the_ring_was(self) -> None:
-        """After those before went another way: that is no loss, and the broker is told so, once."""
+        """Earlier samples went another way, so they are no loss. The broker learns this once."""
         way = Way(LAST_3)
         way.number = 9
         way.sender.resume(10)

@@ -1,6 +1,6 @@
-"""bus.delivery.socket_sender: runs, the window of a publisher that keeps all, what is kept for the next busd.
+"""bus.delivery.socket_sender: runs, the window of a keep-all publisher, and samples kept for the next busd.
 
-A busd, a talker's and a listener's process in one event loop (`tests/two_processes.py`).
+busd, a talker's and a listener's process are in one event loop (`tests/two_processes.py`).
 """
 
 import asyncio
@@ -31,7 +31,7 @@ async def exchange(
         began = sent
         while publisher.publish(Numbered(1, sent, "x" * size)):
             sent += 1
-            await world.settle()  # a run of its own: what is decoded together, is taken together
+            await world.settle()  # its own run: messages decoded together are taken together
         assert sent > began, f"no room in turn {turn}"
         for _ in range(max(1, (sent - heard) // 4)):
             assert (await subscription.receive())[0].number == heard
@@ -42,7 +42,9 @@ async def exchange(
 @by_socket
 @pytest.mark.parametrize("size", [1, 8 * KIB])
 def test_nobody_waits_for_a_clock_while_much_is_taken(two: Play, size: int) -> None:
-    """By number or by size: an eighth of the window is acknowledged at once, and then it is free."""
+    """The subscription acknowledges an eighth of the window at once, by number or by size, and that part is
+    free again.
+    """
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)

@@ -1,4 +1,4 @@
-"""bus.delivery.thread_queue: what is held, what is replaced, and when the event loop is woken."""
+"""bus.delivery.thread_queue: held and replaced messages, and the wake-up of the event loop."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""bus.delivery.window: what has room, by number and by bytes, and who counts."""
+"""bus.delivery.window: room by number and by bytes, and the samples that take room."""
 
 from bus.delivery.open_run import OpenRun, open_run
 from bus.delivery.thread_queue import ThreadQueue
@@ -10,7 +10,7 @@ RECORD_BYTES = 100
 
 
 class Filled:
-    """A window of so many samples and bytes, over a run of its own."""
+    """A window of so many samples and bytes, over its own run."""
 
     def __init__(self, samples: int, size: int = 1 << 20) -> None:
         self.run: OpenRun = open_run()

@@ -1,4 +1,4 @@
-"""bus.diagnostics.provoked: what others can make of a program's log."""
+"""bus.diagnostics.provoked: the bounds of log lines that other processes can cause."""
 
 import logging
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ OF_ALL = get_logger("bus")
 
 @pytest.fixture
 def said() -> Iterator[list[str]]:
-    """What both loggers were told."""
+    """The texts given to both loggers."""
     entries: list[str] = []
 
     def hear(entry: LogEntry) -> None:

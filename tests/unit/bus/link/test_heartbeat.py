@@ -1,4 +1,4 @@
-"""bus.link.heartbeat: when it is due, and how long an event loop stood still."""
+"""bus.link.heartbeat: the time of the next heartbeat, and how long an event loop stood still."""
 
 import asyncio
 from types import SimpleNamespace
@@ -31,11 +31,11 @@ class Resting(Loop):
 
 
 def begun(monkeypatch: pytest.MonkeyPatch, loop: Any) -> Heartbeat:
-    """One that was started at 100 s, with an interval of 3 s."""
+    """A heartbeat started at 100 s, with an interval of 3 s."""
     monkeypatch.setattr(asyncio, "get_running_loop", lambda: loop)
     monkeypatch.setattr(module, "monotonic_ns", lambda: 100 * S)
     heartbeat = Heartbeat(print)
-    heartbeat.stop()  # nothing is there to be stopped
+    heartbeat.stop()  # it is not running, so this changes nothing
     assert heartbeat.start(3.0) == 103 * S + LATE_NS
     return heartbeat
 
@@ -55,7 +55,7 @@ def test_each_start_replaces_the_one_before(monkeypatch: pytest.MonkeyPatch) -> 
     [
         (109, 0, ""),  # shorter than the lease
         (110, 0, "7 to 10 s"),
-        (110, 99, "7 to 10 s"),  # a turn before the heartbeat was started says nothing
+        (110, 99, "7 to 10 s"),  # a turn before the heartbeat was started tells nothing
         (110, 102, "8 s"),
         (403, 0, "300 to 303 s"),
     ],

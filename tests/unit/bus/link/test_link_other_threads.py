@@ -1,4 +1,4 @@
-"""bus.link: nodes and links, listed while other threads make theirs."""
+"""bus.link: lists of nodes and links, read while other threads make new ones."""
 
 import sys
 from types import FrameType
@@ -10,7 +10,7 @@ from bus.link.link import Link
 
 
 class _Switches:
-    """Lets `make` run at each line of Python's and of the bus's, where another thread may be."""
+    """Lets `make` run at each line of Python's and the bus's code at which another thread could run."""
 
     def __init__(self, make: Any) -> None:
         self._make = make

@@ -1,4 +1,4 @@
-"""bus.link.reach: trying to connect, and for how long."""
+"""bus.link.reach: tries to connect, and for how long."""
 
 import socket
 from collections.abc import Iterator
@@ -58,7 +58,7 @@ class TestTry:
             assert sock.recv(1) == b"x"
 
     def test_a_full_backlog_passes(self, path: Path, listening: socket.socket) -> None:
-        """asyncio's sock_connect() takes a socket that is not connected then for one that is."""
+        """asyncio's sock_connect() treats a socket as connected in this case although it is not."""
         with ExitStack() as stack:
             stack.enter_context(try_to_connect(path))
             with pytest.raises(NotNow, match=f"busd at {path} takes no connection: too many wait"):

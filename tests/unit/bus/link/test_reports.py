@@ -1,4 +1,4 @@
-"""bus.link.reports: who is told of when, some at a time, with a loop whose time the test makes pass."""
+"""bus.link.reports: the times of reports, a few endpoints at a time. The test sets the loop's time."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ class _Timer:
 
 
 class _Loop:
-    """`fire` is the only thing that makes time pass."""
+    """Time passes only by `fire`."""
 
     def __init__(self) -> None:
         self.timers: list[_Timer] = []
@@ -140,7 +140,7 @@ def test_what_is_queued_is_told_again_and_what_the_broker_does_not_know_is_not(w
 
 
 def test_one_that_goes_while_the_others_are_counted_is_not_told(world: _World) -> None:
-    """busd would not know it any more, and takes that for a fault."""
+    """busd no longer knows that endpoint, and would treat the report as a protocol error."""
     leaving = _Endpoint(1)
 
     class Closing(_Endpoint):

@@ -1,4 +1,4 @@
-"""bus.link.requests: how long answers are waited for, on a clock of the test's own."""
+"""bus.link.requests: how long a client waits for answers. The test has its own clock."""
 
 import asyncio
 import logging
@@ -25,7 +25,7 @@ class Timer:
 
 
 class Wait:
-    """Requests to a broker, and a clock that the test turns."""
+    """Requests to a broker, and a clock that the test sets."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 100.0
@@ -53,7 +53,7 @@ class Wait:
         self.heard_ns = self.now_ns()
 
     def pass_time(self, seconds: float, *, late_s: float = 0.0) -> None:
-        """Timers that are due run, so much too late."""
+        """Run the timers that are due, each `late_s` too late."""
         end_s = self.now_s + seconds
         while due := [one for one in self.timers if one.due_s <= end_s and not one.is_cancelled]:
             timer = min(due, key=lambda one: one.due_s)

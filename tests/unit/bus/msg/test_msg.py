@@ -1,4 +1,4 @@
-"""The ready-made message classes: complete, named and printed as in ROS 2, and the same at both ends."""
+"""The ready-made message classes: complete, named and printed as in ROS 2, and equal at both ends."""
 
 import difflib
 from importlib import import_module
@@ -30,7 +30,7 @@ INTEGERS = {f"{sign}int{bits}": (sign, bits) for sign in ("", "u") for bits in (
 
 
 def values(schema: Schema, node: Node) -> st.SearchStrategy[Any]:
-    """Values of one type of a schema of a ROS message, in the types that a decoder makes."""
+    """Values of a type in the schema of a ROS message, in the Python types that a decoder makes."""
     match node:
         case "bool":
             return st.booleans()
@@ -52,7 +52,7 @@ def values(schema: Schema, node: Node) -> st.SearchStrategy[Any]:
         case str():
             return messages(schema, node)
         case ["list", item, length, same] if length == same:
-            # One value all over: 36 separate draws slow hypothesis down and find nothing more.
+            # One value, repeated. 36 separate draws would slow Hypothesis down and find nothing more.
             return values(schema, item).map(lambda value: [value] * length)
         case ["list", item]:
             return st.lists(values(schema, item), max_size=3)

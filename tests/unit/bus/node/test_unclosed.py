@@ -1,4 +1,4 @@
-"""bus.node.unclosed: the finalizer of a node that nobody has closed."""
+"""bus.node.unclosed: the finalizer of a node that the program has not closed."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from bus.node.unclosed import CloseReminder
 
 
 class _Loop:
-    """Another thread closes it just after it was seen open."""
+    """A loop that another thread closes just after a look at `is_closed`."""
 
     def is_closed(self) -> bool:
         return False

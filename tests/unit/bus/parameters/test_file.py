@@ -1,4 +1,4 @@
-"""Parameters as text: what values mean, the layout of files, and which nodes a section is for."""
+"""Parameters as text: the meaning of values, the layout of files, and the nodes of a section."""
 
 import math
 from pathlib import Path
@@ -101,7 +101,7 @@ NO_VALUES = {
 @for_each("text", NO_VALUES)
 def test_no_values(text: str) -> None:
     if "python" in text:
-        # A tag of a list is not looked at, and nothing is made of it.
+        # The parser ignores the tag of a list, and makes no object of it.
         assert parse_value(text) == []
         return
     with pytest.raises(ConfigurationError) as caught:
@@ -122,7 +122,7 @@ def test_any_text_is_a_value_or_an_error(text: str) -> None:
 
 @given(st.text(max_size=40, alphabet="0123456789+-._eExXaAfFn"))
 def test_a_scalar_has_one_meaning(text: str) -> None:
-    """Whether it comes alone, or by way of YAML as an item of a list."""
+    """The meaning is the same for a value alone and for an item of a list in YAML."""
     alone = parse_scalar(text)
     try:
         (listed,) = parse_value(f"[{text}]")  # type: ignore[str-unpack]
@@ -283,7 +283,7 @@ def test_broken_command_lines(tmp_path: Path) -> None:
 
 @for_each("stars", [1, 2, 12])
 def test_stars_that_follow_one_another_are_one(stars: int) -> None:
-    """Each more would take a multiple of the time, where none fits."""
+    """Otherwise, each further pattern would multiply the time of a search that finds no match."""
     section = parse_file(f"{'/**' * stars}/b:\n  ros__parameters: {{x: 1}}", "f")[0]
     assert section.is_for("/a" * 30 + "/b")
     assert section.is_for("/b")

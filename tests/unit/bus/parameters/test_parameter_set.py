@@ -1,4 +1,4 @@
-"""The parameters of a `bus.Node`: plain values in and out, types, ranges, callbacks, what errors say."""
+"""The parameters of a `bus.Node`: plain Python values, types, ranges, callbacks, and the texts of errors."""
 
 import enum
 import math
@@ -174,7 +174,7 @@ def test_below_a_prefix() -> None:
 def test_types_stay() -> None:
     some = parameters()
     some.declare("rate", 10.0)
-    some.set({"rate": 5})  # to Python an int is a float, too
+    some.set({"rate": 5})  # in Python's type hints, an int is also a float
     assert type(some.get("rate")) is float
     some.declare("rates", [1.5])
     some.set({"rates": [1, 2]})
@@ -246,7 +246,7 @@ def test_ranges() -> None:
     for low, high, step in ((-math.inf, math.inf, 1.0), (0.0, math.inf, 1e-300), (0.0, 1.0, 5e-324)):
         name = f"from {low} to {high}"
         some.declare(name, 0.5, limits=(low, high, step))
-        some.set({name: 0.75})  # there is no step that it could miss
+        some.set({name: 0.75})  # every value fits such a step
     assert "out of range" in refusal(some.declare, "a", 5, limits=(0, 1))
     out = refusal(parameters(a=7).declare, "a", 1, limits=(0, 5))
     assert "can't be 7, as the command line says: Parameter a out of range. Min: 0, Max: 5, value: 7" in out
@@ -338,7 +338,8 @@ def test_before_and_after() -> None:
     some.set({"a": 5})
     assert changes == [({"a": 5, "b": 10}, 10)]
     some.add_pre_set(lambda values: {})
-    assert some.change([Parameter("a", ParameterType.INTEGER, 1)]).successful  # the other one asks for it
+    # The other callback asks for `b`.
+    assert some.change([Parameter("a", ParameterType.INTEGER, 1)]).successful
     with pytest.raises(TypeError, match="must return a dict of what is to be set, not None"):
         some.add_pre_set(lambda values: None)  # type: ignore[arg-type, return-value]
         some.set({"a": 6})

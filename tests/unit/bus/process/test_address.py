@@ -1,4 +1,4 @@
-"""Where the socket is: the order of what may say so, and the limits."""
+"""The path of the socket: the order of the settings that can name it, and their limits."""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""The loop of the blocking API: one for each thread, run while it waits, ended with its last user."""
+"""The loop of the blocking API: one for each thread. It runs while a call waits, and ends with its last
+user.
+"""
 
 import asyncio
 import signal
@@ -92,7 +94,7 @@ def test_a_signal_ends_a_wait(
     kind: type[KeyboardInterrupt],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """In the midst of what the loop does it waits for the end of that."""
+    """A signal that comes during a callback of the loop ends the wait after that callback."""
     went_on: list[bool] = []
     monkeypatch.setattr("bus.process.foreground.say_nothing_of_signals", lambda: None)
 
@@ -132,7 +134,7 @@ def test_who_publishes_without_a_pause_asks_the_system_rarely(
     for _ in range(10_000):
         foreground.attend_often()
     assert 1 <= asked <= (time.monotonic() - begin) / 0.0001 + 1
-    for number in range(100):  # what is due is done at once
+    for number in range(100):  # due callbacks run at once
         loop.call_soon(call)
         foreground.attend_often()
         assert called == number + 1

@@ -1,4 +1,6 @@
-"""bus.process.logfile: what is a log of busd's, and that nothing else is touched, whatever lies there."""
+"""bus.process.logfile: the files that are logs of busd, and that busd changes no other file at their
+paths.
+"""
 
 import errno
 import fcntl
@@ -49,7 +51,7 @@ def append(path: Path, text: str = "") -> None:
 
 
 def lines(path: Path) -> list[str]:
-    """What was appended, without the first line."""
+    """The appended lines, without the file's first line."""
     first, *rest = path.read_text().splitlines()
     assert first.startswith(MARK.decode())
     return rest
@@ -71,7 +73,7 @@ def fill(path: Path, text: str) -> None:
     ],
 )
 def test_its_name(name: str, log: str) -> None:
-    """Never the socket's own, whatever that is called."""
+    """The log never has the socket's own name."""
     assert log_path(Path("/run", name)) == Path("/run", log)
 
 
@@ -84,7 +86,7 @@ def test_a_new_one_and_what_is_appended(path: Path) -> None:
 
 @contextmanager
 def thing(kind: str, path: Path) -> Iterator[None]:
-    """Something that is no log of busd's."""
+    """Something that is not a log of busd."""
     match kind:
         case "text":
             path.write_text("precious\n")
@@ -154,7 +156,7 @@ def test_what_is_something_else_is_left_alone(kind: str, path: Path) -> None:
 
 @every_kind
 def test_so_is_what_has_the_old_one_s_name(kind: str, path: Path, old: Path) -> None:
-    """The log is bounded all the same: it begins anew where it is."""
+    """The log stays bounded all the same: it starts again in the same file."""
     with thing(kind, old):
         before = look(old)
         fill(path, "first")

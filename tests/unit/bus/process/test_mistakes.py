@@ -1,4 +1,4 @@
-"""Calls as people write them who come from elsewhere, and the one line that each of them gets."""
+"""Wrong calls by users of other libraries, and the one line that each call prints."""
 
 import array
 import asyncio

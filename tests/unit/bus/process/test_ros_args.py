@@ -1,4 +1,4 @@
-"""ROS-style arguments: the grammar, its errors, and how remap rules apply."""
+"""ROS-style arguments: the grammar, its errors, and the effect of remap rules."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The loop that threads share: its guard, what wakes it, deadlines, interrupts, and four threads at once."""
+"""The loop that threads share: its guard, wake-ups, deadlines, interrupts, and four threads at once."""
 
 import asyncio
 import random
@@ -29,7 +29,7 @@ def loop() -> Iterator[GuardedLoop]:
 
 @contextmanager
 def running(loop: GuardedLoop) -> Iterator[None]:
-    """Another thread runs it."""
+    """Run the loop in another thread."""
 
     def run() -> None:
         with loop:
@@ -74,7 +74,7 @@ class TestGuard:
         assert seen == [True]
 
     def test_who_wants_it_gets_it_from_a_busy_loop(self, loop: GuardedLoop) -> None:
-        """Each callback asks for the next: the loop never rests."""
+        """Each callback schedules the next one, so the loop never rests."""
         turns = [0]
 
         def again() -> None:
@@ -279,7 +279,9 @@ class TestInterrupts:
         loop.check()
 
     def test_a_run_ends(self, loop: GuardedLoop) -> None:
-        """By a handler that finds the loop busy; 30 times, at any moment."""
+        """A signal handler that finds the loop busy ends the run. The test does this 30 times, at any
+        moment.
+        """
         main = threading.main_thread().ident
         assert main is not None
         handled: list[bool] = []
@@ -307,7 +309,9 @@ class TestInterrupts:
 
 
 def test_four_threads_for_half_a_second(loop: GuardedLoop) -> None:
-    """One runs the loop; three ask it for random things, and all of them happen, one at a time."""
+    """One thread runs the loop. Three ask it for random calls, and the loop makes all of them, one at a
+    time.
+    """
     told: list[tuple[int, int]] = []
     expected: list[list[int]] = [[], [], []]
     shared = [0]
@@ -315,7 +319,7 @@ def test_four_threads_for_half_a_second(loop: GuardedLoop) -> None:
     errors: list[BaseException] = []
 
     def touch() -> None:
-        """Lost updates, were the guard not there."""
+        """Without the guard, updates would get lost."""
         value = shared[0]
         time.sleep(0)
         shared[0] = value + 1

@@ -1,4 +1,4 @@
-"""Interrupts of the loop that threads share, wherever the guard is taken and given away."""
+"""Interrupts of the loop that threads share, at every step of taking and releasing the guard."""
 
 import gc
 import sys
@@ -13,7 +13,7 @@ from conftest import WAIT_S
 
 
 class Interrupt:
-    """What a handler of signals does, at the call or return of that number."""
+    """Acts like a signal handler, at the call or return with the given number."""
 
     def __init__(self, loop: GuardedLoop, number: int) -> None:
         self.left = number
@@ -21,7 +21,7 @@ class Interrupt:
 
     def __call__(self, frame: FrameType, event: str, _: object) -> None:
         if event == "return" and frame.f_code is GuardedLoop.__exit__.__code__:
-            return  # there Python does not look for signals
+            return  # Python does not check for signals there
         self.left -= event in ("call", "return", "c_return")
         if self.left == 0:
             self.left = -1
@@ -44,7 +44,7 @@ def test_none_is_lost_and_nothing_stays_taken(is_held: bool) -> None:
                         pass
                     sys.setprofile(None)
                     if interrupt.left > 0:
-                        raise KeyboardInterrupt  # by us: there are no more places
+                        raise KeyboardInterrupt  # ends the test: no place is left
             finally:
                 sys.setprofile(None)
                 if holder is not None:
@@ -60,7 +60,7 @@ def test_none_is_lost_and_nothing_stays_taken(is_held: bool) -> None:
 
 
 class Holder:
-    """Another thread that has the guard, and gives it away once somebody waits for it."""
+    """Another thread that has the guard, and releases it when a thread waits for it."""
 
     def __init__(self, loop: GuardedLoop) -> None:
         self._loop = loop
@@ -90,7 +90,8 @@ def test_one_whose_making_is_broken_off_says_nothing(monkeypatch: pytest.MonkeyP
 
         def break_off(frame: FrameType, event: str, called: object) -> None:
             nonlocal left
-            is_pythons = frame.f_globals["__name__"] == "socket"  # which would leave a descriptor open
+            # An interrupt there would leave a descriptor open.
+            is_pythons = frame.f_globals["__name__"] == "socket"
             left -= called is not sys.setprofile and not is_pythons
             if not left:
                 raise KeyboardInterrupt
@@ -104,6 +105,6 @@ def test_one_whose_making_is_broken_off_says_nothing(monkeypatch: pytest.MonkeyP
             break
         finally:
             sys.setprofile(None)
-        gc.collect()  # with the exception's frames
+        gc.collect()  # also the exception's frames
     loop.close()
     assert (steps > 20, said) == (True, [])

@@ -1,4 +1,4 @@
-"""bus.process.tables: what is said of a file, a key and a value that are not right."""
+"""bus.process.tables: the texts of errors about a file, a key and a value."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal

@@ -1,4 +1,6 @@
-"""The second Ctrl-C: a program that ends by the first one is ended at once, and says nothing."""
+"""The second Ctrl-C: if the first one is still ending a program, the second ends it at once and prints
+nothing.
+"""
 
 import signal
 import subprocess

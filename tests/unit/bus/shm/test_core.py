@@ -1,4 +1,4 @@
-"""bus.shm._core: writing and taking, loss and its counts, where reading begins and ends."""
+"""bus.shm._core: writing and taking, losses and their counts, the first and the last sample of a reader."""
 
 import gc
 import sys
@@ -145,7 +145,7 @@ def test_nothing_is_written_after_close(talker: Talker, listener: Listener) -> N
         with pytest.raises(ValueError, match="closed"):
             write()
     assert listener.take() == [b"last"]
-    assert listener.reader.pop_left() == []  # the next ring may be on its way
+    assert listener.reader.pop_left() == []  # the writer may still announce another ring
     listener.reader.finish(1)
     assert [left[:2] for left in listener.reader.pop_left()] == [(1, "")]
 
@@ -174,7 +174,7 @@ def test_what_was_published_since(talker: Talker) -> None:
     assert talker.writer.since(31) == []
 
 
-# --- where a reader starts
+# --- the first sample of a reader
 
 
 @pytest.mark.parametrize(
@@ -250,7 +250,9 @@ def test_the_depth_is_over_all_rings(listener: Listener) -> None:
 
 
 def test_expected_is_what_the_numbers_say(listener: Listener) -> None:
-    """Whatever became of them: taken, lapped, passed over, expired, waiting, in a ring that was left."""
+    """All samples are expected: taken, lapped, passed over, expired, waiting, or in a ring that the reader
+    left.
+    """
     talker, stale = Talker(4096, 16, keep=4), Talker()
     listener.join(talker, "lapped", gate=False, start=1)
     listener.join(stale, "stale", lifespan_ns=1)
@@ -300,7 +302,7 @@ def test_expired_samples(talker: Talker, listener: Listener) -> None:
 @pytest.mark.parametrize("ahead_s", [-10_000, 10_000])
 def test_a_clock_that_is_ahead_or_behind(talker: Talker, listener: Listener, ahead_s: int) -> None:
     clock_ns, hour_ns = ahead_s * 10**9, 3600 * 10**9
-    now = time.monotonic_ns() + 20_000 * 10**9  # the stamps, all in an hour to come, are none below 0
+    now = time.monotonic_ns() + 20_000 * 10**9  # so late that no stamp is below 0 with either clock
     for age_ns in (1000, 100, 0):
         talker.writer.write_parts([b"%d" % age_ns], stamp_ns=now - age_ns + clock_ns)
     listener.join(talker, clock_ns=clock_ns, since_ns=now, history=1, lifespan_ns=hour_ns)
@@ -432,11 +434,11 @@ def test_nothing_is_left_of_many_rounds(talker: Talker, listener: Listener) -> N
 
 
 class TestHold:
-    """What is held stays in its ring, and the writer finds no room."""
+    """Messages of a held publisher stay in its ring, and the writer finds no room."""
 
     @pytest.fixture
     def ends(self) -> Iterator[tuple[Talker, Talker, Listener]]:
-        """The publisher that is held, another one, and who reads both."""
+        """The held publisher, another publisher, and a reader of both."""
         held, other, listener = Talker(4096, 64), Talker(4096, 64), Listener(tells_cursor=True)
         listener.join(held, 1, start=1)
         listener.join(other, 2, start=1)
@@ -453,7 +455,7 @@ class TestHold:
         assert listener.reader.waiting() == 2
         other.write(b"d")
         found = listener.reader.take_packed(1000, 500, 0)
-        assert found is not None and found[0] == 2 and found[-1] is False  # no more that may be taken
+        assert found is not None and found[0] == 2 and found[-1] is False  # no other message may be taken
         listener.reader.hold(1, False)
         assert listener.take() == [b"a", b"b"]
 

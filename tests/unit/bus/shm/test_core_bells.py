@@ -1,4 +1,4 @@
-"""bus.shm._core: who wakes whom. News, sleep, doorbells, room for a lossless writer, growth."""
+"""bus.shm._core: wake-ups: news, sleep, doorbells, room for a lossless writer, growth."""
 
 import threading
 
@@ -54,7 +54,7 @@ def test_one_bell_for_many_matches_of_a_process(talker: Talker, listener: Listen
 def test_news_is_told_once_and_only_while_it_waits(talker: Talker, listener: Listener) -> None:
     talker.write(b"before")
     listener.join(talker, since_ns=0)
-    assert listener.readers.sleep() == [listener]  # what attach found
+    assert listener.readers.sleep() == [listener]  # attach found these news
     assert listener.readers.sleep() == []
     talker.write(b"a")
     assert listener.take() == [b"before", b"a"]
@@ -85,7 +85,7 @@ def test_of_many_rings_those_with_news_are_found_also_when_others_have_left(list
     assert listener.readers.sleep() == []
     for reader in readers[::3]:
         reader.detach("source")
-    del reader, readers[1::3]  # a reader that is gone has left, too
+    del reader, readers[1::3]  # deleted readers have left, too
     for end in talkers:
         end.write(b"x")
     assert sorted(listener.readers.deliver(False)) == list(range(2, 50, 3))
@@ -103,7 +103,7 @@ def test_a_new_gate_rings_a_sleeper_that_it_missed(talker: Talker, listener: Lis
 
 @pytest.mark.parametrize("busy", ["sleep", "look"])
 def test_a_spin_ends_with_news(talker: Talker, listener: Listener, busy: str) -> None:
-    """The other thread gets its turn while this one spins, though that never blocks."""
+    """The other thread runs while this one spins, although the spin never blocks."""
     listener.join(talker)
     writing = threading.Event()
 
@@ -144,7 +144,7 @@ def test_room_is_waited_for_and_rung() -> None:
     assert is_rung(talker.doorbell)
     writer.woken()
     assert writer.write(b"x") is True
-    assert writer.wait_for_room()  # until half of it is taken
+    assert writer.wait_for_room()  # half of it must be taken first
     listener.take()
     assert not writer.wait_for_room()
     writer.make_lossy(id(listener))
@@ -164,7 +164,7 @@ def test_hold_is_like_a_reader_but_is_none() -> None:
     assert talker.writer.wait_for_room()
     talker.writer.hold = 4
     assert [talker.writer.write(b"x") for _ in range(2)] == [True, core.FULL]
-    talker.writer.hold = 1  # back, which readers' cursors never go
+    talker.writer.hold = 1  # back; a reader's cursor never moves like this
     assert talker.writer.write(b"x") == core.FULL
     talker.writer.hold = 0
     talker.write(b"x")
@@ -174,7 +174,7 @@ def test_hold_is_like_a_reader_but_is_none() -> None:
 
 
 def test_order_is_kept_over_growth(listener: Listener) -> None:
-    """The reader falls behind, so that several rings wait for it, and it loses some."""
+    """The reader falls behind, so several rings wait for it, and it loses some samples."""
     talker = Talker(4096, 16, keep=10)
     listener.join(talker, since_ns=0)
     payloads = [b"%d," % number * number for number in range(1, 401)]
@@ -196,7 +196,7 @@ def test_order_is_kept_over_growth(listener: Listener) -> None:
 
 
 def test_growth_loses_nothing_of_a_lossless_match() -> None:
-    """Three rings are written before the reader takes anything."""
+    """The writer fills three rings before the reader takes a sample."""
     talker, listener = Talker(4096, 16), Listener(tells_cursor=True)
     listener.join(talker, start=1)
     for number in range(100):
@@ -221,7 +221,7 @@ def test_the_depth_counts_over_growth(talker: Talker) -> None:
 
 
 def test_a_writer_that_waits_in_its_new_ring_is_rung() -> None:
-    """The reader tells its cursor in the old ring, and learns of the new one only then."""
+    """The reader reports its cursor in the old ring, and learns of the new ring only afterwards."""
     talker, listener = Talker(4096, 16), Listener(tells_cursor=True)
     listener.join(talker, start=1)
     talker.write(*[b"x"] * 16)
@@ -263,7 +263,7 @@ def test_the_rings_that_wait_are_bounded(talker: Talker, listener: Listener) -> 
             listener.reader.extend(1, memory)
     assert listener.take() == []
     talker.write(b"x")
-    assert listener.take() == [b"x"]  # the first one does not count as left, it is not closed
+    assert listener.take() == [b"x"]  # the reader stays in the first ring, which is not closed
 
 
 def test_who_fell_asleep_before_its_gate_came_is_rung_by_that(talker: Talker, listener: Listener) -> None:
@@ -276,7 +276,7 @@ def test_who_fell_asleep_before_its_gate_came_is_rung_by_that(talker: Talker, li
 
 
 def test_what_was_knocked_for_one_slot_does_not_stand_for_another(listener: Listener) -> None:
-    talkers = [Talker() for _ in range(20)]  # of many, one knocks for its slot alone
+    talkers = [Talker() for _ in range(20)]  # with so many rings, a knock is for one slot only
     for source, end in enumerate(talkers):
         listener.join(end, source)
     assert listener.readers.sleep() == []

@@ -1,4 +1,4 @@
-"""bus.shm._core: Readers.deliver, which calls back by itself and falls asleep again."""
+"""bus.shm._core: Readers.deliver, which calls the callbacks itself and puts the readers back to sleep."""
 
 import gc
 import os
@@ -16,7 +16,7 @@ __all__ = ["listener", "talker"]
 
 
 class Heard:
-    """Gets what a reader calls back with; `then` is done in the call."""
+    """Receives a reader's callbacks; `then` runs in each call."""
 
     def __init__(self, reader: Any, decode: Callable[[Any], Any] = bytes) -> None:
         self.reader = reader
@@ -34,13 +34,13 @@ class Heard:
         self.then()
 
     def note(self) -> None:
-        """How many messages had been called back with."""
+        """Record the number of messages so far."""
         self.notes.append(len(self.messages))
 
 
 @pytest.fixture(params=[0, 20])
 def crowd(request: pytest.FixtureRequest, listener: Listener) -> Iterator[list[Talker]]:
-    """The other rings that are read here; where there are many, a knock says for which it is."""
+    """Further rings that this process reads. With many rings, a knock names its slot."""
     talkers = [Talker(4096, 64) for _ in range(request.param)]
     reader = core.Reader(listener.readers, "nobody", 0, tells_cursor=False)
     for source, end in enumerate(talkers):
@@ -61,7 +61,7 @@ def heard(listener: Listener, talker: Talker, crowd: list[Talker]) -> Heard:
 
 
 def another(listener: Listener, talker: Talker, owner: object) -> Any:
-    """One more reader of the same process."""
+    """Another reader of the same process."""
     reader = core.Reader(listener.readers, owner, 0, tells_cursor=False)
     slot = next(listener.slots)
     reader.attach(1, segments.map_ring(talker.ring), slot)
@@ -79,14 +79,14 @@ def test_a_message_is_called_back_with_and_the_process_sleeps(
         assert heard.messages == [b"x"] * number
         assert not is_rung(listener.doorbell)
     assert listener.reader.samples == 3
-    assert listener.readers.deliver(True) is None  # rung for nothing
+    assert listener.readers.deliver(True) is None  # the doorbell rang without a message
 
 
 def test_among_many_it_looks_only_at_what_it_was_rung_for(
     talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
 ) -> None:
     silent, quiet = Talker(), core.Reader(listener.readers, "quiet", 0, tells_cursor=False)
-    quiet.attach(1, segments.map_ring(silent.ring), next(listener.slots))  # nobody rings for it
+    quiet.attach(1, segments.map_ring(silent.ring), next(listener.slots))  # no doorbell rings for it
     unheard = Heard(quiet)
     assert listener.readers.sleep() == []
     for number in range(1, 4):
@@ -136,8 +136,8 @@ def test_an_old_knock_is_no_reason_not_to_look(
     assert listener.readers.deliver(False) == [listener]
     listener.reader.is_busy = False
     for end in crowd[:1]:
-        end.write(b"y")  # not rung: it is awake
-    os.eventfd_write(listener.doorbell.number, knock)  # as of a writer that was slow
+        end.write(b"y")  # does not ring: the reader is awake
+    os.eventfd_write(listener.doorbell.number, knock)  # as from a slow writer
     talker.write(b"x")
     assert listener.readers.deliver(True) == [*(["nobody"] * len(crowd[:1])), listener]
 
@@ -191,7 +191,7 @@ def test_what_comes_for_others_in_the_call_is_found_before_the_sleep(
     late = Talker()
     first = another(listener, late, "first")
     Heard(first)
-    first.detach(1)  # and comes behind the other one in every look
+    first.detach(1)  # and every look comes to it last
     again = core.Reader(listener.readers, "again", 0, tells_cursor=False)
     again.attach(1, segments.map_ring(late.ring), next(listener.slots))
     others = Heard(again)
@@ -201,7 +201,7 @@ def test_what_comes_for_others_in_the_call_is_found_before_the_sleep(
     assert (heard.messages, others.messages) == ([b"a"], [b"b"])
     others.then, heard.then = lambda: talker.write(b"d"), int
     late.write(b"c")
-    assert listener.readers.deliver(True) == []  # its turn is over: awake
+    assert listener.readers.deliver(True) == []  # its turn is over, so it stays awake
     assert listener.readers.sleep() == [listener]
     late.close()
 
@@ -226,7 +226,7 @@ def test_who_must_not_be_called_back_is_left_to_its_owner(
     talker.write(b"x")
     assert listener.readers.deliver(True) == [listener]
     assert heard.messages == []
-    assert listener.readers.sleep() == []  # it is told once
+    assert listener.readers.sleep() == []  # reported only once
     if reason != "forgotten":
         listener.reader.is_busy = False
         heard.queue.clear()
@@ -237,7 +237,7 @@ def test_who_must_not_be_called_back_is_left_to_its_owner(
 
 
 def test_those_behind_an_owner_wait_for_it(talker: Talker, listener: Listener, heard: Heard) -> None:
-    """Whoever calls back, the order is that in which the rings were attached."""
+    """Readers are served in the order in which their rings were attached, with or without a callback."""
     middle, last = (another(listener, talker, name) for name in ("middle", "last"))
     others = Heard(last)
     talker.write(b"x")
@@ -265,8 +265,9 @@ def test_the_first_since_a_report_is_noted_and_the_process_sleeps(
         assert listener.readers.deliver(True) is None
         assert listener.reader.is_report_due
         assert len(heard.messages) == number
-        assert heard.notes == [0, 2][: (number + 1) // 2]  # before the callback, which may close it
-        assert unheard.messages == ([] if crowd else [b"x"])  # nor are all looked at
+        # The note came before the callback, which may close the reader.
+        assert heard.notes == [0, 2][: (number + 1) // 2]
+        assert unheard.messages == ([] if crowd else [b"x"])  # with many rings, only one is read
     silent.close()
 
 
@@ -297,7 +298,7 @@ def test_a_note_may_take_the_callback_away(talker: Talker, listener: Listener, h
     for _ in range(2):
         talker.write(b"x")
         listener.readers.deliver(True)
-    assert heard.messages == [b"x"]  # that one was under way
+    assert heard.messages == [b"x"]  # this delivery had begun before
     assert listener.take() == [b"x"]
 
 
@@ -391,11 +392,11 @@ def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     assert listener.readers.deliver(True) == [listener]
     assert other.messages == [b"x"]
     assert not is_rung(listener.doorbell)
-    assert listener.reader.is_report_due is (where != "on_report_due")  # the next message is noted
+    assert listener.reader.is_report_due is (where != "on_report_due")  # the next message makes it due
 
 
 def test_a_callback_may_look_itself(talker: Talker, listener: Listener, heard: Heard) -> None:
-    """A loop that is run in a callback, for example."""
+    """A callback may call `deliver` itself, for example by running the loop."""
     other = Heard(another(listener, talker, "other"))
     answers: list[Any] = []
     heard.then = lambda: answers.append(listener.readers.deliver(True))
@@ -441,7 +442,8 @@ def test_a_callback_may_add_readers(
 
     heard.then = add
     talker.write(b"x")
-    assert listener.readers.deliver(True) == ([] if crowd else None)  # who looks at one only, stays awake
+    # A look at one ring only does not end in sleep.
+    assert listener.readers.deliver(True) == ([] if crowd else None)
     assert listener.readers.deliver(True) is None
     talker.write(b"y")
     assert listener.readers.deliver(True) is None
@@ -455,7 +457,7 @@ def test_closed_in_a_callback_the_doorbell_is_left_alone(
     heard.then = listener.readers.close
     talker.write(b"x")
     assert listener.readers.deliver(True) is None
-    assert crowd or is_rung(listener.doorbell)  # not read afterwards, and not armed
+    assert crowd or is_rung(listener.doorbell)  # neither read afterwards nor armed
     talker.write(b"y")
     assert not is_rung(listener.doorbell)
     assert listener.readers.deliver(True) is None
@@ -486,7 +488,7 @@ def test_a_child_forked_in_a_callback_leaves_the_doorbell_to_its_parent(
 def test_a_prepared_reader_is_collected_with_what_it_calls(talker: Talker, listener: Listener) -> None:
     reader = another(listener, talker, "owner")
     heard = Heard(reader)
-    heard.then = reader.messages  # a circle
+    heard.then = reader.messages  # a reference cycle
     gone = weakref.ref(heard)
     del heard, reader
     gc.collect()

@@ -1,4 +1,4 @@
-"""bus.shm._core: many samples in one buffer, out of rings and into them."""
+"""bus.shm._core: many samples in one buffer, taken from rings and written into them."""
 
 import mmap
 import time
@@ -31,7 +31,7 @@ def unpack(data: bytes) -> list[tuple[int, int, bytes]]:
 
 
 def pack(*messages: tuple[int, bytes]) -> bytes:
-    """Of each its time and payload."""
+    """Pack messages, each given by its time and payload."""
     return b"".join(
         _HEAD.pack(number, time_ns, len(payload)) + payload
         for number, (time_ns, payload) in enumerate(messages, 1)
@@ -46,7 +46,7 @@ def packs(listener: Listener, most: int = 1000, longest: int = 200) -> list[Any]
 
 
 def both() -> tuple[Talker, Listener, Listener]:
-    """A publisher and two that listen alike."""
+    """A publisher, and two listeners with the same options."""
     talker, ends = Talker(1 << 20, 4096, keep=1000), (Listener(), Listener())
     for one in ends:
         one.join(talker, start=1)
@@ -77,7 +77,7 @@ class TestTaking:
                 assert data[last_at:] == _HEAD.pack(*samples[-1][:2], len(samples[-1][2])) + samples[-1][2]
                 found += samples
                 assert has_more is (len(found) < len(messages))
-            for payload, stamp_ns, seq, *_ in other.reader.take(1, bytes):  # too long
+            for payload, stamp_ns, seq, *_ in other.reader.take(1, bytes):  # too long for a pack
                 assert len(payload) + 16 >= 200 or len(payload) + 36 > most
                 found.append((seq, stamp_ns + _OFFSET_NS if stamp_ns > 0 else -stamp_ns, payload))
         assert found == expected
@@ -220,7 +220,7 @@ class TestPublishing:
 
 def test_a_record_of_nearly_4_gib_is_stepped_over(tmp_path: Path) -> None:
     last, path = _HEAD.pack(2, 0, 5) + b"later", tmp_path / "pack"
-    with path.open("wb") as file:  # all but its ends is a hole
+    with path.open("wb") as file:  # a sparse file: only both ends have data
         file.write(_HEAD.pack(1, 0, (1 << 32) - _HEAD.size))
         file.seek(1 << 32)
         file.write(last)

@@ -1,4 +1,4 @@
-"""bus.shm._core: records that are read in place stay as they are, and are let go."""
+"""bus.shm._core: records that are read in place do not change, and the reader releases them."""
 
 import gc
 import os
@@ -43,7 +43,9 @@ def test_short_ones_are_copied_and_long_ones_pinned(talker: Talker, listener: Li
 
 
 def test_what_is_held_stays_whatever_is_written(talker: Talker, listener: Listener) -> None:
-    """Views and parts of views, dropped in any order, while the writer laps the ring again and again."""
+    """The reader drops views and parts of views in any order, while the writer laps the ring again and
+    again.
+    """
     slot = listener.join(talker)
     dice = random.Random(1)
     held: list[tuple[memoryview, bytes]] = []
@@ -121,7 +123,7 @@ def test_a_slot_with_pins_is_not_given_to_a_new_match(talker: Talker, listener: 
         listener.reader.attach(1, segments.map_ring(talker.ring), slot)
     del view
     listener.reader.attach(1, segments.map_ring(talker.ring), slot)
-    with pytest.raises(ValueError, match="in use"):  # it waits to be admitted
+    with pytest.raises(ValueError, match="in use"):  # the attach before still waits to be admitted
         listener.reader.attach(2, segments.map_ring(talker.ring), slot)
     listener.reader.detach(1)
     assert listener.readers.is_free(slot)
@@ -188,7 +190,7 @@ def test_a_child_does_not_release_the_parents_pins(talker: Talker, listener: Lis
 
 
 def test_a_loan_is_the_place_itself(talker: Talker, listener: Listener) -> None:
-    """What is written into the loan after it was published is in the record: nothing was copied."""
+    """Data written into the loan after publishing are in the record, so nothing was copied."""
     listener.join(talker)
     place = talker.writer.lend(LARGE)
     assert talker.writer.publish_lent() is True
@@ -202,7 +204,7 @@ def test_a_gate_that_comes_once_more_still_keeps_what_is_held(talker: Talker, li
     slot = listener.join(talker)
     talker.write(b"x" * LARGE)
     (view,) = listener.reader.messages(1, as_is)
-    talker.write(*[bytes(LARGE)] * 40)  # it is given up by now
+    talker.write(*[bytes(LARGE)] * 40)  # the writer laps the ring
     talker.writer.add_gate(id(listener), listener.bell, slot, is_lossless=False)
     talker.write(*[bytes(LARGE)] * 40)
     assert view == b"x" * LARGE

@@ -1,4 +1,4 @@
-"""bus.shm._core.Sends: what it gives is to its users what the coroutine of an async function is."""
+"""bus.shm._core.Sends: its awaitables behave like the coroutines of an async function."""
 
 import asyncio
 import collections.abc
@@ -19,7 +19,7 @@ PER_TURN = 100
 
 
 class Room:
-    """A publisher as Sends sees it, which has room for some messages and then waits for more."""
+    """A publisher as Sends sees it. It has room for some messages, and then waits for more."""
 
     def __init__(self, room: int = 1 << 30, *, noted: bool = False) -> None:
         self.room = room
@@ -51,7 +51,7 @@ class Room:
 
 
 def step(coroutine: Coroutine[Any, Any, Any]) -> Any:
-    """Run it to its end, which comes at once."""
+    """Run the coroutine to its end, which it must reach in one step."""
     with pytest.raises(StopIteration) as end:
         coroutine.send(None)
     return end.value.value
@@ -303,7 +303,7 @@ async def test_one_may_be_sent_while_another_is() -> None:
 
     def publish(message: Any) -> bool:
         if message == "outer":
-            del room.sends.publish  # it is in use
+            del room.sends.publish  # it is in use at this moment
             room.sends.publish = room.publish
             step(room.sends.send("inner"))
         return bool(room.publish(message))
@@ -347,7 +347,7 @@ async def test_sends_that_never_wait_let_the_loop_turn(spares_turns: bool) -> No
         loop.call_soon(turn)
 
     def publish(message: Any) -> bool:
-        end = loop.time() + 1e-5  # slow enough that a turn is due with every look
+        end = loop.time() + 1e-5  # so slow that the loop is due for a turn at each look
         while loop.time() < end:
             pass
         return bool(room.publish(message))
@@ -470,5 +470,5 @@ async def test_nothing_leaks() -> None:
     gc.collect()
     after = sys.getrefcount(text), sys.getrefcount(room.sends), sys.getallocatedblocks()
     assert after[:2] == before[:2]
-    # A leak is a block in each round. The interpreter keeps about a hundred, more or fewer each time.
+    # A leak is a block in each round. The interpreter keeps about a hundred blocks; the number varies.
     assert abs(after[2] - before[2]) < rounds // 2

@@ -1,4 +1,4 @@
-"""bus.shm._core.Sends.publish_shared: the quick way of a publish, under the guard of a shared loop."""
+"""bus.shm._core.Sends.publish_shared: the quick way to publish, under the guard of a shared loop."""
 
 import gc
 import sys
@@ -19,7 +19,7 @@ class Loop:
 
 
 class End:
-    """A publisher that answers with `status`, and notes what it was left to do."""
+    """A publisher that answers with `status`, and records the work that is left to it."""
 
     def __init__(self, status: Any = True) -> None:
         self.loop = Loop()
@@ -94,7 +94,7 @@ def test_it_is_shared_once_and_first() -> None:
     sends.share(Loop(), print)
     with pytest.raises(RuntimeError, match="called once"):
         sends.share(Loop(), print)
-    with pytest.raises(RuntimeError, match=r"share\(\) comes first"):  # no quick way is set
+    with pytest.raises(RuntimeError, match=r"share\(\) comes first"):  # the quick way is not set
         sends.publish_shared("a")
 
 
@@ -107,7 +107,7 @@ def test_a_circle_through_it_is_collected() -> None:
 
 
 class BadGuard:
-    """Runs `on_acquire`, and can't be given back."""
+    """A guard that runs `on_acquire`, and fails when it is released."""
 
     def __init__(self, on_acquire: Callable[[], object] = bool) -> None:
         self.on_acquire = on_acquire
@@ -140,7 +140,7 @@ def test_nothing_is_left_of_an_error_where_the_guard_is_not_given_back() -> None
         end.sends.publish_shared("a")
     end.status = True
     gc.collect()
-    assert sys.getrefcount(marker) < before  # the error, which held it, is gone
+    assert sys.getrefcount(marker) < before  # the error held a reference, and is gone
 
 
 def test_the_quick_way_may_go_before_the_guard_is_there() -> None:

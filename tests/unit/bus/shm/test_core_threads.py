@@ -1,4 +1,6 @@
-"""What Python keeps of threads that it has not made: until they end, if the core is asked to."""
+"""Python's state of threads that Python has not made: it lasts until the thread ends, if the core is asked
+for it.
+"""
 
 import ctypes
 import threading
@@ -9,7 +11,7 @@ from thread_states import all_states, this_state
 
 
 def run_in_foreign_thread(action: Callable[[], object]) -> None:
-    """Returns when that thread has ended."""
+    """Run `action` in a thread made by C, and wait until the thread has ended."""
     libc, thread = ctypes.CDLL(None), ctypes.c_ulong()
     call = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(lambda _: action() and None)
     assert libc.pthread_create(ctypes.byref(thread), None, call, None) == 0

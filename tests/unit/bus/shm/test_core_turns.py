@@ -1,4 +1,4 @@
-"""bus.shm._core: large messages stay where the ring begins, and what is still needed stays where it is."""
+"""bus.shm._core: large messages stay at the beginning of the ring; messages in use stay in their places."""
 
 import ctypes
 import random
@@ -17,7 +17,7 @@ FITTING = CAPACITY // (SIZE + 32)
 
 
 def place_of_loan(talker: Talker) -> int:
-    """Where a large message goes that is lent now, and then published."""
+    """The address of a large message that is lent now. The message is then published."""
     place = talker.writer.lend(SIZE)
     assert isinstance(place, memoryview)
     address = ctypes.addressof(ctypes.c_char.from_buffer(place))
@@ -136,7 +136,9 @@ ACTIONS = st.lists(
 @settings(max_examples=examples(60), deadline=None)
 @given(actions=ACTIONS, keep=st.integers(1, 4))
 def test_any_story_against_a_list(actions: list[tuple[str, int]], keep: int) -> None:
-    """A lossless reader takes all, a lossy one the newest at least; what is held stays; the depth is kept."""
+    """A lossless reader takes all messages, a lossy one at least the newest. Held messages stay, and the
+    depth is kept.
+    """
     talker = Talker(1 << 20, keep=keep)
     lossless, lossy = Listener(tells_cursor=True), Listener(keep)
     lossless.join(talker, start=1)

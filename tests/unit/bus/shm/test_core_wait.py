@@ -1,4 +1,4 @@
-"""bus.shm._core: Reader.wait, which sleeps in place of an event loop, and leaves with a message."""
+"""bus.shm._core: Reader.wait, which sleeps in place of an event loop, and returns with a message."""
 
 import gc
 import os
@@ -21,11 +21,11 @@ from shm_ends import Listener, Talker, core, is_rung, listener, talker
 __all__ = ["listener", "talker"]
 
 LONG_S = 10.0
-"""Longer than a test takes where nothing ends the wait."""
+"""A wait for this time ends long before it if the test passes."""
 
 
 class Waiting:
-    """A reader that may wait, and the events of a loop with its doorbell."""
+    """A reader that may wait, and an event loop's epoll with its doorbell."""
 
     def __init__(self, listener: Listener, talker: Talker) -> None:
         self.listener, self.talker = listener, talker
@@ -44,8 +44,8 @@ class Waiting:
         return reader.wait(decode, has_origin, self.epoll.fileno(), deadline_ns, due_s)
 
     def wait_quickly(self, **options: Any) -> Any:
-        """As `wait`, where a message or something else ends it and not the time."""
-        assert self.wait(0) is None  # the loop's turn: no other is due for a while
+        """Like `wait`, but a message or another event must end it, not the time."""
+        assert self.wait(0) is None  # the loop's turn; the next one is due later
         begin = time.monotonic()
         found = self.wait(LONG_S, **options)
         assert time.monotonic() - begin < LONG_S / 2
@@ -66,7 +66,7 @@ def soon(act: Callable[[], object]) -> threading.Timer:
 
 
 def another(listener: Listener, talker: Talker, owner: object) -> Any:
-    """One more reader of the same process."""
+    """Another reader of the same process."""
     reader = core.Reader(listener.readers, owner, 0, tells_cursor=False)
     reader.attach(1, segments.map_ring(talker.ring), next(listener.slots))
     return reader
@@ -80,7 +80,7 @@ def test_what_is_there_is_taken_without_a_sleep(waiting: Waiting) -> None:
 
 @pytest.mark.parametrize("is_rung_before", [False, True])
 def test_it_sleeps_until_a_message_comes(waiting: Waiting, is_rung_before: bool) -> None:
-    """Also where the doorbell was rung for what is taken already."""
+    """The same is true if the doorbell rang for messages that are already taken."""
     for number in range(5):
         if is_rung_before:
             waiting.talker.write(b"before")
@@ -92,7 +92,7 @@ def test_it_sleeps_until_a_message_comes(waiting: Waiting, is_rung_before: bool)
 
 def test_a_message_comes_first_and_its_ring_is_heard_before_the_next_sleep(waiting: Waiting) -> None:
     rung, end = 0, time.monotonic() + WAIT_S
-    while rung < 3:  # on a busy machine, some come before the reader sleeps
+    while rung < 3:  # on a busy machine, some messages come before the reader sleeps
         assert time.monotonic() < end
         timer = soon(lambda: waiting.talker.write(b"x"))
         assert waiting.wait_quickly() == b"x"
@@ -100,12 +100,12 @@ def test_a_message_comes_first_and_its_ring_is_heard_before_the_next_sleep(waiti
         before, rung = rung, waiting.talker.writer._debug()["rung"]
         assert rung <= before + 1
     assert rung > before
-    assert is_rung(waiting.listener.doorbell)  # a loop would hear of it, and fall asleep
+    assert is_rung(waiting.listener.doorbell)  # a loop would notice it, and then sleep
     assert waiting.wait(0) is None
     assert waiting.wait(0.01) is None
     assert not is_rung(waiting.listener.doorbell)
     waiting.talker.write(b"y")
-    assert is_rung(waiting.listener.doorbell)  # it has left asleep
+    assert is_rung(waiting.listener.doorbell)  # the wait ended in sleep
 
 
 def test_where_the_message_came_from(waiting: Waiting) -> None:
@@ -167,7 +167,7 @@ def test_news_of_another_reader_are_told_by_the_doorbell(waiting: Waiting) -> No
     timer = soon(lambda: talker.write(b"x"))
     assert waiting.wait_quickly() is None
     timer.join()
-    assert waiting.wait_quickly() is None  # as long as nobody has looked
+    assert waiting.wait_quickly() is None  # until the other reader is served
     assert is_rung(waiting.listener.doorbell)
     assert waiting.listener.readers.deliver(False) == ["other"]
     assert other.messages(1, bytes) == [b"x"]
@@ -175,7 +175,9 @@ def test_news_of_another_reader_are_told_by_the_doorbell(waiting: Waiting) -> No
 
 
 def test_news_of_another_reader_that_were_not_rung_for(waiting: Waiting) -> None:
-    """Published while the process was awake: the look before the sleep finds it."""
+    """The message was published while the process was awake, so no doorbell rang. The look before the sleep
+    finds it.
+    """
     talker = Talker()
     other = another(waiting.listener, talker, "other")
     waiting.listener.readers.deliver(False)
@@ -251,7 +253,7 @@ def test_a_decoder_that_closes_it_all(waiting: Waiting) -> None:
 
 @pytest.mark.parametrize("raises", [False, True])
 def test_a_signals_handler_is_called_at_once(waiting: Waiting, raises: bool) -> None:
-    """The signal comes again and again, since the first may come before the wait begins."""
+    """The signal is repeated, because the first one may come before the wait begins."""
     called = []
 
     def handle(number: int, frame: object) -> None:
@@ -291,7 +293,7 @@ def test_wrong_arguments(waiting: Waiting) -> None:
         with pytest.raises((TypeError, OverflowError, ValueError)):
             reader.wait(*arguments)
     assert waiting.wait(0) is None
-    assert reader.wait(bytes, False, 1 << 20, 0, 0.0) is None  # the loop will say what is wrong with it
+    assert reader.wait(bytes, False, 1 << 20, 0, 0.0) is None  # the loop will report the error
 
 
 def test_nothing_is_left_behind(waiting: Waiting) -> None:

@@ -1,4 +1,4 @@
-"""bus.shm's Writer: what keeps it from writing, loans by its quick way, and what it stamps."""
+"""bus.shm's Writer: the reasons why it refuses to write, loans by its quick way, and its stamps."""
 
 import os
 
@@ -88,7 +88,7 @@ def test_a_loan_of_more_than_the_limit_stays_open_and_may_be_given_back() -> Non
 
 
 def test_a_loan_is_refused_by_both_ways_where_hold_is_out_of_date() -> None:
-    """Else the quick way would take the word, and nobody moved it."""
+    """Otherwise no caller would learn from the quick way that `hold` must move."""
     talker, listener = prepared(16 * MIB), Listener(tells_cursor=True)
     listener.join(talker, start=1)
     talker.writer.hold = 1

@@ -1,4 +1,4 @@
-"""bus.shm.headroom: what is left of memory cgroups of both kinds and of the machine, in a made-up /proc."""
+"""bus.shm.headroom: free memory of memory cgroups of both versions and of the machine, in a made-up /proc."""
 
 import errno
 import os
@@ -14,11 +14,11 @@ from rows import for_each
 
 MiB = 1 << 20
 UNLIMITED = 9223372036854771712
-"""What cgroups of the first kind say."""
+"""The value of cgroups of version 1 for "no limit"."""
 
 
 class Tree:
-    """A made-up machine: 8 GiB, of which 4 are free, until more is said."""
+    """A made-up machine. It has 8 GiB, of which 4 GiB are free, until a test changes that."""
 
     def __init__(self, folder: Path) -> None:
         self.proc = folder / "proc"
@@ -69,7 +69,9 @@ class Tree:
         )
 
     def rooms(self, process: int | str = "self", **options: Any) -> dict[str, tuple[int, int]]:
-        """Limit and what is left in MiB, by the path below the mount; "" is the topmost, None the machine."""
+        """Limit and free memory in MiB, by the path below the mount. "" is the top cgroup, None the
+        machine.
+        """
         found = {}
         for room in headroom.rooms(process, **options):
             name = room.where.removeprefix("memory cgroup ").removeprefix(str(self.top)).lstrip("/")
@@ -101,7 +103,7 @@ class TestSecondKind:
         assert tree.rooms() == {"robot/camera": (200, 180), "robot": (300, 10)} | MACHINE
 
     def test_a_namespace_of_its_own(self, tree: Tree) -> None:
-        """What a container sees: it is itself the topmost."""
+        """The view from a container: its own cgroup is the top one."""
         tree.is_in("0::/")
         tree.second("", 100 * MiB, 30 * MiB)
         assert tree.rooms() == {"": (100, 70)} | MACHINE
@@ -116,7 +118,8 @@ class TestSecondKind:
         assert tree.rooms() == {"robot/camera": (200, 55)} | MACHINE
         assert tree.rooms(need=0)["robot/camera"] == (200, 55)
         tree.second("robot/camera", 200 * MiB, 100 * MiB, stat=stat)
-        assert tree.rooms(need=10 * MiB)["robot/camera"] == (200, 100)  # enough: nobody looks
+        # Enough is free, so the details are not read.
+        assert tree.rooms(need=10 * MiB)["robot/camera"] == (200, 100)
 
     def test_more_than_the_limit_is_in_use(self, tree: Tree) -> None:
         tree.second("robot/camera", 100 * MiB, 120 * MiB)
@@ -138,7 +141,7 @@ class TestSecondKind:
         tree.second("daemon", 50 * MiB, 30 * MiB)
         tree.is_in("0::/daemon", process="4711")
         assert tree.rooms(4711) == {"daemon": (50, 20)} | MACHINE
-        assert tree.rooms(4712) == MACHINE  # has ended
+        assert tree.rooms(4712) == MACHINE  # the process has ended
 
     def test_a_process_that_is_put_into_another_one(self, tree: Tree) -> None:
         tree.second("robot/camera", 100 * MiB, 30 * MiB)
@@ -227,7 +230,7 @@ class TestClaim:
         assert error.value.errno == errno.ENOMEM
 
     def test_beside_a_large_ring_half_as_much_stays_free(self, tree: Tree) -> None:
-        """In it there are long messages, and somebody works on them."""
+        """A large ring holds long messages, and programs need memory to work on them."""
         tree.second("robot", 100 * MiB, 10 * MiB)
         headroom.claim(60 * MiB)
         text = "has 90 of 100 MiB left; this takes 61 and a reserve of 31"
@@ -252,7 +255,7 @@ class TestClaim:
             headroom.claim(8192)
         assert len(looks) == 1
         headroom.claim(MiB)
-        assert len(looks) == 2  # large ones never
+        assert len(looks) == 2  # every large claim is checked
         monkeypatch.setattr(headroom, "monotonic_ns", lambda clock=headroom.monotonic_ns: clock() + 10**9)  # type: ignore[attr-defined]
         headroom.claim(8192)
         assert len(looks) == 3
@@ -260,7 +263,7 @@ class TestClaim:
     def test_what_is_granted_is_a_small_part(self, tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
         looks = count_looks(monkeypatch)
         tree.second("robot", 100 * MiB, 60 * MiB)
-        for _ in range(1 + 2 * MiB // 8192):  # of 32 that are free
+        for _ in range(1 + 2 * MiB // 8192):  # 2 MiB of 32 that are free
             headroom.claim(8192)
         assert len(looks) == 2
 
@@ -282,7 +285,9 @@ class TestSegments:
         assert os.listdir("/proc/self/fd") == before  # noqa: PTH208
 
     def test_others_take_memory_at_the_same_time(self, tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
-        """A large one is reserved step by step, with a look at each; where one fails, all is given back."""
+        """A large claim reserves memory in steps and checks each step. If one fails, the claim frees all of
+        them.
+        """
         tree.second("robot", 200 * MiB, 100 * MiB)
         reserve = os.posix_fallocate
         reserved = 0
@@ -291,7 +296,7 @@ class TestSegments:
             nonlocal reserved
             reserve(number, start, size)
             reserved += size
-            tree.second("robot", 200 * MiB, 100 * MiB + 3 * reserved)  # two others do the same
+            tree.second("robot", 200 * MiB, 100 * MiB + 3 * reserved)  # two other programs do the same
 
         monkeypatch.setattr(os, "posix_fallocate", step)
         before = os.listdir("/proc/self/fd")  # noqa: PTH208

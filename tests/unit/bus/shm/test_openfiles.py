@@ -1,4 +1,4 @@
-"""bus.shm.openfiles: descriptors stand where the program does not miss their numbers; some are left to it."""
+"""bus.shm.openfiles: descriptors get numbers that the program can spare, and some numbers are left to it."""
 
 import contextlib
 import errno
@@ -36,7 +36,9 @@ def limited(soft: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def with_room_for(room: int) -> Iterator[None]:
-    """A limit `room` above what is open now; it seems to be the hard limit, which can't be raised again."""
+    """Set the limit to `room` more than the open files. It looks like the hard limit, which cannot be raised
+    again.
+    """
     limit = used() + room
     with limited(limit), pytest.MonkeyPatch.context() as patch:
         patch.setattr(resource, "getrlimit", lambda _: (limit, limit))
@@ -73,7 +75,7 @@ def test_beyond_the_soft_limit_once_the_program_would_miss_them_below() -> None:
         assert min(numbers) == 1024
         assert max(numbers) >= 1034
         files = opened(1034 - RESERVE - used())
-        assert make().number >= 1034  # those below are of the reserve
+        assert make().number >= 1034  # the lower numbers are the reserve
     del files
 
 
@@ -123,7 +125,9 @@ def test_a_reserve_is_left() -> None:
 
 @pytest.mark.parametrize("lack", ["size", "folder"])
 def test_where_the_kernel_does_not_say_how_many_are_open(monkeypatch: pytest.MonkeyPatch, lack: str) -> None:
-    """Before 6.2 they are listed; without /proc the lowest free number says it."""
+    """Linux before 6.2 has only the list of open files. Without /proc, the lowest free number shows how many
+    are open.
+    """
     known = openfiles._used()
     assert known in (used(), used() + 1)
     stat = os.stat
@@ -131,7 +135,7 @@ def test_where_the_kernel_does_not_say_how_many_are_open(monkeypatch: pytest.Mon
     def look(path: str) -> object:
         if lack == "folder":
             raise FileNotFoundError(errno.ENOENT, "No such file or directory")
-        return stat("/proc/self/limits")  # of size 0
+        return stat("/proc/self/limits")  # its size is 0
 
     monkeypatch.setattr(openfiles.os, "stat", look)  # type: ignore[attr-defined]
     found = openfiles._used()

@@ -1,4 +1,4 @@
-"""bus.shm: segments as they are made, in another process, and foreign ones that are not as they should be."""
+"""bus.shm: segments as busd makes them, in another process, and foreign segments with faults."""
 
 import contextlib
 import errno
@@ -53,7 +53,7 @@ def test_whether_memory_can_be_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "GIL" in shm.advice()
 
 
-# --- as they are made
+# --- as busd makes them
 
 
 def test_segments_as_they_are_made() -> None:
@@ -199,7 +199,7 @@ def test_another_process_sleeps_and_is_rung() -> None:
     assert not select.select([doorbell.number], [], [], 0)[0]
 
 
-# --- as they should not be
+# --- with faults
 
 
 def make_memfd(content: bytes, seals: int = descriptors.SEALS) -> Descriptor:
@@ -264,7 +264,7 @@ def test_a_segment_of_the_other_kind_is_refused() -> None:
         listener.reader.attach(1, segments.map_ring(listener.segment), 0)
 
 
-# --- lies: a ring of its own maker's words, in which anything may stand
+# --- lies: a ring whose maker may write any value into its words
 
 WORDS = st.one_of(
     st.integers(0, MAX_WORD),
@@ -332,7 +332,7 @@ def test_no_lie_of_a_reader_is_more_than_an_error(lies: dict[int, int]) -> None:
     with contextlib.suppress(ValueError):
         bell = core.Bell(segments.map_readers(liar), talker.doorbell.number)
         for slot in range(12):
-            with contextlib.suppress(ValueError):  # it may say that it has less
+            with contextlib.suppress(ValueError):  # the liar may claim fewer slots
                 talker.writer.add_gate(slot, bell, slot, is_lossless=slot % 2 == 0)
         for _ in range(100):
             talker.writer.write(bytes(100))

@@ -1,4 +1,4 @@
-"""bus.transport.hangups: one descriptor for all streams of an event loop, as long as there are some."""
+"""bus.transport.hangups: one descriptor for all streams of an event loop, while the loop has streams."""
 
 import asyncio
 import os
@@ -41,7 +41,7 @@ async def test_those_that_have_gone_are_told_once(pairs: list[Pair]) -> None:
     pairs[0][0].send(b"unread")
     pairs[0][1].close()
     pairs[1][1].send(b"something has come")
-    pairs[2][1].shutdown(socket.SHUT_WR)  # it may still read
+    pairs[2][1].shutdown(socket.SHUT_WR)  # it can still read
     async with asyncio.timeout(WAIT_S):
         while not told:  # noqa: ASYNC110
             await asyncio.sleep(0)

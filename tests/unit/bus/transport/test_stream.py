@@ -1,4 +1,4 @@
-"""bus.transport.stream: how a connection ends."""
+"""bus.transport.stream: the end of a connection."""
 
 import asyncio
 import gc
@@ -23,7 +23,7 @@ HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 
 
 class End:
-    """One end of a connection, which remembers what came and why it ended."""
+    """One end of a connection. It records the received items and the reason of the end."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -45,7 +45,7 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 
 
 async def test_closed_with_something_unread(pair: tuple[socket.socket, socket.socket]) -> None:
-    """The other side hears the last words and sees the end, which libuv alone may not tell it."""
+    """The other side receives the last frames and sees the end. libuv alone may not report it."""
     mine, other = pair
     end, leaver = End(mine), End(other)
     mine.send(HELLO)
@@ -56,7 +56,7 @@ async def test_closed_with_something_unread(pair: tuple[socket.socket, socket.so
 
 
 async def test_killed_with_something_unread(pair: tuple[socket.socket, socket.socket]) -> None:
-    """A process that is killed tidies nothing up; at the next thing sent to it we notice."""
+    """A killed process does not tidy up. The stream notices that at the next thing sent to it."""
     mine, other = pair
     end = End(mine)
     mine.send(HELLO)
@@ -75,7 +75,9 @@ async def test_killed_with_something_unread(pair: tuple[socket.socket, socket.so
 async def test_killed_with_more_unread_than_one_read_takes(
     pair: tuple[socket.socket, socket.socket], is_held: bool
 ) -> None:
-    """libuv tells of an error once; all is heard, and the end, without a word sent."""
+    """libuv reports an error only once. The stream still delivers everything, and the end, without sending a
+    word.
+    """
     mine, other = pair
     end = End(mine)
     for stream_end in pair:
@@ -118,7 +120,7 @@ async def test_nothing_is_asked_of_the_socket_beside_what_has_come(
 async def test_who_sends_much_at_a_time_gets_more_room(
     pair: tuple[socket.socket, socket.socket], size: int, wanted: int, way: str
 ) -> None:
-    """What a process that does not read makes the kernel hold is bounded either way, and all of it comes."""
+    """The kernel holds a bounded amount for a process that does not read, and all of it arrives."""
     mine, other = pair
     end = End(mine)
 
@@ -138,7 +140,7 @@ async def test_who_sends_much_at_a_time_gets_more_room(
             buffer = bytearray(frame)
             assert end.stream.send_now(buffer, is_lent=way == "lent")
             if way == "lent":
-                buffer[:] = bytes(len(buffer))  # it is used again
+                buffer[:] = bytes(len(buffer))  # the caller uses it again
     assert room() == max(before, 2 * min(wanted, MOST_ROOM))
     came = b""
     other.setblocking(False)
@@ -152,7 +154,7 @@ async def test_who_sends_much_at_a_time_gets_more_room(
 
 
 class Counted:
-    """A socket that remembers what was called."""
+    """A socket that records calls."""
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock
@@ -171,14 +173,14 @@ class Counted:
 
 
 async def test_held(pair: tuple[socket.socket, socket.socket]) -> None:
-    """Nothing is read, not even the end; then everything is."""
+    """A held stream reads nothing, not even the end. After its release, it reads everything."""
     mine, other = pair
     end = End(mine)
     end.stream.hold()
     other.send(HELLO)
     other.close()
     mine.setblocking(True)
-    assert mine.recv(1, socket.MSG_PEEK)  # it has come
+    assert mine.recv(1, socket.MSG_PEEK)  # the data has arrived
     mine.setblocking(False)
     for _ in range(3):
         await asyncio.sleep(0)
@@ -192,7 +194,7 @@ async def test_held(pair: tuple[socket.socket, socket.socket]) -> None:
 async def test_nobody_is_kept_by_one_that_has_ended(
     pair: tuple[socket.socket, socket.socket], who: str
 ) -> None:
-    """Else who comes and goes would leave work to Python's collector."""
+    """Otherwise, processes that come and go would leave work to Python's collector."""
     gc.collect()
     gc.disable()
     try:
@@ -222,6 +224,6 @@ async def test_closed_while_it_is_held(pair: tuple[socket.socket, socket.socket]
     end.stream.hold()
     end.stream.close()
     assert other.recv(1) == b""
-    end.stream.release()  # touches nothing
+    end.stream.release()  # does nothing
     await asyncio.sleep(0)
     assert not end.lost.done()

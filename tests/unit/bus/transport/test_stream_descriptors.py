@@ -28,7 +28,7 @@ Pair = tuple[socket.socket, socket.socket]
 
 
 class End:
-    """One end of a connection, which remembers what came and why it ended."""
+    """One end of a connection. It records the received items and the reason of the end."""
 
     def __init__(self, sock: socket.socket, *, takes_descriptors: bool = True) -> None:
         sock.setblocking(False)
@@ -48,7 +48,7 @@ def pair() -> Iterator[Pair]:
     mine, other = socket.socketpair()
     with mine, other:
         for sock in (mine, other):
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)  # the kernel gives a few KiB
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)  # the kernel's minimum is a few KiB
         mine.send(HELLO)
         other.send(HELLO)
         yield mine, other
@@ -56,7 +56,7 @@ def pair() -> Iterator[Pair]:
 
 @pytest.fixture(autouse=True)
 def by_counting_references() -> Iterator[None]:
-    """What nobody holds is closed at once, not when the collector comes."""
+    """Descriptors are closed when the last reference goes, not when the collector runs."""
     gc.disable()
     yield
     gc.enable()
@@ -77,12 +77,14 @@ def send(sock: socket.socket, frame: bytes, *descriptors: Descriptor) -> None:
 
 
 def opened() -> int:
-    """How many are open, but for the event loop's and the one that it may need for its streams."""
+    """The number of open descriptors, except those of epoll: the event loop's, and the one for its
+    streams.
+    """
     return sum(one != "anon_inode:[eventpoll]" for one in open_descriptors().values())
 
 
 def values(carried: object) -> tuple[int, ...]:
-    """The numbers of the descriptors that came, which can be read only once."""
+    """The numbers in the received descriptors. They can be read only once."""
     assert isinstance(carried, Carried)
     assert not any(os.get_inheritable(one.fileno()) for one in carried.descriptors)
     return tuple(os.eventfd_read(one.fileno()) for one in carried.descriptors)
@@ -200,7 +202,9 @@ async def test_who_takes_none_gets_none(pair: Pair) -> None:
 
 
 async def test_more_than_a_message_may_carry(pair: Pair) -> None:
-    """The kernel gives the first two, of which none is kept; what comes next is whole again."""
+    """The kernel delivers the first two descriptors, and the stream keeps neither. The next message is
+    complete again.
+    """
     mine, other = pair
     receiver = End(other)
     before = opened()

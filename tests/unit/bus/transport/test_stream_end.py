@@ -1,4 +1,4 @@
-"""bus.transport.stream where one side says that it will end: half a connection goes on."""
+"""bus.transport.stream: if one side announces its end, the other half of the connection goes on."""
 
 import asyncio
 import socket
@@ -19,7 +19,7 @@ LONG = m.DeclareType(type_name="a/msg/B", type_hash="c", schema=bytes(900 << 10)
 
 
 class End:
-    """One end of a connection, which remembers what came."""
+    """One end of a connection. It records the received items."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -42,7 +42,7 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 
 async def test_what_has_begun_is_ended_and_nothing_follows(pair: tuple[socket.socket, socket.socket]) -> None:
     speaker, reader = map(End, pair)
-    reader.stream.hold()  # so that the long one does not get through at once
+    reader.stream.hold()  # so the long frame does not leave at once
     asyncio.get_running_loop().call_later(0, reader.stream.release)
     speaker.say(HELLO + m.encode_frame(LONG))
     assert speaker.stream.writing is WriteState.BLOCKED
@@ -52,7 +52,7 @@ async def test_what_has_begun_is_ended_and_nothing_follows(pair: tuple[socket.so
     reader.stream.linger()
     await until(lambda: reader.stream.reading is ReadState.ENDED)
     assert reader.items[1:] == [LONG]
-    reader.say(HELLO)  # the other half is as it was
+    reader.say(HELLO)  # the other half still works
     await until(lambda: speaker.items)
     assert (speaker.losses, reader.losses) == ([], [])
     assert reader.stream.is_drained
@@ -81,7 +81,9 @@ async def test_one_that_does_not_linger_is_lost(pair: tuple[socket.socket, socke
 
 
 async def test_what_has_come_is_heard_out(pair: tuple[socket.socket, socket.socket]) -> None:
-    """Also while it is paused; and what comes too late is no loss that would be told twice."""
+    """The stream delivers received data, even if it is paused. Data that arrives too late is not reported as
+    a second loss.
+    """
     speaker, reader = map(End, pair)
     reader.stream.hold()
     reader.stream.linger()

@@ -1,4 +1,6 @@
-"""bus.transport.stream where the system gives no more descriptors; in a process of its own, as limits are."""
+"""bus.transport.stream without further descriptors. The tests use separate processes, as limits apply to a
+process.
+"""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""bus.transport.stream_state: every cell of both tables, and what leads from state to state."""
+"""bus.transport.stream_state: every cell of both tables, and the events that lead from state to state."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ WRITE_CELLS = """
  ended     |           |          |        | ended   |       | ended     | ended  | closed
  closed    |           |          |        | closed  |       | closed    | closed |
 """
-"""States by row, events by column. A cell has the state that follows; an empty one means a bug."""
+"""Rows are states, columns are events. A cell has the next state; an empty cell means a bug."""
 
 
 def cells(text: str, states: Any, events: Any) -> list[tuple[Any, Any, Any]]:

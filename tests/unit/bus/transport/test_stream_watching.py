@@ -1,4 +1,6 @@
-"""bus.transport.stream: in each state, what of the socket the event loop watches, and what was done to it."""
+"""bus.transport.stream: the events of the socket that the loop watches in each state, and the calls on the
+socket.
+"""
 
 import asyncio
 import socket
@@ -21,7 +23,7 @@ MANY = [HELLO] * 600  # more than is sent in one turn of the event loop, and les
 
 
 class Loop:
-    """Remembers what is watched and which timers were made; runs nothing."""
+    """Records the watched descriptors and the timers; runs nothing."""
 
     def __init__(self) -> None:
         self.readers: dict[int, Callable[[], Any]] = {}
@@ -49,7 +51,7 @@ class Loop:
 
 
 class Crowded:
-    """A socket of a user with too many descriptors in flight, as long as `is_crowded`."""
+    """A socket of a user with too many descriptors in flight, while `is_crowded` is true."""
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock
@@ -71,7 +73,7 @@ class Crowded:
 
 
 class End:
-    """One end of a connection, and what its event loop watches."""
+    """One end of a connection, and the descriptors that its event loop watches."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.loop = Loop()
@@ -115,7 +117,7 @@ class End:
         self.check(ReadState.OPEN, WriteState.BLOCKED)
 
     def take(self) -> int:
-        """The other side reads all that there is; how much that was. It sees the end as -1."""
+        """Let the other side read everything. Returns the number of bytes; the end counts as -1."""
         count = 0
         while True:
             try:
@@ -184,7 +186,7 @@ def test_a_long_turn_that_is_the_last(end: End) -> None:
 @pytest.mark.parametrize("fits", [False, True])
 def test_put_off_until_the_owner_writes_on(end: End, fits: bool) -> None:
     end.say(*(MANY if fits else [LONG]))
-    end.stream.write_on()  # nothing was put off
+    end.stream.write_on()  # nothing was postponed
     end.check(ReadState.OPEN, WriteState.BLOCKED)
     end.may_write = False
     end.write()
@@ -302,7 +304,7 @@ def test_held_by_the_owner_when_the_other_side_goes(end: End, does_linger: bool)
     after = ReadState.ENDED if does_linger else ReadState.CLOSED
     end.check(after, WriteState.OPEN if does_linger else WriteState.CLOSED)
     assert end.losses == ([] if does_linger else [None])
-    end.stream.linger()  # too late to matter
+    end.stream.linger()  # too late for an effect
     end.stream.drain_input()
     end.check(after, end.stream.writing)
 

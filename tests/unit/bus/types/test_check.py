@@ -1,4 +1,4 @@
-"""The generated checks: sure where they say True, and True for whatever a program normally publishes."""
+"""The generated checks: True is certain, and the usual values of programs give True."""
 
 import enum
 from array import array
@@ -25,7 +25,7 @@ class Number(enum.IntEnum):
 
 
 class Text(str):
-    """A str that is none to `type`, as numpy's are."""
+    """A str whose exact type is not `str`, like numpy's."""
 
 
 class Scalar(float):
@@ -148,7 +148,7 @@ def test_a_deleted_field_is_not_valid() -> None:
 
 
 class Own(Struct):
-    """Python types that have a check of their own."""
+    """Python types that have their own check."""
 
     maybe: int | None = None
     colour: Number = Number.ONE
@@ -212,7 +212,7 @@ def test_for_a_type_in_itself_there_is_no_code() -> None:
     class Tree(Struct):
         children: list["Tree"] = field(default_factory=list)
 
-    # Looked up by name when the type is read.
+    # The check looks this name up when it reads the type.
     globals()["Tree"] = Tree
     assert predicate(Tree)(Tree()) is False
 
@@ -283,5 +283,5 @@ def test_a_message_that_passes_is_right(changes: dict[str, Any]) -> None:
     if support.is_valid(message):
         support.decode(support.encode(message))
     elif support.explain(message) is None:
-        # Rightly unsure: only what is of another Python type, and the same on the wire.
+        # The check may be uncertain only if a value has another Python type and the same encoding.
         assert any(type(value) is not type(getattr(Everything(), name)) for name, value in changes.items())

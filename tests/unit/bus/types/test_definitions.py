@@ -1,4 +1,4 @@
-"""Where definitions are found, and the native classes made of them."""
+"""The search for definitions, and the native classes made from them."""
 
 import re
 import sys
@@ -66,7 +66,7 @@ LESSON = """
 
 @pytest.fixture(autouse=True)
 def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only what is shipped is found, and what the test writes; no class of a test outlives it."""
+    """Only shipped definitions and those of the test are found, and no class outlives its test."""
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     monkeypatch.delenv("BUS_INTERFACE_PATH", raising=False)
     monkeypatch.setattr(sys, "argv", [str(tmp_path / "program.py")])
@@ -86,7 +86,7 @@ def write(folder: Path, name: str, text: str) -> Path:
 
 @pytest.fixture
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of packages that is searched."""
+    """A folder of packages in the search path."""
     folder = tmp_path / "own"
     monkeypatch.setenv("BUS_INTERFACE_PATH", str(folder))
     return folder
@@ -332,7 +332,7 @@ def test_full_names(own: Path) -> None:
 
 
 def workspace(root: Path, folder: str, package: str, text: str) -> None:
-    """A package in a workspace, in a folder of another name; it has demo-like contents."""
+    """Make a package with the message Wheel in a workspace, in a folder with another name."""
     path = root / "src" / folder
     (path / "msg").mkdir(parents=True)
     (path / "package.xml").write_text(f"<package><name>{package}</name></package>")

@@ -1,4 +1,4 @@
-"""What is said about two types of one name."""
+"""Descriptions of the difference between two types with one name."""
 
 from typing import Annotated, Any, Literal
 

@@ -1,4 +1,4 @@
-"""Hashes of real ROS 2 systems, and hashes of types that ROS 2 doesn't have."""
+"""Hashes of real ROS 2 systems, and hashes of types that ROS 2 does not have."""
 
 from typing import Annotated, Any, Literal
 
@@ -11,7 +11,7 @@ from bus.types.schema import describe
 from bus.types.support import find_type, type_hash
 from rows import for_each
 
-# As public ROS 2 programs, logs and rmw_zenoh key expressions have them.
+# From public ROS 2 programs, logs and rmw_zenoh key expressions.
 KNOWN = """
 std_msgs/msg/Header f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01
 std_msgs/msg/String df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18

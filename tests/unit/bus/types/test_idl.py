@@ -1,4 +1,4 @@
-"""The language of .msg, .srv and .action files: what it means, and what is said where it is wrong."""
+"""The language of .msg, .srv and .action files: its meaning, and the texts of errors."""
 
 from typing import Any
 
@@ -179,7 +179,7 @@ def test_services_and_actions_have_parts() -> None:
 )
 def test_errors_name_the_line_and_what_is_wrong(line: str, what: str | None) -> None:
     if what is None:
-        assert field(line).type.base == "demo/msg/INT32"  # it may be a message: bus.types.definitions looks
+        assert field(line).type.base == "demo/msg/INT32"  # it may be a message; bus.types.definitions decides
         return
     with pytest.raises(ConfigurationError) as caught:
         parse_message(f"# a comment\n{line}\n", "demo/msg/Wheel")

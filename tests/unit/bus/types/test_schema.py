@@ -1,4 +1,6 @@
-"""Schemas: what `describe` says of a class, and what `build` makes of that, also when an enemy sent it."""
+"""Schemas: descriptions of classes by `describe`, and classes that `build` makes of them, even of an enemy's
+schema.
+"""
 
 import datetime
 import enum
@@ -74,7 +76,7 @@ class Tree(Struct):
 
 
 class Zoo(Struct, kw_only=True, tag_field="kind", tag=7, omit_defaults=True):
-    """A bit of everything that msgspec can encode."""
+    """One field of each kind that msgspec can encode."""
 
     __type_name__: ClassVar[str] = "demo/msg/Zoo"
 
@@ -263,7 +265,7 @@ def test_a_class_made_from_a_schema_reads_the_same_bytes() -> None:
     assert message.inner.first_name == "y"
     assert (message.pair, message.blob, message.pet.lives) == ((1, "a"), b"\x00\xff", 3)
     assert message.both is UNSET
-    # Defaults that the sender leaves out are known here as well.
+    # This end knows the defaults that the sender leaves out.
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(message), type=Zoo) == original
 
 
@@ -310,7 +312,7 @@ def wider(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 
 
 def wire_kind(node: Node) -> str:
-    """What msgspec may have once in a union."""
+    """The kind of a type on the wire. msgspec allows each kind once in a union."""
     name = node if isinstance(node, str) else node[0]
     kinds = dict.fromkeys([*INTEGERS, "literal"], "int") | dict.fromkeys(BYTES, "bytes")
     return kinds.get(name, "float" if name.startswith("float") else name)
@@ -341,7 +343,7 @@ def test_any_schema_makes_a_class_of_that_schema(
     try:
         cls = build(schema)
     except ConfigurationError:
-        assume(False)  # not every union or literal is one that msgspec has
+        assume(False)  # msgspec does not have every union or literal
     described = describe(cls)
     assert describe(build(described)) == described
     message = cls()

@@ -1,4 +1,4 @@
-"""What `build` makes of a schema that an enemy sent: a class or a ConfigurationError, never anything else."""
+"""`build` with an enemy's schema: it makes a class or raises ConfigurationError, and does nothing else."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -116,7 +116,7 @@ HOSTILE: dict[str, Any] = {
     "a default with a lone surrogate": one_field("string", default="\ud800"),
     "a huge default": one_field("int", default=2**80),
     "a default that is no data": one_field("any", default=object()),
-    # msgspec crashes the process on these.
+    # These types make msgspec crash the process.
     "a tuple beside a small integer": one_field(["union", ["tuple", "int"], "int8"]),
     "a tuple beside it, deeper": one_field(["union", ["union", ["tuple", "int"]], ["union", "none", "byte"]]),
     **{
@@ -176,7 +176,7 @@ def test_two_schemas_of_one_name_stay_apart() -> None:
 
 
 NODES = st.sampled_from(["int8", "string", "any", "list", "union", "literal", "bytes", "tuple", "unset"])
-# A bit of everything, made by hand so that every part of it can be damaged.
+# One of each kind, written by hand so that the test can damage each part.
 ORIGINAL: Schema = {
     "root": "a/msg/A",
     "types": {

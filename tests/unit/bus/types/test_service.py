@@ -1,4 +1,4 @@
-"""What a service is before anything is sent: definitions, envelopes, names, and where the graph shows it."""
+"""Services before a request is sent: definitions, envelopes, names, and their place in the graph."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -25,7 +25,7 @@ OTHER = bytes(GID_BYTES)
 
 
 class Move(bus.Service):
-    """A user's own."""
+    """A service of a user."""
 
     class Request(Message, kw_only=True):
         to: Point = msgspec.field(default_factory=Point)
@@ -36,7 +36,7 @@ class Move(bus.Service):
 
 
 class Plain:
-    """Without a base class, of messages that are maps."""
+    """A service without a base class. Its messages are maps."""
 
     __type_name__ = "demo/srv/Plain"
 
@@ -52,7 +52,7 @@ class Text(Message, kw_only=True):
 
 
 class Shared(bus.Service):
-    """Of messages that live elsewhere, and keep their names."""
+    """A service with messages that are defined elsewhere and keep their names."""
 
     Request = Text
     Response = Text
@@ -210,7 +210,7 @@ def test_the_graph_knows_who_serves() -> None:
         ),
         subscriptions=(
             endpoint("subscription", server, "/a/_request", "Request"),
-            endpoint("subscription", tool, "/a/_request", "Request"),  # looks on
+            endpoint("subscription", tool, "/a/_request", "Request"),  # only observes
             endpoint("subscription", client, "/a/_reply", "Response"),
             endpoint("subscription", client, "/b/_reply", "Response"),
         ),

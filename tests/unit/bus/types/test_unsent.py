@@ -1,4 +1,4 @@
-"""bus.types.unsent: few bytes never become many values, and what was sent whole is never refused."""
+"""bus.types.unsent: few bytes never become many values, and a value sent in full is never refused."""
 
 from typing import Any
 
@@ -47,12 +47,12 @@ class Renamed(msgspec.Struct, rename={"items": "x"}):
 
 
 def foreign(cls: type[msgspec.Struct]) -> TypeSupport[Any]:
-    """As another process has it, which was told how the type is described."""
+    """The type support in another process, which received only the description of the type."""
     return type_support(build(describe(cls)))
 
 
 def bombs(count: int) -> dict[str, Any]:
-    """By the field that they stand in, values with so many wide structs."""
+    """For each field, a value that holds `count` wide structs."""
     return {
         "items": [{}] * count,
         "table": {str(at): {} for at in range(count)},

@@ -1,4 +1,4 @@
-"""bus.wire.answers: what was asked for, or an error that says what came."""
+"""bus.wire.answers: the requested answer, or an error that names the received message."""
 
 import pytest
 

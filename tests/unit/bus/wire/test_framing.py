@@ -1,4 +1,4 @@
-"""bus.wire.framing: frames out of bytes, whatever the pieces, and what is refused."""
+"""bus.wire.framing: frames cut from bytes in any pieces, and refused bytes."""
 
 import subprocess
 import sys
@@ -83,7 +83,7 @@ class TestWhatComesOut:
 
     @for_each("size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES])
     def test_a_run_survives_what_comes_after_it(self, size: int) -> None:
-        """The body must not be a view of a buffer that is used again."""
+        """The body must not be a view of a buffer that the reader uses again."""
         frames = reader()
         (first,) = feed(frames, data(record(size)))
         list(feed(frames, control(b"\xff" * (BUFFER_BYTES - 100)) * 3))
@@ -122,7 +122,7 @@ class TestWhatComesOut:
 
 @st.composite
 def streams(draw: st.DrawFn) -> tuple[list[bytes], list[int]]:
-    """Frames (some longer than the buffer) and the sizes of the pieces they come in."""
+    """Frames (some longer than the buffer), and the sizes of the pieces in which they arrive."""
     small = st.integers(0, 200)
     large = st.sampled_from([BUFFER_BYTES - 50, BUFFER_BYTES, BUFFER_BYTES + 1, 5 << 20])
     size = st.one_of(small, small, small, large)
@@ -154,14 +154,14 @@ def test_byte_by_byte() -> None:
 
 class TestMemory:
     def test_a_lying_length_takes_little(self) -> None:
-        """Only what arrives makes the buffer grow."""
+        """Only received bytes make the buffer grow."""
         frames = reader(max_data=1 << 30)
         head = DATA_HEAD.pack((1 << 30) + 20, DATA, 0, 0, 1, 0, 1, 1, 0)
         assert list(feed(frames, head)) == []
         assert len(frames.get_buffer()) <= 4 << 20
 
     def test_a_large_frame_is_not_read_beyond(self) -> None:
-        """So that the body of a large frame needs no second copy."""
+        """Otherwise the body of a large frame would need a second copy."""
         frames = reader()
         frame = data(record(6 << 20))
         assert list(feed(frames, frame[:-10])) == []
@@ -181,7 +181,9 @@ class TestMemory:
 
     @for_each("held", ["reader", "reader._view", "reader.get_buffer()[10:]"])
     def test_in_a_cycle_it_is_collected_silently(self, held: str) -> None:
-        """CPython 3.12.1 crashed over a view of a BytesIO; 3.13 complained, and others with -X dev."""
+        """With a view of a BytesIO, CPython 3.12.1 crashed. 3.13 printed an error, and other versions did so
+        with -X dev.
+        """
         program = (
             "import gc\nfrom bus.wire.framing import FrameReader\n"
             "for _ in range(100):\n"
@@ -235,7 +237,7 @@ class TestRefusals:
 
     @pytest.mark.parametrize("first_seq", [MAX_COUNT, 2**64 - 1])
     def test_a_number_that_no_publisher_reaches(self, first_seq: int) -> None:
-        """The next number would not fit into its field any more."""
+        """The next number would no longer fit into its field."""
         assert str(MAX_COUNT) in refusal(data(record(1) * 2, count=2, first_seq=first_seq))
 
     def test_the_last_number(self) -> None:
@@ -245,7 +247,7 @@ class TestRefusals:
 @settings(max_examples=examples(60), deadline=None)
 @given(st.binary(max_size=200), st.lists(st.integers(1, 9), max_size=20))
 def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
-    """Nothing but RemoteProtocolError, and never more than came."""
+    """The reader raises only RemoteProtocolError, and returns at most the bytes that it received."""
     frames = reader()
     try:
         size = sum(
@@ -257,7 +259,7 @@ def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
 
 
 class TestFront:
-    """What may go on as it lies in the buffer."""
+    """Frames that can be passed on as they lie in the buffer."""
 
     def came(self, content: bytes) -> FrameReader:
         made = reader()
@@ -281,7 +283,7 @@ class TestFront:
         assert len(made.readdressed()) == 0
         assert made.cut() == [b"x"]
         assert made.cut() == []
-        buffer = made.get_buffer()  # the beginning of the next one was kept
+        buffer = made.get_buffer()  # the reader kept the beginning of the next run
         buffer[: len(first) - 10] = first[10:]
         run = made.came_alone(len(first) - 10)
         assert run is not None
@@ -341,7 +343,7 @@ class TestFront:
 
 
 class TestCharges:
-    """A frame that is too long for the common buffer is charged until it is whole, or never will be."""
+    """A frame too long for the common buffer is charged until it is complete, or until it never can be."""
 
     def begin(self, made: FrameReader, frame: bytes, count: int) -> list[bytes | Run]:
         out: list[bytes | Run] = []
@@ -383,7 +385,7 @@ class TestCharges:
         assert charged == [4, 8, 12]
 
     def test_over_the_limit(self) -> None:
-        """What is refused was not made room for."""
+        """The reader makes no room for a refused frame."""
         text = "messages that have not come whole: {} bytes, the limit is {}"
         made, account = reader(), Account(1 << 20)
         made.charge_to(account)
@@ -397,7 +399,7 @@ class TestCharges:
         assert account.used == 4 << 20
 
     def test_another_account(self) -> None:
-        """Whose connection it is comes out when a frame may have begun already."""
+        """The owner of a connection may become known when a frame has already begun."""
         made, first, second = reader(), Account(4 << 20), Account(1 << 30)
         made.charge_to(first)
         self.begin(made, data(record(3 << 20)), 300_000)
@@ -407,7 +409,7 @@ class TestCharges:
 
 
 def test_a_read_that_makes_no_frame_whole() -> None:
-    """It is told apart, so that the same bytes can't be made to cost many reads."""
+    """The reader reports such a read, so that the same bytes cannot cost many reads."""
     stream, told = reader(), []
     short, long = control(b"x" * 100), control(b"y" * 600_000)
     for piece in (short, short[:50], short[50:] + short[:9], short[9:], short + long[:1000], long[1000:2000]):
@@ -418,7 +420,9 @@ def test_a_read_that_makes_no_frame_whole() -> None:
 
 
 def test_a_long_frame_is_charged_as_it_comes() -> None:
-    """Its buffer is not copied: it is as long as the frame from the start, and takes its memory by pages."""
+    """The buffer is never copied. It has the frame's full length from the start, and uses memory page by
+    page.
+    """
     account, size = Account(limit=1 << 30), 20 << 20
     stream = reader(max_data=64 << 20)
     stream.charge_to(account)

@@ -1,4 +1,4 @@
-"""bus.wire.greeting: a Hello out of bytes, and not a byte more than that."""
+"""bus.wire.greeting: a Hello from bytes, and not one byte more."""
 
 import pytest
 
@@ -18,7 +18,7 @@ LONGEST = m.Hello(
 
 
 def read(stream: bytes, at_once: int = 1 << 20) -> tuple[m.Hello | None, int]:
-    """What a greeting makes of a stream that comes in pieces, and how much of it was read."""
+    """The Hello that a greeting reads from a stream in pieces, and the number of bytes that it read."""
     greeting, at = Greeting(), 0
     while at < len(stream):
         piece = stream[at : at + min(at_once, greeting.wanted)]

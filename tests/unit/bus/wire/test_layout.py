@@ -1,4 +1,4 @@
-"""bus.wire.layout: sizes and offsets, as the picture in its docstring says."""
+"""bus.wire.layout: sizes and offsets, as in the picture of its docstring."""
 
 import pytest
 

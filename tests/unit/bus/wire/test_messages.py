@@ -1,4 +1,4 @@
-"""bus.wire.messages: how control messages stand on the wire, and which values are refused."""
+"""bus.wire.messages: the encoding of control messages, and refused values."""
 
 from typing import Any, ClassVar, get_args
 
@@ -78,7 +78,7 @@ class TestEncoding:
 
 
 class TestValues:
-    """What would break busd later, when it counts or encodes again, is refused at the door."""
+    """busd refuses values on arrival that would break it later, when it counts or encodes them."""
 
     REPORT: ClassVar[dict[str, Any]] = {"m": "report", "endpoint": 1, "samples": 0, "bytes": 0}
 
@@ -92,7 +92,7 @@ class TestValues:
         assert "$.dropped" in refusal(**self.REPORT, dropped={"replaced": value})
 
     def test_a_report_cannot_be_long(self) -> None:
-        """busd keeps the last one of each endpoint."""
+        """busd keeps the last report of each endpoint."""
         assert "$.dropped" in refusal(**self.REPORT, dropped={f"reason {n}": 1 for n in range(100)})
         assert "$.dropped" in refusal(**self.REPORT, dropped={"x" * 1000: 1})
 
@@ -124,7 +124,7 @@ class TestValues:
         ],
     )
     def test_what_a_subscription_knows_cannot_be_long(self, known: dict[bytes, int]) -> None:
-        """busd keeps a part of it."""
+        """busd keeps some of these numbers."""
         endpoint = {"request": 1, "node": 1, "topic": "/a", "type_name": "a", "type_hash": "b", "gid": b""}
         assert "last_seqs" in refusal(m="sub+", qos={}, **endpoint, last_seqs=known)
 
@@ -133,7 +133,7 @@ class TestValues:
         [("capabilities", ("c" * 64,) * 64), ("program", "p" * 1000), ("release", "r" * 1000)],
     )
     def test_a_hello_cannot_be_long(self, field: str, most: Any) -> None:
-        """It is kept as long as the connection is there."""
+        """busd keeps it as long as the connection exists."""
         assert getattr(decode(m="hello", version=1, **{field: most}), field) == most
         assert field in refusal(m="hello", version=1, **{field: most + most[:1]})
 

@@ -1,4 +1,4 @@
-"""bus.wire.outbox: who is sent first, and that nobody waits for a flooded neighbour."""
+"""bus.wire.outbox: the order of sending; no queue waits for a flooded neighbour."""
 
 import gc
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ def fill(waiting: RunQueue, runs: int, size: int = 10) -> None:
 
 
 def order(buffers: list[Buffer]) -> list[int]:
-    """The endpoint of each data frame, 0 for a control frame."""
+    """The endpoint of each data frame, and 0 for a control frame."""
     found: list[int] = []
     at = 0
     while at < len(buffers):
@@ -103,7 +103,7 @@ def test_queues_take_turns() -> None:
 
 
 def test_a_turn_ends_also_for_many_small_runs() -> None:
-    """One write takes a bounded number of buffers; the next begins with those that had no turn."""
+    """One write takes a bounded number of buffers. The next write begins with queues that had no turn."""
     outbox = Outbox()
     queues = [queue(number) for number in (1, 2, 3)]
     for waiting in queues:
@@ -160,7 +160,7 @@ def without_gc() -> Iterator[None]:
 
 
 class TestDescriptors:
-    """Objects that stand for descriptors: the outbox does not look into them."""
+    """The outbox does not look into descriptors, so the tests use placeholders."""
 
     def test_a_frame_with_descriptors_keeps_its_place_and_leaves_alone(self) -> None:
         outbox, waiting, batch = Outbox(), queue(1), (Descriptor(-1), Descriptor(-1))

@@ -1,4 +1,4 @@
-"""bus.wire.runs: what a queue keeps, drops and gives out. The model in tests/property looks further."""
+"""bus.wire.runs: samples that a queue keeps, drops and gives out. tests/property tests more, with a model."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,11 +9,11 @@ from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue, data_head
 from feeding import feed, frame_record
 from rows import for_each
 
-RECORD_BYTES = 13  # of a payload of one letter
+RECORD_BYTES = 13  # for a payload of one letter
 
 
 def held(letters: int) -> int:
-    """What a run of so many letters is charged with."""
+    """The charge for a run of `letters` letters."""
     return letters * RECORD_BYTES + RUN_COST_BYTES
 
 
@@ -36,7 +36,7 @@ def queue(depth: int = 0, limit: int = 1 << 30) -> RunQueue:
 
 
 def frame(waiting: RunQueue) -> tuple[Run, int]:
-    """The next frame as its reader gets it, and its flags."""
+    """The next frame as its reader receives it, and its flags."""
     head, body = waiting.pop_frame()
     (made,) = feed(FrameReader(max_control_bytes=0, max_data_bytes=1000), head + bytes(body))
     assert isinstance(made, Run)
@@ -51,7 +51,7 @@ def taken(waiting: RunQueue) -> str:
 
 
 def use_up(waiting: RunQueue, number: int) -> None:
-    """As a subscription does that has decoded so many samples of the oldest run."""
+    """Act like a subscription that has decoded `number` samples of the oldest run."""
     waiting.advance(number, waiting.offset + number * RECORD_BYTES)
 
 
@@ -103,7 +103,7 @@ class TestDepth:
         assert waiting.trim() == 0
 
     def test_replays_do_not_count(self) -> None:
-        """Each publisher's history has room beside the depth."""
+        """The history of each publisher has its own room beside the depth."""
         waiting = queue(2)
         for source in (1, 2):
             assert not waiting.append(run("ab", source=source, replay=True))
@@ -198,7 +198,7 @@ class TestFrames:
     @for_each("tail", [b"", b"\1", b"\xff" * 12])
     @for_each("dropped", range(6))
     def test_what_is_left_of_a_malformed_run_can_be_read(self, dropped: int, tail: bytes) -> None:
-        """A publisher that lies must not break the connection of those who hear it."""
+        """A lying publisher must not break the connections of its subscriptions."""
         waiting = queue()
         waiting.append(malformed("ab", claims=6, tail=tail))
         waiting.drop(dropped)
@@ -207,7 +207,7 @@ class TestFrames:
 
 
 def test_the_head_of_a_frame_towards_the_broker() -> None:
-    """What a publisher packs by itself says the same as what its queue would send."""
+    """The head that a publisher packs itself has the same meaning as the head that its queue would send."""
     body = bytes(run("ab", 5).body)
     (made,) = feed(
         FrameReader(max_control_bytes=0, max_data_bytes=1000), data_head(4, 5, 2, len(body)) + body
@@ -255,7 +255,7 @@ class TestExpiry:
         assert waiting.drop_expired(10**18) == 0
 
     def test_what_is_behind_a_sample_without_lifespan_stays(self) -> None:
-        """It is looked at again when it is at the head, and when it is taken."""
+        """The queue checks this sample again when it is at the head, and when it is taken."""
         waiting = queue()
         waiting.append(self.old("a", 0, 0))
         waiting.append(self.old("b", 0, 1))
@@ -273,7 +273,7 @@ class TestExpiry:
 
 class TestNewest:
     def history(self) -> RunQueue:
-        """b to g, numbers 2 to 7, the head used up in part."""
+        """Samples b to g with the numbers 2 to 7; the oldest run is used up in part."""
         waiting = queue()
         for letters, first_seq in (("abc", 1), ("d", 4), ("efg", 5)):
             waiting.append(run(letters, first_seq))
@@ -333,7 +333,7 @@ def test_what_is_left_behind_a_sample() -> None:
 
 
 class TestExpiryByRuns:
-    """Whole runs go in one step; the same samples go as one by one."""
+    """A whole run expires in one step, with the same result as sample by sample."""
 
     def test_of_the_oldest_run_alone(self) -> None:
         waiting = queue()
@@ -351,7 +351,7 @@ class TestExpiryByRuns:
             one.append(old)
         queues[0].drop_expired(10**6)
         assert old.newest_ns == 101
-        old.newest_ns = 10**6  # as if they were younger: then the second one looks at each
+        old.newest_ns = 10**6  # as if the samples were younger, so the second queue looks at each of them
         assert queues[1].drop_expired(10**6) == 2
 
     @given(

@@ -1,4 +1,4 @@
-"""bus.wire.session: the table of states, for both roles, and what a peer may not do."""
+"""bus.wire.session: the table of states for both roles, and violations of the protocol by a peer."""
 
 from typing import Any
 
@@ -132,7 +132,7 @@ class TestRoles:
 
 
 class Token(Descriptor):
-    """Stands for a descriptor."""
+    """A placeholder for a descriptor."""
 
     def __init__(self) -> None:
         super().__init__(-1)
@@ -182,7 +182,7 @@ class TestDescriptors:
 
     @pytest.mark.parametrize("count", [0, 1])
     def test_a_batch_of_another_number_is_closed(self, count: int) -> None:
-        """No half of a thing; 0 stands for a batch that was cut off on the way."""
+        """The session uses no incomplete batch. 0 means that the batch was cut off on the way."""
         made, part, ring = session(Role.BROKER, State.OPEN), batch(count), batch(1)
         made.descriptors += part, ring
         assert list(feed(made, SHARE + RING)) == [
@@ -214,7 +214,7 @@ class TestDescriptors:
 
 
 class TestLimitOfAMessage:
-    """A publisher is told the largest message; a run with such a message must get through."""
+    """A publisher knows the size of the largest message. A run with such a message must be accepted."""
 
     LIMIT = 100_000
 
@@ -227,7 +227,7 @@ class TestLimitOfAMessage:
         assert len(self.take(self.LIMIT)) == 1
 
     def test_after_others_in_one_run(self) -> None:
-        """A publisher ends a run when it has reached RUN_BYTES, not before."""
+        """A publisher ends a run only after it has reached RUN_BYTES."""
         assert len(self.take(RUN_BYTES - 13, self.LIMIT)) == 1
 
     def test_too_large(self) -> None:
@@ -264,7 +264,7 @@ BOMBS = {
 
 @for_each("body", BOMBS.values())
 def test_control_messages_that_are_none(body: bytes) -> None:
-    """Each is refused in words, and none takes the interpreter down."""
+    """Each one is refused with a text, and none crashes the interpreter."""
     assert refusal(session(Role.BROKER, State.OPEN), control(body)).startswith(
         "control message not understood: "
     )
