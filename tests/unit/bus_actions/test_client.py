@@ -1,4 +1,4 @@
-"""bus_actions.client: what a client knows of its goals, on a bus of lists."""
+"""bus_actions.client: a client's knowledge of its goals, on a bus of lists."""
 
 import asyncio
 from typing import Any
@@ -133,7 +133,7 @@ async def test_the_end_of_a_goal_may_be_known_by_its_status_alone() -> None:
             with pytest.raises((GoalAborted, GoalCanceled, ActionUnavailable)) as caught:
                 await goal.result()
             kinds.append(caught.type)
-        # What it succeeded with is lost.
+        # The result of the succeeded goal is lost.
         assert kinds == [GoalAborted, GoalCanceled, ActionUnavailable]
 
 
@@ -164,7 +164,9 @@ async def test_a_goal_that_nobody_waits_for_any_more_is_canceled_when_it_is_acce
 
 
 async def test_what_is_lost_with_busd_is_asked_again_if_that_changes_nothing() -> None:
-    """A result and a cancellation are; a goal is not, for it may be executed already."""
+    """The client repeats a request for a result or a cancellation. It does not repeat a goal, which may run
+    already.
+    """
     world = ActionWorld()
     async with world.server(Walk, forever) as server, world.client(Walk) as client:
         goal = await send(client)

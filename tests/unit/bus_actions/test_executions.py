@@ -1,4 +1,4 @@
-"""bus_actions.executions: which goals have a task, which wait, and what cancelling one means."""
+"""bus_actions.executions: the goals with a task, the goals that wait, and the effect of a cancellation."""
 
 import asyncio
 
@@ -6,7 +6,7 @@ from bus_actions.executions import Executions
 
 
 class Goals:
-    """Goals that are texts; their tasks last until they are cancelled or `release`d."""
+    """Goals are texts here. Their tasks last until they are cancelled or `release`d."""
 
     def __init__(self, at_once: int) -> None:
         self.begun: list[str] = []

@@ -1,4 +1,6 @@
-"""Each cell of the table of a goal's states, against genuine rclpy's; and the page that draws it."""
+"""Each cell of the table of a goal's states, compared with genuine rclpy's; and the page that draws the
+table.
+"""
 
 from pathlib import Path
 
@@ -14,7 +16,7 @@ A, X, C, S, N, B = (
     GoalStatus.CANCELED,
     GoalStatus.ABORTED,
 )
-# Of genuine rclpy, by state: what follows on EXECUTE, CANCEL_GOAL, SUCCEED, ABORT, CANCELED.
+# From genuine rclpy. For each state, the next state after EXECUTE, CANCEL_GOAL, SUCCEED, ABORT, CANCELED.
 CELLS = {
     GoalStatus.UNKNOWN: (None, None, None, None, None),
     A: (X, C, None, None, None),

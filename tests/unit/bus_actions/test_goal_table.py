@@ -1,4 +1,4 @@
-"""Whom a cancel request means, which results expire, and what bounds a server's goals."""
+"""The goals that a cancel request means, the results that expire, and the bounds of a server's goals."""
 
 import pytest
 
@@ -31,7 +31,7 @@ def goal_id(number: int) -> bytes:
 
 
 def table_of(*statuses: GoalStatus, keep_ns: int = 100) -> tuple[GoalTable, list[Goal]]:
-    """Goals accepted at 1, 2, 3 ..., all of which get to their state at 50."""
+    """A table with goals accepted at 1, 2, 3 ... All of them get to their states at 50."""
     table = GoalTable(keep_ns)
     goals = [table.accept(goal_id(number), number) for number in range(1, len(statuses) + 1)]
     ways = {
@@ -59,10 +59,10 @@ def test_a_goal_comes_once() -> None:
 @for_each(
     ("number", "stamp_ns", "meant"),
     [
-        (0, 0, [1, 2]),  # all
+        (0, 0, [1, 2]),  # all goals
         (1, 0, [1]),
-        (0, 1, [1]),  # accepted until then
-        (2, 1, [1, 2]),  # this one, and those
+        (0, 1, [1]),  # all goals accepted until then
+        (2, 1, [1, 2]),  # this goal and all accepted until then
         (0, 6, [1, 2]),
     ],
 )

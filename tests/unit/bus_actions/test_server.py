@@ -102,7 +102,7 @@ async def test_a_canceled_goal_ends_as_canceled_with_what_was_done_until_then() 
 
 
 async def test_a_goal_that_is_canceled_in_the_turn_in_which_it_comes_ends() -> None:
-    """Its task is cancelled before its first step."""
+    """The server cancels the task before its first step."""
     world = ActionWorld()
     async with world.server(Count, forever) as server, world.client(Count) as client:
         world.is_held = True
@@ -275,7 +275,7 @@ async def test_so_many_requests_may_wait_for_one_result(monkeypatch: pytest.Monk
     async with world.server(Count, forever), world.client(Count) as client:
         goal = await send(client)
         await asyncio.sleep(0)
-        assert world.service("get_result").answers == []  # the client's own waits
+        assert world.service("get_result").answers == []  # the client's own request waits
         ask_for_result(world, goal.id)
         assert world.service("get_result").answers == []
         error = result_of(world, goal.id)

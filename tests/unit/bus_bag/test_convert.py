@@ -1,4 +1,4 @@
-"""Bags written anew."""
+"""Conversion of bags."""
 
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ def outputs(*entries: dict[str, Any]) -> str:
 
 
 def converted(tmp_path: Path, *inputs: Path, **options: Any) -> tuple[Path, list[str]]:
-    """The bag that comes of it, and the warnings."""
+    """The new bag and the warnings."""
     target = tmp_path / "converted"
     heard: list[tuple[int, int]] = []
     warnings = convert(

@@ -1,4 +1,4 @@
-"""What is said of a bag."""
+"""The description of a bag."""
 
 import os
 import time
@@ -51,7 +51,7 @@ def test_the_text(tmp_path: Path) -> None:
 
 
 def test_what_is_missing(tmp_path: Path) -> None:
-    """The last record counts, and only topics that lack something are named."""
+    """The last record counts. The text names only topics with losses."""
     writer, channels = begin_bag(tmp_path / "walk")
     write(writer, channels, said(10))
     whole, lacking = TopicLosses(6, 6), TopicLosses(9, 4, 0, {"recorder_cache": 3, "replaced": 2})
@@ -81,7 +81,7 @@ def test_nothing_in_it(tmp_path: Path) -> None:
 
 
 def test_services(tmp_path: Path) -> None:
-    """Their events are no topics to a user. A call is seen at both ends, and counted once."""
+    """Users do not see the events of services as topics. A call has events at both ends, and counts once."""
     writer, channels = begin_bag(tmp_path / "walk")
     topic = TopicMetadata("/add/_service_event", "example_interfaces/srv/AddTwoInts_Event")
     events = writer.add_topic(topic, "uint8 event_type\n")
@@ -103,7 +103,7 @@ def test_services(tmp_path: Path) -> None:
 
 
 def test_times_of_nobody(tmp_path: Path) -> None:
-    """Whatever times a file has, there is a text."""
+    """Every time in a file can be printed."""
     writer, channels = begin_bag(tmp_path / "walk")
     writer.write(channels[CHATTER.name], 2**64 - 1, 0, 0, [cdr("a")])
     writer.write(channels[CHATTER.name], 0, 0, 0, [cdr("a")])

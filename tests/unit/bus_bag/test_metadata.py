@@ -1,4 +1,4 @@
-"""metadata.yaml both ways."""
+"""metadata.yaml, written and read."""
 
 from collections.abc import Callable
 
@@ -150,7 +150,9 @@ def test_no_metadata(text: str, reason: str) -> None:
 
 
 def test_a_topic_takes_the_library_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Thousands of topics took it tens of seconds, at each new file of a bag."""
+    """With thousands of topics, calls of the YAML library would take tens of seconds, for each new file of a
+    bag.
+    """
     calls = 0
 
     def count(value: object, *, dump: Callable[[object], str] = metadata._dump) -> str:

@@ -1,4 +1,4 @@
-"""Bags made whole again."""
+"""Repair of bags."""
 
 from pathlib import Path
 
@@ -75,7 +75,9 @@ def test_records_stay(tmp_path: Path) -> None:
 
 
 def test_a_bag_that_is_being_recorded(tmp_path: Path) -> None:
-    """It is read up to now, and not touched: what comes would be lost with the old file."""
+    """The bag can be read up to now. Reindexing does not touch it: later messages would be lost with the old
+    file.
+    """
     writer, channels = begin_bag(tmp_path / "walk")
     write(writer, channels, said(10))
     writer.flush()
@@ -104,7 +106,7 @@ def test_no_bag(tmp_path: Path) -> None:
 
 
 def test_no_room_for_the_new_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The old one stays as it was."""
+    """The old file stays as it was."""
     folder = write_bag(tmp_path / "walk", said(10))
     path = folder / "walk_0.mcap"
     path.write_bytes(path.read_bytes()[:-1])

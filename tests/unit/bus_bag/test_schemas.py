@@ -1,4 +1,4 @@
-"""busd's own descriptions of types, as texts in files of bags."""
+"""busd's own type descriptions, as texts in the files of bags."""
 
 from typing import Any
 

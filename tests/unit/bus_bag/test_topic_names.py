@@ -1,4 +1,4 @@
-"""Names as users give them, and topics of services' events."""
+"""Names as users type them, and the topics of services' events."""
 
 import pytest
 

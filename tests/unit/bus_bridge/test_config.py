@@ -1,4 +1,4 @@
-"""bus_bridge.config: what busd.toml can say of bridges, what is refused and in which words."""
+"""bus_bridge.config: the tables for bridges in busd.toml, refused values, and the texts of errors."""
 
 import re
 from pathlib import Path
@@ -83,7 +83,7 @@ def test_everything_can_be_set(file: Path) -> None:
     )
     assert (
         structs.replace(load_busd(file), bridge=BridgeTables()) == Config()
-    )  # busd has nothing to do with it
+    )  # busd itself ignores these tables
 
 
 @for_each(

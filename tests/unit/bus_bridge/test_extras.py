@@ -1,4 +1,4 @@
-"""bus_bridge.extras: what is said where a package is missing."""
+"""bus_bridge.extras: the error if a package is missing."""
 
 import pytest
 

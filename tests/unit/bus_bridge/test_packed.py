@@ -1,4 +1,4 @@
-"""Messages in one buffer, and the native core that looks through it."""
+"""Messages in one buffer, and the native core that reads through it."""
 
 from collections.abc import Sequence
 

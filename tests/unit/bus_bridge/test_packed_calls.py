@@ -1,4 +1,4 @@
-"""Bounds on the calls of Python for a packed message on its way over a bridge: see `callcount`."""
+"""Bounds on the calls of Python for a packed message that crosses a bridge. See `callcount`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +28,7 @@ def packed(number: int) -> bytes:
 
 
 class Session:
-    """Of both engines. Puts are kept."""
+    """A session of both engines. It keeps all puts."""
 
     def __init__(self) -> None:
         self.puts: list[tuple[bytes, bytes]] = []
@@ -48,7 +48,7 @@ class Session:
     def push(self, *_: object) -> None: ...
 
     def ask(self, key: str, payload: bytes, timeout_s: float, on_answer: Any) -> None:
-        on_answer(b"", records.write_pair(0, 0))  # nothing is kept, and the route begins here
+        on_answer(b"", records.write_pair(0, 0))  # no message is kept, and the route begins here
 
 
 class Publisher:

@@ -1,4 +1,4 @@
-"""bus_bridge.program: what is wrong with a bridge that a user wants is said before anything begins."""
+"""bus_bridge.program: errors in a user's options are reported before the bridge starts anything."""
 
 from importlib.util import find_spec
 

@@ -1,4 +1,4 @@
-"""Waiting for a time, and being woken."""
+"""Waiting for a time, with an early wake-up."""
 
 import asyncio
 from collections.abc import AsyncIterator

@@ -1,4 +1,4 @@
-"""What keys mean to a player."""
+"""The player's action for each key."""
 
 from bus.base.keys import Keys
 from bus_bag.play.keys import CURSOR, LETTERS, Key

@@ -1,4 +1,4 @@
-"""The latched state of a moment, and what a bag of several files repeats."""
+"""The latched state at a moment, and repetitions in a bag of several files."""
 
 from bus_bag.play.latched import Identity, LatchedState
 

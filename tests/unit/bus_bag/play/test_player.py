@@ -1,4 +1,6 @@
-"""What happens when: pauses, outputs without room or with errors, seeks, and a bag that can't be read on."""
+"""The order of events: pauses, outputs without room or with errors, seeks, and a bag that becomes
+unreadable.
+"""
 
 import asyncio
 import threading
@@ -24,7 +26,7 @@ SPAN = Span(0, 100 * MS, True)
 
 
 class Reader:
-    """A bag of one topic: numbers, each with the time at which it is due."""
+    """A bag of one topic. Its messages are numbers, each with the time at which it is due."""
 
     def __init__(self, *times_ms: float, error: Exception | None = None) -> None:
         self.times_ms = times_ms
@@ -42,7 +44,7 @@ class Reader:
 
 
 class Output:
-    """Takes what is published, as soon as there is room."""
+    """Takes published messages as soon as it has room."""
 
     def __init__(self) -> None:
         self.taken: list[int] = []
@@ -97,7 +99,7 @@ async def test_held_still_without_a_word() -> None:
             await turns(1)
         go_on = player.hold()
         at_ns = player.bag_time
-        assert player.hold() is not go_on  # a pause within it ends nothing
+        assert player.hold() is not go_on  # a pause within a pause does not end the first one
         await turns()
         assert player.bag_time == at_ns
         go_on()

@@ -1,4 +1,4 @@
-"""The line of a replay's progress."""
+"""The progress line of a replay."""
 
 from bus_bag.play.progress import Progress, Status
 

@@ -1,4 +1,4 @@
-"""With which QoS a topic is played."""
+"""The QoS of a topic that is played."""
 
 from msgspec.structs import replace
 

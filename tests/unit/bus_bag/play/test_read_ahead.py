@@ -1,4 +1,4 @@
-"""What is read ahead: its bounds, new beginnings, the latched state, errors, and the end."""
+"""Reading ahead: its bounds, restarts at another time, the latched state, errors, and the end."""
 
 import asyncio
 import threading
@@ -15,7 +15,7 @@ from bus_bag.storage import BagMessage
 
 
 class Reader:
-    """A bag in memory; `gate` lets messages through one by one where it is given."""
+    """A bag in memory. If `gate` is given, it lets messages through one by one."""
 
     def __init__(self, *messages: BagMessage, error: Exception | None = None) -> None:
         self.said = messages

@@ -1,4 +1,4 @@
-"""Which topics are played: names, services, regular expressions, and what they leave out."""
+"""The topics to play: names, services, regular expressions, and topics that they exclude."""
 
 import pytest
 

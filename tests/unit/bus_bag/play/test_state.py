@@ -1,4 +1,4 @@
-"""The life of a replay: every cell of its table."""
+"""The states of a replay: every cell of their table."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The bag's time and the machine's: continuous, without drift, and each the inverse of the other."""
+"""The bag's time and the machine's time: continuous, without drift, and each the inverse of the other."""
 
 import math
 
@@ -102,7 +102,7 @@ def test_what_is_due_comes_when_it_is_due(rate: float, later: int, changes: list
     bag_ns = line.bag_time(now_ns) + later
     due_ns = line.due(bag_ns)
     assert due_ns is not None
-    slack = round(line.rate) + 1  # one nanosecond of the machine, in the bag's
+    slack = round(line.rate) + 1  # one nanosecond of the machine, in the bag's time
     if due_ns >= now_ns:
         assert abs(line.bag_time(due_ns) - bag_ns) <= slack
     else:

@@ -1,4 +1,4 @@
-"""What waits for the disk, and who loses when there is no room."""
+"""Messages that wait for the disk, and drops if the cache is full."""
 
 from typing import TypeVar
 

@@ -1,4 +1,4 @@
-"""Which topics are recorded."""
+"""The topics to record."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ EVENT = ("std_srvs/srv/Trigger_Event", "e")
 def graph(
     publishers: dict[str, list[tuple[str, str]]], heard: dict[str, tuple[str, tuple[str, str]]] | None = None
 ) -> Graph:
-    """`publishers`: topic -> types; `heard`: topic -> the node and type of a subscription."""
+    """`publishers`: topic -> types; `heard`: topic -> node and type of a subscription."""
 
     def endpoint(kind: str, node: str, topic: str, type_: tuple[str, str]) -> GraphEndpoint:
         made = GraphNode(id=1, name=node.strip("/"), namespace="/", pid=1)

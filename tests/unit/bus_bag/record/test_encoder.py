@@ -1,4 +1,4 @@
-"""What the messages of a type are in a bag."""
+"""The encoding of messages in a bag, by type."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Messages out of subscriptions: when they are taken, in which turns, and what one of them costs."""
+"""Taking messages from subscriptions: when, in which turns, and at what cost."""
 
 import asyncio
 from pathlib import Path
@@ -24,7 +24,7 @@ SAMPLE = (type_support(String).encode(String(data="x" * 64)), MessageInfo(1, 1, 
 
 
 class Subscription:
-    """Has as many messages as the test says."""
+    """Has as many messages as the test sets."""
 
     def __init__(self) -> None:
         self.waiting = self.delivered = 0
@@ -68,7 +68,7 @@ class World:
         self.pipeline.add(self.topic)
 
     async def arrive(self, count: int) -> None:
-        """So many messages come at once; the event loop goes on until they are written."""
+        """`count` messages arrive at once. Returns when they are written."""
         self.subscription.waiting += count
         self.intake.take(self.topic)
         while self.subscription.waiting or self.pipeline.messages < self.subscription.delivered:  # noqa: ASYNC110
@@ -79,7 +79,7 @@ async def test_a_batch_at_a_time_and_all_in_the_end(tmp_path: Path) -> None:
     world = World(tmp_path / "walk")
     world.subscription.waiting = 1000
     world.intake.take(world.topic)
-    assert world.subscription.waiting == 1000 - 256  # others have their turn
+    assert world.subscription.waiting == 1000 - 256  # then it is the turn of other topics
     world.intake.take_all([world.topic])
     assert world.subscription.waiting == 0
     await world.arrive(300)
@@ -114,11 +114,13 @@ async def test_what_waited_for_room_is_taken_once_there_is_some(tmp_path: Path) 
 @counts_bytecodes
 @pytest.mark.parametrize(("count", "calls"), [(1, 11), (100, 112)])
 async def test_what_a_message_costs(tmp_path: Path, count: int, calls: int) -> None:
-    """Python calls, without those of the subscription and the event loop. Of many, each has its encoding."""
+    """The bound counts calls of Python, without those of the subscription and the event loop. Each of many
+    messages is encoded.
+    """
     world = World(tmp_path / "walk")
     await world.arrive(count)
     found = []
-    for number in range(2, 5):  # on a busy machine the thread that writes may be in the way of one
+    for number in range(2, 5):  # on a busy machine, the writing thread may interfere with one round
         world.subscription.waiting = count
         counter = StepCounter()
         counter.start()
@@ -127,5 +129,5 @@ async def test_what_a_message_costs(tmp_path: Path, count: int, calls: int) -> N
         counter.stop()
         assert world.pipeline.messages == number * count
         found.append(counter.calls)
-    assert min(found) - 2 <= calls  # `take_many` and `stop` are the test's own
+    assert min(found) - 2 <= calls  # `take_many` and `stop` belong to the test
     world.pipeline.close()

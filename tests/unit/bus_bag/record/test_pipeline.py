@@ -1,4 +1,4 @@
-"""From what was taken to the file, without a bus; the disk is as slow as the test wants."""
+"""The way from taken messages to the file, without a bus. The disk is as slow as the test wants."""
 
 import threading
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ encode = type_support(String).encode
 
 
 class Counted:
-    """A subscription that has delivered what the test says."""
+    """A subscription with the number of delivered messages that the test sets."""
 
     def __init__(self) -> None:
         self.delivered = 0
@@ -37,7 +37,7 @@ class Counted:
 
 
 class World:
-    """A pipeline with topics; `is_slow` holds up whatever touches the disk."""
+    """A pipeline with topics. If `is_slow` is true, every job on the disk waits."""
 
     def __init__(self, folder: Path, *, is_slow: bool = False, **options: Any) -> None:
         self.may_write = threading.Event()
@@ -74,7 +74,7 @@ class World:
         return topic
 
     def put_together(self, topic: RecordedTopic, *texts: str, at: list[int]) -> None:
-        """As one batch, each with its time."""
+        """Put the messages as one batch, each with its time."""
         counted = self._counted[topic.name]
         batch = []
         for text, time in zip(texts, at, strict=True):
@@ -124,7 +124,7 @@ def test_where_the_disk_is_slow_the_large_ones_lose(folder: Path) -> None:
 
 @pytest.mark.parametrize("is_slow", [False, True])
 def test_ended_at_once(folder: Path, is_slow: bool) -> None:
-    """What waits is given up, and counted; a disk that takes nothing leaves the file as it is."""
+    """The pipeline drops and counts queued messages. If the disk takes nothing, the file stays as it is."""
     world = World(folder, is_slow=True)
     topic = world.topic("/topic")
     world.put(topic, *map(str, range(100)))

@@ -1,4 +1,4 @@
-"""What the process of a recorder is like."""
+"""The process of a recorder."""
 
 import os
 import subprocess

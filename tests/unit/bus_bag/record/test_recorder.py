@@ -1,4 +1,6 @@
-"""How a recording ends: on request, at once, and by a failure. There is no bus; the disk stands still."""
+"""The end of a recording: on request, at once, and by a failure. There is no bus, and the disk stands
+still.
+"""
 
 import asyncio
 import threading
@@ -39,7 +41,7 @@ class Node:
 
 
 class Disk:
-    """Stands still until `go_on`, with a job of the recorder that holds up all others."""
+    """A disk that stands still until `go_on`. A job of the recorder blocks all later jobs."""
 
     def __init__(self, recorder: Recorder) -> None:
         self._may_write = threading.Event()
@@ -77,7 +79,7 @@ async def test_the_second_request_to_stop_does_not_wait_for_the_disk(
     with pytest.raises(BagError, match="the disk does not answer"):
         await running
     assert recorder.state is RecordingState.CLOSED
-    recorder.stop()  # a third one comes too late for anything
+    recorder.stop()  # a third request comes too late for an effect
     disk.go_on()
 
 

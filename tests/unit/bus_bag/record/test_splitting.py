@@ -1,4 +1,4 @@
-"""When a further file begins."""
+"""The start of a new file."""
 
 from bus_bag.record.splitting import Splitting
 

@@ -1,4 +1,4 @@
-"""The life of a recording: every cell of its table."""
+"""The states of a recording: every cell of their table."""
 
 import pytest
 

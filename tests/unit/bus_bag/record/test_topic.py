@@ -1,4 +1,4 @@
-"""One topic that is recorded: how much may wait for it, and which profiles of publishers it remembers."""
+"""One recorded topic: the bound of its queued messages, and the publishers' profiles that it remembers."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The thread that writes."""
+"""The writing thread."""
 
 import threading
 
@@ -45,7 +45,7 @@ def test_what_waits_is_dropped_and_a_slow_disk_waited_for_so_long() -> None:
     thread.run(slow, 10)
     assert begun.wait(30)
     thread.run(lambda: done.append(1), 20)
-    thread.run(lambda: done.append(2), 0)  # a topic, or a file: what comes later needs it
+    thread.run(lambda: done.append(2), 0)  # a topic or a file, which later jobs need
     assert thread.waiting_bytes == 30
     thread.drop()
     assert (thread.waiting_bytes, thread.is_idle) == (10, False)

@@ -1,4 +1,4 @@
-"""One file after the other: what is counted where the oldest are deleted."""
+"""The files of a bag in order, and the counts if the oldest files are deleted."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from bus_bag.storage.registry import DEFAULT
 
 
 def write(files: BagFiles, count: int) -> None:
-    """So many messages into the present file."""
+    """Write `count` messages into the present file."""
     gathered = DEFAULT.gather()
     for number in range(count):
         gathered.add(0, number, number, number, [b"data"])

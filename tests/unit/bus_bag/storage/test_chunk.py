@@ -1,4 +1,4 @@
-"""Messages gathered into chunks."""
+"""Chunks of gathered messages."""
 
 from bus_bag.storage.bag_file import Buffer, Stamp
 from bus_bag.storage.chunk import ChunkBuilder

@@ -1,4 +1,4 @@
-"""MCAP files that are damaged, made by others, or made to do harm."""
+"""MCAP files that are damaged, come from other programs, or are made to do harm."""
 
 import resource
 from pathlib import Path
@@ -18,14 +18,14 @@ from rows import for_each
 
 
 def chunks_of(path: Path) -> list[int]:
-    """Where the chunks begin, by the file's index."""
+    """The offsets of the chunks, from the file's index."""
     file = McapFile(path)
     file.close()
     return [segment.offset for segment in file._segments]
 
 
 def test_a_chunk_is_damaged(tmp_path: Path) -> None:
-    """It is passed over and named; all before and behind it is there."""
+    """The reader skips and names the damaged chunk. It returns all messages before and behind it."""
     messages = said(4000, length=800)
     for preset in ("none", "zstd_fast"):
         folder = write_bag(tmp_path / preset, messages, preset=preset)
@@ -46,7 +46,7 @@ def test_a_chunk_is_damaged(tmp_path: Path) -> None:
 
 
 def test_an_index_is_damaged(tmp_path: Path) -> None:
-    """Then the file is gone through, and nothing is missing."""
+    """The reader goes through the whole file, and nothing is missing."""
     messages = said(3000, length=800)
     folder = write_bag(tmp_path / "walk", messages)
     path = folder / "walk_0.mcap"
@@ -65,7 +65,9 @@ def test_an_index_is_damaged(tmp_path: Path) -> None:
 def test_what_mcap_writes(
     tmp_path: Path, compression: CompressionType, indexes: IndexType, use_chunking: bool
 ) -> None:
-    """Types and topics stand within its chunks; whole, and cut off so that only they say what is there."""
+    """mcap writes types and topics into the chunks. The test reads the file complete, and cut off so that
+    only the chunks describe it.
+    """
     messages = [
         Said(START + number, START + number, number, CHATTER.name, f"{number}") for number in range(500)
     ]
@@ -134,7 +136,7 @@ def footer(start: int) -> bytes:
 
 
 def zstd_of(size: int) -> bytes:
-    """A frame that says that it has so many bytes."""
+    """The head of a zstd frame that claims `size` bytes."""
     return b"\x28\xb5\x2f\xfd\xe0" + size.to_bytes(8, "little") + b"\x01\x00\x00"
 
 
@@ -164,7 +166,7 @@ HOSTILE = {
 
 @for_each("name", HOSTILE)
 def test_hostile_files(tmp_path: Path, name: str) -> None:
-    """A bag with nothing in it, or one sentence; in little time and memory."""
+    """The result is an empty bag or an error of one line, with little time and memory."""
     path = tmp_path / "hostile.mcap"
     path.write_bytes(MAGIC + HOSTILE[name])
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -179,7 +181,7 @@ def test_hostile_files(tmp_path: Path, name: str) -> None:
 
 
 def test_chunks_that_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """More of them than may be in memory at once: they are read again when their messages' time comes."""
+    """More chunks overlap than fit into memory. The reader reads them again at the time of their messages."""
     monkeypatch.setattr("bus_bag.storage.mcap_bytes._LOADED", 4 << 20)
     messages = said(240, length=200_000)
     writer, channels = begin_bag(tmp_path / "walk")
@@ -196,7 +198,7 @@ def test_chunks_that_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_more_messages_overlap_than_can_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A small file may unpack to very many."""
+    """A small file may unpack to very many messages."""
     monkeypatch.setattr("bus_bag.storage.mcap_reader._MOST_WAITING", 50)
     messages = said(60)
     writer, channels = begin_bag(tmp_path / "walk")

@@ -1,4 +1,4 @@
-"""Files where nothing more fits: what was written is a whole bag all the same."""
+"""Files without room for more: the written part is a complete bag all the same."""
 
 import errno
 import os
@@ -19,7 +19,7 @@ from bus_bag.storage.reserve import Reserve
 
 @contextmanager
 def largest_file(size: int) -> Iterator[None]:
-    """What the system lets a file of this process be."""
+    """Limit the size of files that this process writes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
@@ -29,7 +29,7 @@ def largest_file(size: int) -> Iterator[None]:
 
 
 class Disk:
-    """A disk with room for so many bytes, for what is kept in reserve too."""
+    """A disk with room for `size` bytes, including the reserve."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
         self.size = size
@@ -55,20 +55,20 @@ class Disk:
 
 
 def fill(writer: BagWriter, channels: dict[str, int], count: int) -> str:
-    """Write until nothing fits any more, and close; returns what was said then."""
+    """Write until nothing more fits, and close. Returns the text of the error."""
     with pytest.raises(BagFull) as full:
         for one in said(count, length=900):
             write(writer, channels, [one])
             if one.sequence % 10 == 9:
                 writer.flush()
-    write(writer, channels, said(3))  # which are lost, as those that did not fit
+    write(writer, channels, said(3))  # the writer loses these, too
     writer.write_metadata("busd.losses", {"/chatter": "{}"})
     writer.close()
     return str(full.value)
 
 
 def check(folder: Path, writer: BagWriter) -> int:
-    """It is a whole bag for everybody; returns how many messages it has."""
+    """Check that every reader finds a complete bag. Returns its number of messages."""
     with open_bag(folder) as reader:
         messages = read(reader)
         assert (reader.problems, reader.is_cut) == ([], False)
@@ -96,7 +96,7 @@ def test_a_file_may_not_be_larger(tmp_path: Path, preset: str) -> None:
 
 
 def test_the_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was kept in reserve is enough for the end: nothing that was written is taken back."""
+    """The reserve is enough for the end of the file, so the writer takes back nothing that it has written."""
     writer, channels = begin_bag(tmp_path / "walk")
     disk = Disk(monkeypatch, 60_000)
     text = fill(writer, channels, 100)
@@ -129,7 +129,7 @@ def test_there_is_no_room_for_a_further_file(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_write_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The system may take less than all of it, and no more pieces than 1024 at once."""
+    """The system may write only a part, and takes at most 1024 pieces at once."""
     writev = os.writev
 
     def little(descriptor: int, pieces: Sequence[bytes]) -> int:

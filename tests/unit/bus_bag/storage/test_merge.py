@@ -1,4 +1,4 @@
-"""Several places in the order of time, and in the order of the places where times are equal."""
+"""Several places in the order of time. At equal times, the order of the places decides."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +14,7 @@ from bus_bag.storage.merge import Place, merge
 def place(
     *times: int, name: str = "", begin: int | None = None, opened: list[str] | None = None
 ) -> Place[str]:
-    """Where things with these times are; each is called after its place and its number."""
+    """A place of things with these times. Each thing is named after its place and its number."""
 
     def things() -> Iterator[tuple[int, str]]:
         if opened is not None:

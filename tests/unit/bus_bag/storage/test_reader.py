@@ -1,4 +1,4 @@
-"""Bags of others, whole and not, and folders that are none."""
+"""Bags from other programs, complete or not, and folders that are no bags."""
 
 import os
 import sqlite3
@@ -26,7 +26,7 @@ def test_what_rosbags_writes(
     tmp_path: Path, plugin: StoragePlugin, version: int, mode: CompressionMode
 ) -> None:
     if (plugin, mode) == (StoragePlugin.SQLITE3, CompressionMode.STORAGE):
-        return  # there is no such thing
+        return  # SQLite has no compression by the storage
     messages = write_as_rosbags(tmp_path / "walk", plugin, version, mode)
     with open_bag(tmp_path / "walk") as reader:
         assert read(reader) == messages
@@ -56,7 +56,7 @@ def test_a_lone_file(tmp_path: Path, plugin: StoragePlugin) -> None:
 
 
 def test_an_old_database(tmp_path: Path) -> None:
-    """As Foxy made it: without hashes, definitions and a timestamp's index."""
+    """A database as ROS 2 Foxy made it: without hashes, definitions and an index of timestamps."""
     path = tmp_path / "old_0.db3"
     database = sqlite3.connect(path)
     database.executescript(
@@ -89,7 +89,7 @@ def test_times_and_topics(tmp_path: Path) -> None:
 
 
 def test_the_order_of_publishing(tmp_path: Path) -> None:
-    """Latched messages are recorded long after they were published."""
+    """A recorder gets latched messages long after they were published."""
     messages = said(2000, length=2000)
     late = [
         messages[900]._replace(publish_time=START - 5000),
@@ -113,7 +113,7 @@ def test_the_order_of_publishing(tmp_path: Path) -> None:
 
 
 def test_messages_that_were_written_late(tmp_path: Path) -> None:
-    """Chunks that overlap, in one file and in two: their messages come in order all the same."""
+    """Chunks overlap in one file and in two. The reader still returns their messages in order."""
     messages = said(900, length=4000)
     folder = write_bag(tmp_path / "walk", messages[::2], messages[1::2])
     mixed = [*messages[600:], *messages[:600]]
@@ -153,7 +153,7 @@ def test_no_bags(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file(tmp_path: Path) -> None:
-    """Opening one of these would wait for its other end."""
+    """Opening a pipe would wait for its other end."""
     folder = write_bag(tmp_path / "walk", said(3))
     os.mkfifo(tmp_path / "pipe.mcap")
     with pytest.raises(BagError, match=r"^'.*/pipe.mcap' is no file$"):
@@ -167,7 +167,7 @@ def test_what_is_no_file(tmp_path: Path) -> None:
 
 
 def test_the_package_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One sentence names the extra; what SQLite files have can be read without it."""
+    """One sentence names the extra. SQLite files are readable without it."""
     folder = write_bag(tmp_path / "walk", said(3))
     messages = write_as_rosbags(tmp_path / "other")
     for name in [name for name in sys.modules if name.partition(".")[0] == "mcap"]:

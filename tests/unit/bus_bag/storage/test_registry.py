@@ -1,4 +1,4 @@
-"""A further storage, as docs/architecture.md says how one is added: files of lines, each of them JSON."""
+"""A further storage, added as docs/architecture.md describes: files of lines, each of them JSON."""
 
 import json
 from argparse import ArgumentParser
@@ -68,7 +68,7 @@ class LinesFile:
 
 
 class Lines(list[tuple[int, int, int, int, bytes]]):
-    """A Gatherer, and what it has gathered."""
+    """A Gatherer, and its gathered messages."""
 
     size = 0
 
@@ -161,7 +161,7 @@ class LinesStorage(ReadLines):
 
 @pytest.fixture(autouse=True)
 def _registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a test registers is forgotten at its end."""
+    """At the end of each test, the registry forgets the test's storages."""
     monkeypatch.setattr(registry, "_storages", dict(registry._storages))
 
 

@@ -1,4 +1,4 @@
-"""Space that is held for the end of a file."""
+"""Space reserved for the end of a file."""
 
 from pathlib import Path
 

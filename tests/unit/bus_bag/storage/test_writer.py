@@ -1,4 +1,4 @@
-"""Bags that busd writes, read by itself and by those who must be able to: mcap, rosbags and mcap-ros2."""
+"""Bags that busd writes, read by busd and by other readers: mcap, rosbags and mcap-ros2."""
 
 import sys
 from collections.abc import Callable
@@ -75,7 +75,7 @@ def test_what_a_file_says(tmp_path: Path) -> None:
 
 
 def test_jobs_of_another_thread(tmp_path: Path) -> None:
-    """Nothing touches a file before its job runs; all else is known at once."""
+    """No file changes before its job runs. Everything else is known at once."""
     jobs: list[Callable[[], None]] = []
     writer, channels = begin_bag(tmp_path / "walk", run=lambda job, size: jobs.append(job))
     size = writer.size
@@ -91,7 +91,9 @@ def test_jobs_of_another_thread(tmp_path: Path) -> None:
 
 
 def test_messages_of_a_topic_that_is_not_in_the_file(tmp_path: Path) -> None:
-    """No reader could tell what they are: where the job that describes the topic was dropped, so are they."""
+    """If the job that describes the topic was dropped, the writer drops its messages too: no reader could
+    decode them.
+    """
     jobs: list[Callable[[], None]] = []
     writer, channels = begin_bag(tmp_path / "walk", run=lambda job, size: jobs.append(job))
     write(writer, channels, said(10))

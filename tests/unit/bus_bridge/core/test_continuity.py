@@ -1,4 +1,4 @@
-"""Every cell of the table of continuity, and what a batch is in each state."""
+"""Every cell of the table of continuity, and the meaning of a batch in each state."""
 
 from itertools import product
 
@@ -33,7 +33,7 @@ def numbers(some: Batch | None) -> list[int]:
 
 
 def at(state: State, last: int = 10) -> Continuity:
-    """One that has come to `state` on the shortest way; its last message had the number `last`."""
+    """A Continuity that reached `state` on the shortest way. Its last message has the number `last`."""
     continuity = Continuity()
     for event in paths(TRANSITIONS, State.BEGINNING)[state]:
         continuity.on(event)
@@ -74,7 +74,7 @@ def test_nothing_else_follows(state: State, some: tuple[int, ...]) -> None:
 
 
 GAPS = {State.BEGINNING: (0, 0), State.FOLLOWING: (3, 0), State.RETURNING: (0, 3), State.RESTORING: (0, 3)}
-"""What is lost and missed if the message after 10 is 14."""
+"""Lost and missed messages if the number after 10 is 14."""
 
 
 @for_each(("state", "gap"), GAPS.items())
@@ -82,7 +82,7 @@ def test_what_a_gap_means_in_each_state(state: State, gap: tuple[int, int]) -> N
     continuity, some = at(state), batch(14, 15)
     assert continuity.classify(some) == Classified(some, 0, *gap)
     assert (continuity.last, continuity.state) == (15, State.FOLLOWING)
-    if state is not State.RESTORING:  # where taps come and go nothing is restored
+    if state is not State.RESTORING:  # if taps come and go, nothing is restored
         jumping = at(state)
         assert jumping.jump(some) == Classified(some, 0, *gap)
         assert (jumping.last, jumping.state) == (15, State.FOLLOWING)
@@ -150,7 +150,7 @@ def test_copies_are_recognized_by_their_time(state: State) -> None:
     found = continuity.classify(batch(1, at_ns=1000))
     assert (found.batch, found.repeated) == (None, 1)
     assert (continuity.last, continuity.state) == (1, State.FOLLOWING)
-    found = continuity.classify(batch(4, at_ns=1001))  # 2 and 3 are missing, between a copy and a new one
+    found = continuity.classify(batch(4, at_ns=1001))  # 2 and 3 are missing, between a copy and a new message
     assert (numbers(found.batch), found.repeated, found.lost, found.missed) == ([4], 0, 2, 0)
     assert continuity.follows(batch(5, at_ns=0))
 
@@ -196,7 +196,7 @@ def test_each_message_is_new_once_or_repeated_and_gaps_fill_the_rest(some: list[
     assert len(new) + missing == continuity.last
 
 
-# --- who misses something
+# --- subscriptions that miss messages
 
 A, B = b"a" * 16, b"b" * 16
 
@@ -204,12 +204,12 @@ A, B = b"a" * 16, b"b" * 16
 def test_listeners_are_those_that_had_the_last_message() -> None:
     listeners = Listeners()
     listeners.change(frozenset((A, B)), 0)
-    assert not listeners.are_back  # nothing has come yet
+    assert not listeners.are_back  # nothing has arrived yet
     listeners.change(frozenset((B,)), 3)
     assert listeners.before == {A, B} and listeners.are_back
     listeners.change(frozenset(), 3)  # busd is away
     assert listeners.before == {A, B} and not listeners.are_back
-    listeners.change(frozenset((A,)), 4)  # the message 4 had nobody
+    listeners.change(frozenset((A,)), 4)  # message 4 had no listener
     assert listeners.before == {A, B} and listeners.are_back
     listeners.change(frozenset(), 5)
     assert listeners.before == {A}

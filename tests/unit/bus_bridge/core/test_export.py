@@ -30,7 +30,7 @@ class Writer:
 
 
 class Way:
-    """An export with all that is around it."""
+    """An export with everything that it needs."""
 
     def __init__(self, qos: QoSProfile | int = 10, rule: RouteRule | None = None, depth: int = 100) -> None:
         self.is_matched = True
@@ -133,7 +133,7 @@ def test_a_lossless_publisher_waits_for_bytes_too() -> None:
 
 
 def test_a_lossless_publisher_that_had_room_for_more_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The window of its own way here may be larger than what others may have waiting."""
+    """The publisher's own window may be larger than the number of messages that may wait in an export."""
     monkeypatch.setattr(export, "_MOST_BYTES", 8)
     for qos, waiting in ((QoSProfile(history="keep_all"), 5), (QoSProfile(10), 2)):
         way = Way(qos).attach()
@@ -144,7 +144,7 @@ def test_a_lossless_publisher_that_had_room_for_more_loses_nothing(monkeypatch: 
 
 def test_numbers_that_are_missing_were_lost_in_the_tap() -> None:
     way = Way().attach()
-    way.put(5, 6)  # the first may have any number
+    way.put(5, 6)  # the first number may be any
     way.put(9)
     assert way.export.account.dropped == {"replaced": 2}
     way.export.begin(is_back=False)  # another tap
@@ -156,7 +156,7 @@ def test_numbers_that_are_missing_were_lost_in_the_tap() -> None:
 def test_what_a_far_subscription_missed_while_it_was_cut_off_was_not_wanted() -> None:
     way = Way().attach()
     way.export.begin(is_back=True)
-    way.put(5)  # of a publisher that it did not know before
+    way.put(5)  # from a publisher that it did not know before
     way.export.begin(is_back=True)
     way.put(9)
     way.put(11)
@@ -175,7 +175,7 @@ def test_a_history_that_comes_again_does_not_go_again() -> None:
 
 
 def test_rules_bound_the_rate() -> None:
-    way = Way(rule=RouteRule(max_rate_hz=1e9 / 10)).attach()  # sample n is from nanosecond n
+    way = Way(rule=RouteRule(max_rate_hz=1e9 / 10)).attach()  # sample n has a time of n ns
     way.put(*range(1, 101))
     assert way.writer.numbers == list(range(1, 101, 10))
     assert way.export.account.dropped == {"rate_limit": 90}
@@ -250,7 +250,7 @@ def test_a_lossless_publisher_that_nobody_reads_is_held_up_for_a_while_only() ->
     way.export.flush()
     way.put(7)
     way.writer.is_wanted = False
-    way.put(8, 9, 10)  # expected again, since it was wanted
+    way.put(8, 9, 10)  # it was wanted meanwhile, so it is expected again
     assert way.writer.numbers == [7] and way.export.is_full and way.closes
     assert [way.export.has_timed_out(now_s) for now_s in (9999.0, 9999.9)] == [False] * 2
 

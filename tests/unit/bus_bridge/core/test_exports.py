@@ -1,4 +1,4 @@
-"""What taps have taken, and which publishers they hold back. Taps are lists here."""
+"""Messages taken by taps, and the publishers that taps hold back. Taps are lists here."""
 
 import asyncio
 from collections import deque
@@ -72,7 +72,7 @@ class Writer:
 
 
 class Stage:
-    """The ways out of a stuck publisher and another one, by taps of both kinds."""
+    """The ways out of a stuck publisher and of another one, by taps of both kinds."""
 
     def __init__(self) -> None:
         self.unsure: set[Any] = set()
@@ -122,7 +122,7 @@ async def test_one_that_is_full_is_held_back_and_no_other() -> None:
 
 
 async def test_what_comes_without_a_pause_gathers_if_it_is_lossless(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pace, "_CLOSE_S", 60.0)  # however slow this machine is
+    monkeypatch.setattr(pace, "_CLOSE_S", 60.0)  # works on any slow machine
     stage = Stage()
     for number in range(1, 31):
         stage.tap.come(OTHER, number)
@@ -153,7 +153,7 @@ async def test_one_that_has_gone_is_held_back_no_more() -> None:
 
 
 class Leaving:
-    """A publisher that goes while three of its messages wait."""
+    """A publisher that leaves while three of its messages wait."""
 
     def __init__(self) -> None:
         node: Any = None

@@ -1,4 +1,4 @@
-"""What far buses have said, held against bounds, names and rules."""
+"""Announcements of far buses, checked against bounds, names and rules."""
 
 from typing import Any
 
@@ -190,7 +190,7 @@ def test_a_bus_that_comes_and_goes_has_the_rate_of_one_that_stays() -> None:
         wrong = graph.bus_added(FarBus("there"), 0.0)
     assert "more than 10 times in a second" in said(wrong)
     assert not graph.bus_added(FarBus("there"), 3.0)
-    for number in range(1000):  # what is known of those that have gone is bounded
+    for number in range(1000):  # the memory of buses that have gone is bounded
         graph.bus_added(FarBus(f"bus{number}"), 3.0)
         graph.bus_removed(f"bus{number}")
     assert len(graph._news) <= 10 and ("there", "") in graph._news

@@ -1,4 +1,4 @@
-"""Every cell of the table of a reading, and what its states do."""
+"""Every cell of the table of a reading, and the effect of its states."""
 
 from itertools import product
 from typing import Any
@@ -19,7 +19,7 @@ from transitions import paths
 
 
 class Engine:
-    """Its readers, too."""
+    """Also stands for its readers."""
 
     def __init__(self) -> None:
         self.fails = False
@@ -43,7 +43,7 @@ class Engine:
 
 
 class Scene:
-    """A reading that has come to `state`."""
+    """A reading that has reached `state`."""
 
     def __init__(self, state: State = State.IDLE) -> None:
         self.engine = engine = Engine()
@@ -58,7 +58,7 @@ class Scene:
         )
         engine.fails = state is State.FAILED
         for event in paths(TRANSITIONS, State.IDLE)[state]:
-            if event is not Event.FAIL:  # the engine did
+            if event is not Event.FAIL:  # the engine fails by itself
                 self.do(event)
         engine.fails = False
         self.check(state)
@@ -75,7 +75,7 @@ class Scene:
                 self.reading._on(event)
 
     def check(self, state: State) -> None:
-        """What goes with the state."""
+        """Check the effect of the state."""
         reading, engine = self.reading, self.engine
         assert reading.state is state
         assert reading.is_flowing is (state in (State.READING, State.LINGERING))
@@ -95,7 +95,7 @@ async def test_every_cell(state: State, event: Event) -> None:
         scene.check(state)
         return
     scene.do(event)
-    if event is Event.FAIL:  # what the engine's failure does besides is in the next tests
+    if event is Event.FAIL:  # the next tests check the further effects of a failure
         assert scene.reading.state is following
     else:
         scene.check(following)

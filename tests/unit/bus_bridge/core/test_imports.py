@@ -1,4 +1,4 @@
-"""The way in, with a publisher and a reader that do as the test says."""
+"""The way in, with a publisher and a reader that the test controls."""
 
 import asyncio
 import time
@@ -59,7 +59,7 @@ class Publisher:
 
 
 class Engine:
-    """Its reader, too."""
+    """Also stands for its reader."""
 
     def __init__(self) -> None:
         self.error: Exception | None = None
@@ -143,9 +143,9 @@ async def test_it_reads_while_there_is_a_subscription() -> None:
 
 async def test_numbers_tell_what_comes_twice_and_what_is_lost() -> None:
     way = Way()
-    way.receive(5, 6)  # the first may have any number
+    way.receive(5, 6)  # the first number may be any
     way.receive(6, 8, 7)
-    way.receive(0, 0)  # of an engine that knows none
+    way.receive(0, 0)  # from an engine without numbers
     way.receive(9)
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
     assert len(way.publisher.published) == 6
@@ -161,7 +161,7 @@ async def test_a_rule_bounds_the_rate_of_what_comes_in(qos: QoSProfile) -> None:
         number * 25_000_000 for number in range(1, 41, 4)
     ]
     assert way.way.losses == {"rate_limit": 30} and way.closes
-    assert way.engine.credit == (80 if qos is LOSSLESS else 0)  # what is dropped holds up no writer
+    assert way.engine.credit == (80 if qos is LOSSLESS else 0)  # dropped messages give credit, too
 
 
 async def test_what_the_engine_had_and_lost_was_taken_and_dropped() -> None:
@@ -169,7 +169,7 @@ async def test_what_the_engine_had_and_lost_was_taken_and_dropped() -> None:
     way.receive(1, 2, 2)
     way.engine.lost = {"undecodable": 4}
     assert way.way.losses == {"repeated": 1, "undecodable": 4}
-    way.way.begin_again(way.endpoint)  # another reader, which counts anew
+    way.way.begin_again(way.endpoint)  # another reader, which counts from 0
     way.engine.lost = {"undecodable": 1}
     assert way.way.losses == {"repeated": 1, "undecodable": 5}
     assert way.way.taken == way.way.account.sent + sum(way.way.losses.values())
@@ -195,7 +195,7 @@ async def test_what_came_before_the_far_side_was_away_does_not_come_again() -> N
     way.receive(1, 2, 3)
     way.way.begin_again(way.endpoint)
     assert way.engine.reads == 2
-    way.receive(2, 3, 7)  # what it keeps; the subscription was there for the rest
+    way.receive(2, 3, 7)  # 2 and 3 are history; the subscription was there for the rest
     assert len(way.publisher.published) == 4
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 3}
 
@@ -217,7 +217,7 @@ async def test_what_is_missed_while_busd_is_away_for_long_is_lost(monkeypatch: p
     way.receive(1, 2, 3)
     way.match(OTHER)
     way.match()
-    way.receive(4)  # which nobody hears
+    way.receive(4)  # no subscription gets this
     await until(lambda: way.engine.closes)
     way.match(LISTENER)
     way.receive(7)
@@ -239,7 +239,7 @@ async def test_what_came_by_one_way_does_not_come_again_by_another(qos: QoSProfi
     for number in (11, 12, 13):
         before.receive(number, at_ns=number * 1_000)
     there = Way(qos, past=before.way.past(), numbering="mid/1")
-    for number in (1, 2, 3):  # up to its depth waited for the second way
+    for number in (1, 2, 3):  # as many as its depth waited for the second way
         there.receive(number, at_ns=(number + 11) * 1_000)
     assert there.publisher.published == [(b"12", 14_000)]
     assert there.way.losses == {"repeated": 2}
@@ -251,7 +251,7 @@ async def test_what_came_by_one_way_does_not_come_again_by_another(qos: QoSProfi
     assert back.way.account.lost == 5
     assert (back.way.account.taken, back.way.account.sent) == (8, 5)
     if qos is LOSSLESS:
-        assert there.engine.credit == 6 and back.engine.credit == 4  # what is dropped holds up no writer
+        assert there.engine.credit == 6 and back.engine.credit == 4  # dropped messages give credit, too
 
 
 async def test_by_another_way_a_clock_that_was_set_back_repeats_nothing_beyond_the_depth() -> None:
@@ -273,7 +273,7 @@ async def test_in_transit_what_is_kept_for_late_joiners_does_not_come_again() ->
     assert [source_ns for _, source_ns in way.publisher.published] == [1_000, 2_000, 3_000, 4_000, 5_000]
     assert way.way.losses == {"repeated": 2, "lost_on_the_way": 1}
     way.way.begin_again(way.endpoint, numbering="mid/3")
-    for number in (1, 2, 3):  # by a clock that was set back; it has 2 of an earlier time at most
+    for number in (1, 2, 3):  # the clock was set back; the past has 2 of an earlier time at most
         way.receive(number, at_ns=number)
     assert way.publisher.published[5:] == [(b"12", 3)]
 
@@ -293,7 +293,7 @@ async def test_a_new_mirror_goes_on_where_the_one_before_ended() -> None:
     [
         ([LISTENER], [LISTENER], 5),
         ([LISTENER, OTHER], [OTHER], 5),
-        ([OTHER], [LISTENER], 0),  # who listens only after the return has missed nothing
+        ([OTHER], [LISTENER], 0),  # a new listener after the return has missed nothing
         ([], [LISTENER], 0),
     ],
 )
@@ -301,7 +301,7 @@ async def test_what_was_missed_is_lost_for_those_that_listened_before(
     before: list[bytes], now: list[bytes], lost: int
 ) -> None:
     way = Way(past=Past(3, frozenset(before), Account(), {}))
-    way.match(*now)  # however long after the return
+    way.match(*now)  # at any time after the return
     way.receive(3, 9, 10)
     assert way.way.account.dropped == {"repeated": 1} and way.way.account.lost == lost
     way.receive(12)
@@ -348,7 +348,7 @@ async def test_a_lossless_way_waits_for_room_and_gives_credit_for_what_has_gone(
     way.receive(1, 2, 3, 4)
     assert (way.engine.credit, way.way.waiting) == (4, 2)
     await asyncio.sleep(0)
-    finishing = asyncio.create_task(way.way.finish())  # its publisher has gone; what waits still goes
+    finishing = asyncio.create_task(way.way.finish())  # the publisher has gone; queued messages still leave
     await asyncio.sleep(0)
     way.publisher.give_room(10)
     await finishing
@@ -391,7 +391,7 @@ async def test_what_this_bus_does_not_take_is_counted_and_said() -> None:
     assert way.way.is_broken
     way.publisher.error = PayloadTooLarge("/t", size_bytes=2, limit_bytes=1)
     way.receive(3)
-    assert way.way.is_broken  # until there is another one
+    assert way.way.is_broken  # until there is another publisher
     way.publisher.error = RuntimeError("a fault")
     way.receive(4)
     assert way.troubles[-1] == "RuntimeError: a fault"
@@ -406,11 +406,11 @@ async def test_a_time_that_can_be_none_is_left_out() -> None:
 
 async def test_a_far_clock_that_is_set_back_makes_nothing_old() -> None:
     way = Way(QoSProfile(10, lifespan=0.5))
-    # Not monotonic_ns(): just after a boot, that minus an hour is negative.
+    # Not monotonic_ns(): just after a boot, that time minus an hour is negative.
     hour_ns, now_ns = 3600 * 10**9, time.time_ns()
     way.receive(1, at_ns=now_ns)
     way.receive(2, 3, at_ns=now_ns - hour_ns)
-    way.receive(4, at_ns=now_ns)  # forth, too
+    way.receive(4, at_ns=now_ns)  # and forward again
     way.receive(5, at_ns=now_ns - hour_ns)
     assert [source_ns for _, source_ns in way.publisher.published][0::4] == [now_ns, now_ns - hour_ns]
     assert way.way.losses == {}
@@ -420,7 +420,7 @@ async def test_a_clock_of_ours_that_is_set_makes_nothing_old(monkeypatch: pytest
     way = Way(QoSProfile(10, lifespan=0.5))
     way.receive(1, at_ns=time.time_ns())
     real = time.time_ns
-    # Should it ask for that time at all:
+    # If the code asked for that time at all, it would get this one:
     monkeypatch.setattr(time, "time_ns", lambda: real() + 10 * 10**9)
     monkeypatch.setattr(imports, "time_ns", time.time_ns, raising=False)
     way.receive(2, at_ns=real())

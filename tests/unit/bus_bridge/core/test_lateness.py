@@ -24,7 +24,7 @@ def test_the_first_message_counts_as_new() -> None:
 def test_a_clock_that_was_set_counts_after_a_minute() -> None:
     lateness = Lateness()
     lateness.note(100 * _S, 100 * _S)
-    for second in range(101, 200):  # its clock went back by 10 s
+    for second in range(101, 200):  # the far clock was set back by 10 s
         lateness.note(second * _S, second * _S - 10 * _S)
     assert lateness.age_ns(200 * _S, 190 * _S) == 0
     assert lateness.age_ns(200 * _S, 185 * _S) == 5 * _S

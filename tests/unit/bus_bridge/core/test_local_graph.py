@@ -1,4 +1,4 @@
-"""What of this bus is shown, as graphs follow each other."""
+"""The part of this bus that is shown to others, as the graph changes."""
 
 from typing import Any
 
@@ -96,7 +96,7 @@ def test_what_bridges_have_brought_is_not_shown_but_in_transit() -> None:
 def test_what_was_brought_from_the_only_far_bus_does_not_go_back_there_in_transit() -> None:
     own = endpoint("publisher", 1, node(1, origin=Origin("ros2", "dds0")), "/a")
     other = endpoint("publisher", 2, node(2, origin=Origin("ros2", "dds1")), "/b")
-    # Another machine may have a domain 0 of its own.
+    # Another machine may have its own domain 0.
     through = endpoint("publisher", 3, node(3, origin=Origin("zenoh", "b", ("dds0",))), "/c")
     rules = Rules(topics=[TopicRule(pattern="/**", transit=True)])
     changes = LocalGraph(rules, Naming(), "dds0").update(graph(own, other, through))
@@ -105,7 +105,7 @@ def test_what_was_brought_from_the_only_far_bus_does_not_go_back_there_in_transi
 
 
 def test_a_mirror_that_has_come_another_way_between_two_looks_is_shown_as_such() -> None:
-    """Or the bus that it comes from now would take it for a way of its own."""
+    """Otherwise, the bus behind the new way would take the mirror for its own way."""
     seen = local(topics=[TopicRule(pattern="/a", transit=True)])
     direct = node(1, "far", origin=Origin("bridge", "c"))
     around = node(2, "far", origin=Origin("bridge", "b", ("c",)))

@@ -5,7 +5,9 @@ _CLOSE_S, _APART_S = 0.0001, 0.0005
 
 
 def until_they_gather(pace: Pace, now_s: float) -> float:
-    """Messages without a pause; returns when the last one came, with which they gather."""
+    """Send messages without a pause until they gather. Returns the time of the message with which that
+    begins.
+    """
     for _ in range(100):
         if not pace.leaves(now_s):
             return now_s
@@ -13,7 +15,7 @@ def until_they_gather(pace: Pace, now_s: float) -> float:
     raise AssertionError("they never gather")
 
 
-@for_each("first_s", [0.0, 0.00001, 1e6])  # the loop's clock may begin anywhere
+@for_each("first_s", [0.0, 0.00001, 1e6])  # the loop's clock may start at any time
 def test_a_few_without_a_pause_leave_at_once(first_s: float) -> None:
     pace = Pace()
     assert all(pace.leaves(first_s + at * _CLOSE_S) for at in range(8))

@@ -16,7 +16,7 @@ def test_who_is_back_finds_where_it_ended_once() -> None:
 
 def test_the_oldest_go() -> None:
     pasts, known = Pasts(most=2, keep_s=10), [past(number) for number in range(4)]
-    for number, gid in enumerate((b"a", b"b", b"a", b"c")):  # `a` went again
+    for number, gid in enumerate((b"a", b"b", b"a", b"c")):  # `a` left twice
         pasts.keep(gid, known[number], number)
     assert pasts.take(b"b", 4) is None
     assert pasts.take(b"a", 4) is known[2]

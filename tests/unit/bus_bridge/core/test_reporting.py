@@ -1,4 +1,4 @@
-"""What the graph is told of mirrors, by and by."""
+"""Reports to the graph about mirrors, a few at a time."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -7,7 +7,7 @@ from bus_bridge.core.reporting import Reporting
 
 
 class Mirror:
-    """Of a far publisher whose way in has lost some messages."""
+    """A mirror of a far publisher. Its way in has lost some messages."""
 
     def __init__(self, losses: dict[str, int]) -> None:
         self.subscription = self.route = None
@@ -27,6 +27,6 @@ def test_losses_are_told_when_they_change_and_to_each_mirror() -> None:
         first.way.losses = {"lost_on_the_way": lost} if lost else {}
         reporting.report(1.0)
     assert first.told == [{"lost_on_the_way": 3}, {"lost_on_the_way": 4}]
-    mirrors[:] = [Mirror(first.way.losses)]  # made anew between two looks
+    mirrors[:] = [Mirror(first.way.losses)]  # the mirror is made again between two looks
     reporting.report(2.0)
     assert mirrors[0].told == [{"lost_on_the_way": 4}]

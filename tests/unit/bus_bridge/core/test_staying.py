@@ -5,7 +5,7 @@ def test_without_the_end_of_a_link_a_publisher_that_has_gone_stays_for_a_moment(
     stays = Stays()
     assert stays.until("far", 100.0) == 100.5
     assert stays.next_end(100.0) == NEVER_S
-    stays.bus_added("far", 100.0)  # for the first time
+    stays.bus_added("far", 100.0)  # the first connection
     assert stays.until("far", 100.0) == 100.5
 
 

@@ -73,7 +73,7 @@ def test_what_has_gone_on_is_forgotten() -> None:
 
 
 class Model:
-    """Each message by itself."""
+    """A model that keeps each message by itself."""
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes

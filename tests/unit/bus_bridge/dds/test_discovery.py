@@ -1,4 +1,4 @@
-"""bus_bridge.dds.discovery: what it keeps of endpoints that can't be shown yet."""
+"""bus_bridge.dds.discovery: endpoints that can't be shown yet."""
 
 import itertools
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ _gids = itertools.count(1)
 
 
 def sample(topic: str = "rt/topic") -> Any:
-    """What DDS says of an endpoint of a type that is not known."""
+    """A discovered endpoint of an unknown type."""
     key = SimpleNamespace(bytes=next(_gids).to_bytes(16, "big"))
     return SimpleNamespace(topic_name=topic, type_name="no::msg::dds_::Such_", key=key, qos=())
 

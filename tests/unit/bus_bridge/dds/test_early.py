@@ -1,4 +1,4 @@
-"""bus_bridge.dds.early"""
+"""bus_bridge.dds.early: samples kept until a reader carries them."""
 
 import pytest
 
@@ -45,7 +45,7 @@ def test_beyond_the_bytes_the_oldest_of_that_writer_go() -> None:
     messages, lost = early.pop(OF_ONE)
     assert ([data for data, _ in messages], lost) == ([b"bbb", b"ccc"], {"memory_limit": 1})
     assert data(early, OF_OTHER) == [b"1234"]
-    early.put(OF_ONE, (b"1234567890", 1))  # all of it is free again
+    early.put(OF_ONE, (b"1234567890", 1))  # all of its room is free again
     assert len(early) == 1
 
 
@@ -53,7 +53,7 @@ def test_without_a_depth_there_are_as_many_as_have_room() -> None:
     early = Early(None, 10_000)
     for number in range(10_002):
         early.put(OF_ONE, (b"x", number))
-    early.put(OF_OTHER, (b"y", 1))  # the room is the other's
+    early.put(OF_OTHER, (b"y", 1))  # no room is left for it
     messages, lost = early.pop(OF_ONE)
     assert ([time_ns for _, time_ns in messages], lost) == ([*range(2, 10_002)], {"memory_limit": 2})
     messages, lost = early.pop(OF_OTHER)

@@ -69,7 +69,7 @@ def _found(gid: bytes = _GID, participant: bytes = _P, topic: str = "/chatter") 
 
 
 def _short(news: Any) -> list[str]:
-    """What is told, in few words."""
+    """News in a short form."""
     found = []
     for one in news:
         match one:
@@ -126,7 +126,8 @@ def test_nobody_waits_for_the_nodes_of_a_participant_that_speaks_dds_alone() -> 
     assert _short(graph.endpoint_added(_found(), 0.0)) == [f"+{_BARE}", f"+/chatter of {_P.hex()}"]
     assert _short(graph.endpoint_added(_found(_Q[:12] + b"\0\0\1\3", _Q), 0.0)) == []
     _short(graph.participant_removed(_P))
-    assert _short(graph.endpoint_added(_found(), 0.0)) == []  # another one, of which nothing is known
+    # It counts as a new participant, of which nothing is known.
+    assert _short(graph.endpoint_added(_found(), 0.0)) == []
 
 
 def test_a_participant_takes_all_with_it() -> None:

@@ -1,4 +1,4 @@
-"""Network interfaces that a user names; those of this machine are looked at, nothing is sent."""
+"""Network interfaces that a user names. The test reads those of this machine, and sends nothing."""
 
 import subprocess
 import sys

@@ -92,7 +92,7 @@ def test_what_a_reader_requests(profile: QoSProfile, kind: ReaderKind, requested
 @for_each(
     "policies, profile",
     [
-        (Policies(), QoSProfile(10)),  # nothing was said of the depth
+        (Policies(), QoSProfile(10)),  # without a depth
         (Policies(depth=7), QoSProfile(7)),
         (Policies(keep_all=True), QoSProfile(0, history=History.KEEP_ALL)),
         (

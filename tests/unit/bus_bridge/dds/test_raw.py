@@ -1,4 +1,4 @@
-"""cyclonedds' private names: whoever takes another version of it hears here what has changed."""
+"""cyclonedds' private names: with another version of cyclonedds, these tests show the changes."""
 
 import inspect
 

@@ -1,4 +1,4 @@
-"""Readers of DDS: every cell of their table. What they carry is tested with a domain, in the system tests."""
+"""Readers of DDS: every cell of their table. System tests with a domain test the messages."""
 
 import asyncio
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class Endpoint:
 
 
 class Scene:
-    """A reader that has come to `state`. Nothing has arrived."""
+    """A reader that has reached `state`. Nothing has arrived."""
 
     def __init__(self, state: State, monkeypatch: pytest.MonkeyPatch) -> None:
         self.takes = 0

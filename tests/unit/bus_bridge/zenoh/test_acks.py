@@ -1,4 +1,4 @@
-"""When a far publisher's bridge learns how far this one is."""
+"""Acknowledgements: when the bridge of a far publisher learns this bridge's position."""
 
 import asyncio
 from typing import Any

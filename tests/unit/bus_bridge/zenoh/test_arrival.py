@@ -1,4 +1,4 @@
-"""What has arrived: in order, once, and asked for where it is missing."""
+"""Received parts: in order, once each, with requests for missing parts."""
 
 from collections import deque
 from random import Random
@@ -43,13 +43,13 @@ def test_a_gap_is_asked_for() -> None:
 def test_several_missing_parts_are_asked_for_at_once() -> None:
     arrival = Arrival(Room(1 << 30))
     arrive(arrival, 14)
-    assert arrival.missing(10) == []  # it is not known yet where the route begins
+    assert arrival.missing(10) == []  # the beginning of the route is not known yet
     arrival.begin(10)
     arrive(arrival, 17)
     assert arrival.missing(10) == [11, 12, 13, 15, 16]
     assert arrival.missing(4) == [11, 12, 13, 15]
     assert arrive(arrival, 11) == [11] and arrival.missing(10) == [12, 13, 15, 16]
-    arrival.arrive(1 << 63, Probe(), 0)  # whatever the far side says
+    arrival.arrive(1 << 63, Probe(), 0)  # the far side may send any number
     assert arrival.missing(5) == [12, 13, 15, 16, 18]
 
 
@@ -104,7 +104,7 @@ def test_what_is_held_is_bounded_however_small_it_is_and_of_all_ways_together() 
         for arrival in arrivals[1:]:
             arrive(arrival, number)
     assert 0 <= room.left < 1000
-    assert arrive(arrivals[1], 1)[:2] == [1, 2]  # it goes on, by asking
+    assert arrive(arrivals[1], 1)[:2] == [1, 2]  # a request brings the missing part
     for arrival in arrivals:
         arrival.clear()
     assert room.left == HELD_BYTES + 10_000

@@ -1,4 +1,4 @@
-"""Key expressions of tokens and routes: what is built is read again, and what is hostile gets no further."""
+"""Key expressions of tokens and routes: each can be read again, and the bridge ignores hostile ones."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""Addresses that are not up, and what the user is told of them: once, and only where it is so."""
+"""Addresses that are not up. The user gets each message once, and only if it is true."""
 
 import asyncio
 import socket
@@ -13,7 +13,7 @@ from bus_bridge.zenoh.session import Link
 
 
 class Session:
-    """Has the links that a test puts in."""
+    """A session with the links that a test sets."""
 
     def __init__(self) -> None:
         self.up: list[Link] = []

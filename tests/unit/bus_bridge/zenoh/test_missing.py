@@ -1,4 +1,4 @@
-"""Which missing parts are asked for, and when again."""
+"""Requests for missing parts, and the times of their repetition."""
 
 import asyncio
 from collections.abc import Callable
@@ -17,11 +17,11 @@ Answer = Callable[[bytes | None, bytes | None], None]
 
 
 class Scene:
-    """Of the parts up to 100 only the last has arrived."""
+    """Of the parts up to 100, only the last one has arrived."""
 
     def __init__(self) -> None:
         self.asked: dict[int, Answer] = {}
-        """Questions without an answer, by the number of the part."""
+        """Requests without an answer, by the number of the part."""
         self.came: list[int] = []
         self.arrival = Arrival(Room(1 << 20))
         self.arrival.begin(0)

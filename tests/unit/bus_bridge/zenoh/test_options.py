@@ -1,4 +1,4 @@
-"""Addresses and certificates, before anything is opened."""
+"""Addresses and certificates, checked before the bridge opens anything."""
 
 from pathlib import Path
 

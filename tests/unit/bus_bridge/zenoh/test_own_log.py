@@ -1,4 +1,4 @@
-"""What zenoh's own log says of refused connections, and that all else on stdout goes on."""
+"""zenoh's own log of refused connections, and all other output on stdout, which is passed on."""
 
 import subprocess
 import sys

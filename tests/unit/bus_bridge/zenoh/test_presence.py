@@ -1,4 +1,4 @@
-"""Which buses there are, out of tokens in any order."""
+"""The buses present, found from tokens in any order."""
 
 from itertools import permutations
 
@@ -14,7 +14,7 @@ NODE = LocalNode(4, "talker", "/", ("robot",))
 
 
 class Heard:
-    """A FarSide that writes down what it is told."""
+    """A FarSide that records its calls."""
 
     def __init__(self) -> None:
         self.news: list[tuple[object, ...]] = []
@@ -137,7 +137,7 @@ def test_who_claims_the_id_of_another_bus_is_not_heard(
     assert len(heard.take()) == 4
     for _ in range(presence._PATIENCE):
         heard.presence.poll(linked)
-    assert heard.take() == []  # it may be what is left of an earlier one, or wait for that
+    assert heard.take() == []  # it may be the rest of an earlier run, or wait for that rest
     for _ in range(3):
         heard.presence.poll(linked)
     text = (
@@ -259,7 +259,8 @@ def test_who_takes_what_we_send(heard: Heard) -> None:
 
 def test_own_tokens_are_no_news_but_those_of_a_double_are_known(heard: Heard) -> None:
     heard.presence.came(keys.bus_token("laptop", "5", "f00"))
-    # At once where it is the later one or has a link with us; else it may be what is left of us.
+    # At once if it is the later one, or if it has a link to us. Otherwise, it may be the rest of our earlier
+    # run.
     for run, linked, looks in (("6", "", 1), ("4", "f00", 1), ("4", "", presence._PATIENCE + 1)):
         heard.presence.poll({linked: ""})
         assert heard.take() == []

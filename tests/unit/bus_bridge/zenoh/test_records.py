@@ -126,7 +126,7 @@ def test_a_size_beyond_the_end_is_refused() -> None:
 
 
 def test_parts_that_nobody_packs_are_refused() -> None:
-    """They would cost more than their bytes, or break counters."""
+    """Such parts would cost more than their bytes, or break counters."""
     batch = Struct("<cQ").pack(b"b", 1)
 
     def record(number: int) -> bytes:

@@ -1,4 +1,4 @@
-"""How things come from zenoh's threads to the loop: none is forgotten, and none comes after the end."""
+"""The way from zenoh's threads to the loop: nothing is forgotten, and nothing arrives after the end."""
 
 import asyncio
 import os
@@ -26,7 +26,7 @@ def threads_interrupt_each_other() -> Iterator[None]:
 
 
 class Threads:
-    """Each pushes its things in order into a source of its own."""
+    """Each thread pushes its items in order into its own source."""
 
     def __init__(self, inbox: _Inbox) -> None:
         self.taken: list[list[int]] = [[] for _ in range(_THREADS)]

@@ -1,4 +1,4 @@
-"""TCP sockets of this process give up in time: all of them, and nothing else is touched."""
+"""TCP sockets of this process time out. This is true for all of them, and for no other socket."""
 
 import os
 import socket

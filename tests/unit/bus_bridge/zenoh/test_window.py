@@ -1,4 +1,4 @@
-"""What a publisher's way out keeps, and for how long."""
+"""The parts that a publisher's way out keeps, and for how long."""
 
 from random import Random
 
@@ -14,7 +14,7 @@ SIZE = 1000
 
 
 def fill(window: Window, size: int = SIZE) -> int:
-    """Until there is no room; the number of the last."""
+    """Add parts until there is no room. Returns the number of the last one."""
     while window.room > 0:
         window.add(Part(bytes(size), window.last + 1, b""))
     return window.last
@@ -38,7 +38,7 @@ def test_a_lossless_window_is_full_until_the_slowest_has_taken() -> None:
     last = 0
     while (more := fill(window)) > last:
         window.acknowledge("a", more, more)
-        window.acknowledge("b", more, 0)  # it has arrived there, and nobody takes it
+        window.acknowledge("b", more, 0)  # it has arrived there, and is not taken
         last = more
     assert WINDOW_BYTES <= window.in_flight < WINDOW_BYTES + 2 * SIZE
     assert window.acknowledge("b", last, last)
@@ -87,7 +87,7 @@ def test_it_grows_again() -> None:
 
 
 def spans(window: Window, count: int) -> list[int]:
-    """How many bytes may be on their way at once, each time after all has arrived."""
+    """The bytes that may be in flight at once; each time after everything has arrived."""
     found = list[int]()
     for _ in range(count):
         found.append(window.room)
@@ -128,7 +128,7 @@ def test_many_losses_at_once_make_it_shrink_once() -> None:
     before = one.room
     assert before == pytest.approx(many.room, rel=0.05)
     fill(many)
-    many.acknowledge("a", many.last - 1, 0)  # a loss after all that was on its way then
+    many.acknowledge("a", many.last - 1, 0)  # a loss after everything that was in flight then
     assert many.find("a", many.last - 1) is not None
     many.acknowledge("a", many.last, 0)
     assert many.room == pytest.approx(before / 2, rel=0.1)
@@ -144,7 +144,7 @@ def test_parts_are_small_where_little_may_be_on_its_way() -> None:
         assert before <= window.part_bytes <= WHOLE_BYTES
     for _ in range(10):
         fill(window)
-        window.find("a", window.last - 1)  # it was dropped
+        window.find("a", window.last - 1)  # this part was dropped
         window.acknowledge("a", window.last, window.last)
     assert window.part_bytes == 2 * PART_BYTES
 
@@ -191,7 +191,9 @@ def test_what_it_keeps_and_counts_is_what_some_importer_lacks(seed: int, lossles
     window = Window(lossless=lossless)
     parts: list[Part] = []
     known: dict[str, list[int]] = {}
-    """Of each importer: where it joined, how far its bridge is, how far its bus is."""
+    """For each importer: the number at which it joined, the position of its bridge, and the position of its
+    bus.
+    """
 
     def lacked(which: int) -> list[Part]:
         return [one for one in parts if one.number > min(of[which] for of in known.values())] if known else []
@@ -236,7 +238,7 @@ def test_what_it_keeps_and_counts_is_what_some_importer_lacks(seed: int, lossles
 
 
 def read(history: History) -> list[int]:
-    """As an importer reads it: the numbers of the messages."""
+    """Read like an importer. Returns the numbers of the messages."""
     after, found = 0, list[int]()
     assembler = Assembler(Room(1 << 30))
     while (part := history.find(after, assembler.size)) is not None:

@@ -1,4 +1,4 @@
-"""The way out of a publisher: every cell of its table, and what is written when."""
+"""The way out of a publisher: every cell of its table, and the times of its writes."""
 
 import asyncio
 from collections.abc import Callable
@@ -43,7 +43,7 @@ class Outlet:
 
 
 class Session:
-    """Its outlets can be used at once."""
+    """A session whose outlets can be used at once."""
 
     def __init__(self) -> None:
         self.puts: list[Part] = []
@@ -55,7 +55,7 @@ class Session:
 
 
 class Scene:
-    """A way out that has come to `state`."""
+    """A way out that has reached `state`."""
 
     def __init__(self, qos: QoSProfile | None = None, state: State = State.OPEN) -> None:
         self.session = Session()
@@ -98,7 +98,7 @@ class Scene:
         return self.writer.write(Loose([Sample(one, at, at) for at, one in enumerate(payloads, 1)]))
 
     def fill(self) -> None:
-        """Write until nothing more has room."""
+        """Write until there is no room."""
         while self.write(bytes(10_000)):
             pass
 
@@ -162,7 +162,7 @@ async def test_one_that_leaves_ends_when_all_has_arrived() -> None:
     scene = Scene(state=State.LEAVING)
     assert scene.parts == [1] and scene.probes == 1
     scene.writer.see_ack(RUN, 0, 0)
-    assert scene.probes == 2  # not all has arrived
+    assert scene.probes == 2  # some messages have not arrived
     scene.writer.see_ack(RUN, 1, 0)
     assert scene.closes == 1
 
@@ -190,7 +190,7 @@ async def test_a_publisher_that_returns_goes_on_and_begins_its_losses_anew(
     written = scene.parts[-1]
     scene.writer.close()
     assert scene.writer.come_back(scene.endpoint, scene._change)
-    assert scene.writer.lost == {} and lost == {DropReason.LINK_FULL: 1}  # the caller has counted those
+    assert scene.writer.lost == {} and lost == {DropReason.LINK_FULL: 1}  # the caller has counted these
     await asyncio.sleep(0.03)
     assert scene.closes == 0
     scene.writer.see_ack(RUN, written, written)
