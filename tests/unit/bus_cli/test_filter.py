@@ -1,4 +1,4 @@
-"""`--filter`: what it can say, and that nothing else can be reached through it."""
+"""`--filter`: its language, and that an expression reaches nothing else."""
 
 from typing import Any
 

@@ -22,7 +22,7 @@ VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in
 
 @pytest.fixture(autouse=True)
 def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No daemon is there, and none may be started."""
+    """No daemon exists, and the tests must not start one."""
     monkeypatch.setenv("BUSD_SOCKET", str(tmp_path / "no.sock"))
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
     monkeypatch.setenv("COLUMNS", "100")

@@ -1,4 +1,4 @@
-"""What verbs share when they say things."""
+"""The output functions that all verbs share."""
 
 import ast
 import io
@@ -80,7 +80,7 @@ def test_json_says_it_in_its_own_way(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def writes(path: Path) -> list[str]:
-    """What in a module writes text by itself."""
+    """The calls in a module that write text directly."""
     found = []
     for node in ast.walk(ast.parse(path.read_text())):
         match node:
@@ -92,7 +92,7 @@ def writes(path: Path) -> list[str]:
 
 
 def test_verbs_write_by_these_alone() -> None:
-    """The one exception is the sequence of its own that `echo -c` clears the screen with."""
+    """The only exception is the escape sequence with which `echo -c` clears the screen."""
     folder = Path(bus_cli.__file__).parent
     found = {str(path.relative_to(folder)): writes(path) for path in folder.rglob("*.py")}
     assert {name: what for name, what in found.items() if what} == {

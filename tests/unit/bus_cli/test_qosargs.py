@@ -1,4 +1,4 @@
-"""The --qos-... options, and what echo takes from the publishers."""
+"""The --qos-... options, and the policies that echo takes from the publishers."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""bus_cli.query: what is made of a broker that goes, refuses or says nothing."""
+"""bus_cli.query: the result if a broker goes away, refuses or says nothing."""
 
 import socket
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ GRAPH = m.GraphSnapshot(request=1, revision=0, nodes=(), endpoints=(), matches=(
 
 @pytest.fixture
 def brokers(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[socket.socket]]:
-    """The other ends of the next two queries; all after them find somebody who has gone."""
+    """The other ends of the next two queries. All later queries find a broker that has gone."""
     with ExitStack() as stack:
         pairs = [socket.socketpair() for _ in range(2)]
         for ours, theirs in pairs:
@@ -47,7 +47,7 @@ def say(broker: socket.socket, *messages: m.Message) -> None:
 
 
 def test_who_is_turned_away_is_told_why(broker: socket.socket) -> None:
-    """It has said so and gone before we said anything."""
+    """The broker has sent the reason and gone before the query sends anything."""
     say(broker, HELLO, m.Fault(text="connections: 1 of 1 in use"))
     broker.close()
     with pytest.raises(RemoteProtocolError, match="connections: 1 of 1 in use"), Query(Path("x")) as query:
@@ -55,7 +55,7 @@ def test_who_is_turned_away_is_told_why(broker: socket.socket) -> None:
 
 
 def test_one_that_goes_without_a_word_may_be_followed_by_another(brokers: list[socket.socket]) -> None:
-    """As one does that ends with connections in its backlog."""
+    """A broker that ends with connections in its backlog goes without a word."""
     brokers[0].close()
     say(brokers[1], HELLO, GRAPH)
     with Query(Path("x")) as query:
@@ -119,7 +119,7 @@ def test_charges(broker: socket.socket) -> None:
 
 
 def test_charges_of_an_old_busd(broker: socket.socket) -> None:
-    """It does not know the question, and is not asked."""
+    """An old busd does not know this question, so the query does not ask."""
     say(broker, OLD_HELLO, GRAPH)
     with Query(Path("x")) as query:
         assert query.charges() is None

@@ -1,4 +1,4 @@
-"""Messages as YAML, CSV and JSON values, as `ros2 topic echo` prints them."""
+"""Messages as YAML, CSV and JSON values, in the form of `ros2 topic echo`."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ class Part(msgspec.Struct):
 
 
 class Own(msgspec.Struct):
-    """All that ROS has no word for."""
+    """One field of each kind that ROS does not have."""
 
     part: Part | None = None
     anything: Any = None

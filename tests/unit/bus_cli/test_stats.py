@@ -22,7 +22,7 @@ def test_spread_is_of_the_population(values: list[float]) -> None:
 
 
 def feed(intervals: Intervals, times_s: list[float]) -> list[int]:
-    """The windows that are printed while messages come at `times_s`."""
+    """The windows that are printed while messages arrive at `times_s`."""
     printed = []
     for time_s in times_s:
         intervals.add(round(time_s * S))
@@ -146,7 +146,7 @@ def test_flow_needs_two_moments() -> None:
 
 @for_each("heard", [2, 30, 31, 59])
 def test_flow_of_a_camera_that_loses_nothing(heard: int) -> None:
-    """Both rates are the camera's, whenever one looks."""
+    """At any moment, both rates equal the camera's rate."""
     rates = flow_of(*((b"camera", 100 + n, 5 + n / 30) for n in range(heard))).rates()
     assert rates == pytest.approx((30, 30))
 
@@ -166,5 +166,5 @@ def test_flow_of_several_publishers_that_come_and_go() -> None:
 
 
 def test_flow_takes_them_in_any_order() -> None:
-    """A history that comes behind newer messages, say."""
+    """For example, history may arrive after newer messages."""
     assert flow_of((b"a", 3, 3), (b"a", 1, 1), (b"a", 2, 2)).rates() == (1.0, 1.0)

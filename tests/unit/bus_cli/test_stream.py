@@ -1,4 +1,4 @@
-"""bus_cli.stream: the class for a topic's messages, whose endpoints may go at any moment."""
+"""bus_cli.stream: the class for a topic's messages. The topic's endpoints may go at any moment."""
 
 import asyncio
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ KINDS = [("std_msgs/msg/String", "one that has gone"), (OURS.type_name, OURS.typ
 
 
 class Bus:
-    """A node whose busd knows the types of `present` only."""
+    """A node. Its busd knows only the types of `present`."""
 
     def __init__(self, *present: tuple[str, str]) -> None:
         self.present = present
@@ -28,7 +28,7 @@ class Bus:
 
 
 def found(present: list[tuple[str, str]], shown: list[tuple[str, str]], type_name: str | None = None) -> Any:
-    """What is found for a topic of which the graph has shown endpoints of these types."""
+    """The class found for a topic if the graph has shown endpoints of the types `shown`."""
     ends = [SimpleNamespace(topic="/topic", type_name=name, type_hash=number) for name, number in shown]
     graph = cast("Graph", SimpleNamespace(publishers=ends, subscriptions=[]))
     return asyncio.run(find_class(cast("Node", Bus(*present)), graph, "/topic", type_name))

@@ -1,4 +1,4 @@
-"""docs/perception.md: the names that it lists are there, and all that are there it lists."""
+"""docs/perception.md: all names in its lists exist, and its lists have all names that exist."""
 
 import re
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""What a CMakeLists.txt installs: Python programs, those that must be compiled, and where modules lie."""
+"""Programs that a CMakeLists.txt installs: Python programs, compiled ones, and the places of modules."""
 
 from pathlib import Path
 from textwrap import dedent
@@ -18,7 +18,7 @@ def installed(folder: Path, text: str) -> Installed:
 
 
 def programs(folder: Path, text: str) -> dict[str, str]:
-    """The programs, and where they lie in the package."""
+    """The installed programs, and their places in the package."""
     found = installed(folder, text).programs
     return {name: str(path.relative_to(folder)) for name, path in found.items()}
 

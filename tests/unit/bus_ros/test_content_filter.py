@@ -1,4 +1,4 @@
-"""bus_ros/content_filter.py: what passes, and what is wrong with an expression."""
+"""bus_ros/content_filter.py: messages that pass, and errors in an expression."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The engine of the facade: who runs the loop, waiting in many threads, interrupts."""
+"""The engine of the facade: the thread that runs the loop, waiting in many threads, interrupts."""
 
 import asyncio
 import gc
@@ -33,7 +33,7 @@ def engine() -> Iterator[Engine]:
 
 
 def in_threads(count: int, function: Callable[[int], object]) -> None:
-    """Run `function(index)` in so many threads at once; raises what one of them raised."""
+    """Run `function(index)` in `count` threads at once. Raises an error of one of them."""
     errors: list[BaseException] = []
 
     def run(index: int) -> None:
@@ -81,7 +81,7 @@ class TestRun:
                 ended.append("cancelled")
                 raise
 
-        while not begun:  # on a busy machine it is cancelled before it begins
+        while not begun:  # on a busy machine, it may be cancelled before it begins
             with pytest.raises(TimeoutError):
                 engine.run(wait, timeout_s=0.02)
         wait_until(lambda: ended)
@@ -119,7 +119,7 @@ class TestRun:
         assert results == {thread: [2 * number for number in range(50)] for thread in range(8)}
 
     def test_the_first_to_go_leaves_the_loop_to_another(self, engine: Engine) -> None:
-        """Those who wait must not hang where the one that ran the loop has what it waited for."""
+        """The other threads must not hang when the thread that ran the loop has its result and leaves."""
         delays = [0.05, 0.001, 0.03, 0.01, 0.02]
         done: list[int] = []
 
@@ -140,7 +140,7 @@ class TestRun:
 class TestKeeper:
     def test_it_runs_the_loop_where_nobody_waits(self, engine: Engine) -> None:
         told: list[str] = []
-        with engine.loop:  # both at once: else a stall between them lets the first come first
+        with engine.loop:  # both at once; otherwise a stall between them lets the first come first
             engine.loop.call_later(0.001, told.append, "later")
             engine.loop.call_soon(told.append, "soon")
         wait_until(lambda: len(told) == 2)
@@ -157,7 +157,7 @@ class TestKeeper:
         assert nudges == []
 
     def test_it_takes_over_again_and_again(self, engine: Engine) -> None:
-        """As under a program that spins now and then, and is long in its callbacks."""
+        """As with a program that spins from time to time, and has long callbacks."""
         told: list[int] = []
         for number in range(5):
             engine.run(lambda: doubled(1))
@@ -229,7 +229,7 @@ class TestWaiters:
 
     @pytest.mark.parametrize("is_eager", [False, True])
     def test_many_of_them(self, engine: Engine, is_eager: bool) -> None:
-        """Each is set by the one before: nobody sleeps through it."""
+        """Each waiter is set by the one before, and no thread sleeps through that."""
         count = 6
         with engine.loop:
             waiters = [Waiter(engine) for _ in range(count)]
@@ -253,7 +253,7 @@ class TestWaiters:
 class TestInterrupts:
     @pytest.fixture
     def handled(self, engine: Engine) -> Iterator[list[bool]]:
-        """SIGUSR1 is handled as SIGINT is by the facade."""
+        """Handle SIGUSR1 as the facade handles SIGINT."""
         handled: list[bool] = []
 
         def handler(number: int, frame: FrameType | None) -> None:
@@ -288,7 +288,9 @@ class TestInterrupts:
         assert engine.run(lambda: doubled(1)) == 2
 
     def test_just_before_a_wait(self, engine: Engine, handled: list[bool]) -> None:
-        """Also where another thread runs the loop, and nothing happens there that would end a wait."""
+        """This is also true if another thread runs the loop, and nothing happens there that would end a
+        wait.
+        """
         delays = random.Random(3)
         with another_runs_the_loop(engine):
             for _ in range(60):
@@ -303,7 +305,9 @@ class TestInterrupts:
         gc.collect()
 
     def test_at_any_moment(self, engine: Engine, handled: list[bool]) -> None:
-        """Raised once, whatever the main thread does with the engine, which is whole after it."""
+        """The interrupt is raised once, at any step of the main thread in the engine. The engine works
+        afterwards.
+        """
         delays = random.Random(7)
         for _ in range(60):
             timer = after(delays.random() * 0.004)
@@ -315,7 +319,7 @@ class TestInterrupts:
                     time.sleep(0)
             timer.join()
             assert not engine.loop.is_mine() and not engine.loop.is_interrupted
-        gc.collect()  # what is left of those is let go here, where nobody minds
+        gc.collect()  # the remains are freed here, where this disturbs nothing
         assert len(handled) == 60
         assert engine.run(lambda: doubled(2)) == 4
         in_threads(3, lambda index: engine.run(lambda: doubled(index)))
@@ -340,13 +344,13 @@ def another_runs_the_loop(engine: Engine) -> Iterator[threading.Thread]:
 
 
 def after(delay_s: float) -> threading.Timer:
-    """SIGUSR1 for the main thread, a while after its start: that may be before `start` returns."""
+    """A timer that sends SIGUSR1 to the main thread. It may fire before `start` returns."""
     main: Any = threading.main_thread().ident
     return threading.Timer(delay_s, signal.pthread_kill, (main, signal.SIGUSR1))
 
 
 def test_a_hammer(engine: Engine) -> None:
-    """Four threads wait, call, and time out at random for half a second; nothing hangs, nothing is lost."""
+    """Four threads wait, call, and time out at random for half a second. None hangs, and no call is lost."""
     end = time.monotonic() + 0.5
     told: list[int] = []
     asked = [0] * 4

@@ -1,4 +1,4 @@
-"""The import hook: names of ROS 2 in a program of its own, where nothing of ROS 2 is installed."""
+"""The import hook: ROS 2's names in a user's program, on a machine without ROS 2."""
 
 import subprocess
 import sys
@@ -80,7 +80,7 @@ def test_definitions_of_a_workspace(workspace: Path) -> None:
         from my_interfaces.srv import Turn
         print(Wheel(speed=1.0), Turn.Response(ok=True), type(Wheel().contacts).__name__)
     """
-    # From src, the package's folder is for Python a package without anything in it.
+    # In src, Python takes the package's folder for an empty package.
     for folder in (workspace, workspace / "src", workspace / "src" / "my_interfaces"):
         assert run(code, folder) == [
             "my_interfaces.msg.Wheel(speed=1.0, contacts=[]) my_interfaces.srv.Turn_Response(ok=True) list"
@@ -273,7 +273,7 @@ def test_installing_twice_does_nothing_more(tmp_path: Path) -> None:
 
 
 def test_what_perception_nodes_import(tmp_path: Path) -> None:
-    """Each under its own name, the same module as ours, and nothing heavy with it."""
+    """Each has its own name, is the same module as ours, and imports nothing heavy."""
     code = """
         import sys
         import ament_index_python.packages, cv_bridge, diagnostic_updater, laser_geometry, message_filters
@@ -319,12 +319,12 @@ import launch.actions.nothing_of_the_kind
 
 
 def test_launch_has_the_files_that_it_has_in_ros_2(tmp_path: Path) -> None:
-    (tmp_path / "launch").mkdir()  # which hides nothing
+    (tmp_path / "launch").mkdir()  # this folder hides nothing
     error = "ModuleNotFoundError: busd has no 'launch.actions.nothing_of_the_kind', and perhaps launch"
     assert error_of(LAUNCH, tmp_path).startswith(error)
 
 
 def test_modules_of_other_platforms_cost_nothing(tmp_path: Path) -> None:
-    """`subprocess` looks for msvcrt: that is no package of messages."""
+    """`subprocess` looks for msvcrt, which is no package of messages."""
     code = "import subprocess, sys; assert 'bus.types.definitions' not in sys.modules; import msvcrt"
     assert error_of(code, tmp_path) == "ModuleNotFoundError: No module named 'msvcrt'"

@@ -1,4 +1,4 @@
-"""bus_ros.keeper: when it takes a turn, and when it ends."""
+"""bus_ros.keeper: the times of its turns, and its end."""
 
 from collections.abc import Iterator
 from threading import Event, RLock, get_ident
@@ -14,7 +14,7 @@ LONG_S = 3600.0
 
 
 class Kept:
-    """A keeper that may sleep or not, and what it was told at each turn."""
+    """A keeper that may sleep or not, and the urgency of each turn."""
 
     def __init__(self) -> None:
         self.guard = RLock()
@@ -65,7 +65,7 @@ def test_a_nudge_makes_a_turn_urgent(kept: Kept) -> None:
     kept.start()
     with kept.guard:
         kept.keeper.nudge()
-        kept.keeper.nudge()  # no turn more
+        kept.keeper.nudge()  # this makes no further turn
     wait_until(lambda: len(kept.turns) == 2)
     assert kept.turns == [True, True]
 

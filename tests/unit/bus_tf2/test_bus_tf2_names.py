@@ -1,4 +1,4 @@
-"""docs/tf2.md: the names that it lists are there, and all that are there it lists."""
+"""docs/tf2.md: all names in its lists exist, and its lists have all names that exist."""
 
 import re
 from importlib import import_module
@@ -34,7 +34,7 @@ def test_tf_transformations() -> None:
 
 
 def test_what_programs_take_from_it_that_is_not_its_own() -> None:
-    """In ROS 2 it is there because tf2_ros has imported it."""
+    """In ROS 2, tf2_ros has these names because it imports them."""
     assert tf2_ros.Duration is Duration
     assert tf2_ros.TransformStamped is message_type("geometry_msgs/msg/TransformStamped")
     assert tf2_ros.TFMessage is message_type("tf2_msgs/msg/TFMessage")

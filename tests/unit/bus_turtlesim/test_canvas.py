@@ -1,4 +1,4 @@
-"""What pens draw, pixel by pixel."""
+"""The drawings of pens, pixel by pixel."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a page is sent of what turtles draw."""
+"""The parts of turtles' drawings that a page receives."""
 
 from bus_turtlesim.canvas import SIDE_PX, Square
 from bus_turtlesim.frames import Frames, Pictures, message
@@ -40,7 +40,7 @@ def test_who_is_too_late_needs_the_whole_picture() -> None:
 
 
 def test_who_misses_too_much_needs_the_whole_picture() -> None:
-    """As where turtles are teleported from wall to wall, many times in a step."""
+    """This happens if turtles are teleported from wall to wall many times in one step."""
     frames = Frames()
     for _ in range(3):
         frames.add([square(1)] * 4000, is_cleared=False)

@@ -1,4 +1,4 @@
-"""What keys mean."""
+"""The effect of each key."""
 
 from bus.base.keys import Keys
 from bus_turtlesim.keys import ARROWS, CANCEL, LETTERS, QUIT, Heading, Key, Move

@@ -1,4 +1,4 @@
-"""turtlesim's page: what one browser is sent."""
+"""turtlesim's page: the data sent to one browser."""
 
 from typing import Any, cast
 

@@ -1,4 +1,4 @@
-"""A browser is started, and complained about where there is none."""
+"""The start of a browser, and the message if there is none."""
 
 import queue
 import webbrowser

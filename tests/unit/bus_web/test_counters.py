@@ -1,4 +1,4 @@
-"""What one endpoint counts: rates, what it lost of late, ages; and what several count together."""
+"""The counters of one endpoint: rates, recent losses, ages; and the sums of several endpoints."""
 
 from typing import Any
 

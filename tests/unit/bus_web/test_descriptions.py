@@ -1,4 +1,4 @@
-"""Descriptions of types, asked for once."""
+"""Descriptions of types. The server asks for each only once."""
 
 from unittest.mock import Mock
 

@@ -1,4 +1,4 @@
-"""The addresses of a server, and its gate: they belong together."""
+"""The addresses of a server, and its access check for these addresses."""
 
 from pathlib import Path
 from urllib.parse import urlsplit

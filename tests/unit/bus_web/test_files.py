@@ -1,4 +1,4 @@
-"""The page's files: all are there and small, and those of others are as they were published."""
+"""The page's files: all exist and are small. Third-party files are unchanged."""
 
 import re
 from hashlib import sha256
@@ -31,7 +31,7 @@ def test_nothing_stands_inline_and_nothing_comes_from_elsewhere() -> None:
 
 
 def test_the_page_writes_no_html() -> None:
-    """Values of strangers are text nodes."""
+    """The page shows foreign values as text nodes."""
     writers = re.compile(
         r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function|srcdoc"
     )

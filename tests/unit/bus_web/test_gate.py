@@ -1,4 +1,4 @@
-"""Who gets in: hosts, origins, tokens, cookies."""
+"""Access: hosts, origins, tokens, cookies."""
 
 from bus_web.gate import FOXGLOVE, Ask, Enter, Gate, Redirect, Refuse
 from rows import for_each

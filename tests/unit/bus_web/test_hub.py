@@ -76,7 +76,7 @@ async def test_busd_refuses_to_tell_of_changes(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(world.node, "watch_graph", watch_graph)
     async with world.hub.watching(seen):
-        await until(lambda: seen.told.count("same") > 2)  # it looks all the same
+        await until(lambda: seen.told.count("same") > 2)  # the hub looks all the same
     await world.close()
 
 

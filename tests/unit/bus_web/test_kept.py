@@ -1,4 +1,4 @@
-"""What publishers keep, kept for late viewers: how much of it, and who loses where there is no room."""
+"""Messages kept for late viewers: their bound, and drops if there is no room."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ def test_one_that_is_larger_than_all_there_is_room_for() -> None:
 
 
 def test_room_is_not_searched_for_each_time() -> None:
-    """Thousands of publishers that keep as much as they can would cost a search for each message."""
+    """With thousands of publishers that keep as much as they can, each message would cost a search."""
     kept = Kept(1000 * 1500)
     for number in range(1000):
         kept.put("/t", b"%d" % number, one(number, 1000), depth=1)

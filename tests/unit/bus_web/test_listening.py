@@ -1,4 +1,4 @@
-"""Sockets that listen at a place."""
+"""Sockets that listen at an address."""
 
 import socket
 import stat

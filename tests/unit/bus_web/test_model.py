@@ -1,4 +1,4 @@
-"""Rows of topics and endpoints: rates, losses, routes, what doesn't match and why."""
+"""Rows of topics and endpoints: rates, losses, routes, and mismatches with their reasons."""
 
 from typing import Any
 
@@ -189,7 +189,7 @@ def test_who_keeps_all_has_no_depth() -> None:
 
 
 def test_after_a_restart_of_busd_counting_goes_on() -> None:
-    """Endpoints come back with other ids and the same gids."""
+    """After the restart, endpoints have other ids and the same gids."""
     model = Model()
     for turn, revision in enumerate((9, 9, 1), start=1):
         here = replace(PUBLISHER, id=11 + (revision == 1))

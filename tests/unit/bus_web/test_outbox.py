@@ -1,4 +1,4 @@
-"""What waits for a slow client: its order, its bound, who loses."""
+"""The queue of a slow client: its order, its bound, its drops."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,7 +39,7 @@ def test_the_newest_of_each_stays_as_long_as_it_can() -> None:
     outbox = Outbox(100)
     outbox.put("/a", b"a" * 60)
     outbox.put("/b", b"b" * 30)
-    outbox.put("/b", b"c" * 30)  # /a has most, but this one only
+    outbox.put("/b", b"c" * 30)  # /a has the most bytes, but no other message
     assert drain(outbox) == [b"a" * 60, b"c" * 30]
     outbox.put("/a", b"a" * 60)
     outbox.put("/b", b"b" * 60)
@@ -107,7 +107,7 @@ class TestAllClients:
         for outbox in outboxes:
             outbox.put("/image", b"x" * 70)
         assert [len(outbox) for outbox in outboxes] == [0, 0, 0, 1]
-        outboxes[3].put("/image", b"y" * 1000)  # nothing else may go
+        outboxes[3].put("/image", b"y" * 1000)  # no other message can be dropped
         assert drain(outboxes[3]) == [b"y" * 1000]
 
     def test_what_is_of_no_topic_stays(self) -> None:

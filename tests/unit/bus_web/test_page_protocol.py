@@ -1,4 +1,4 @@
-"""What page and server say to each other."""
+"""The protocol between page and server."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""One page that is open."""
+"""One open page."""
 
 import asyncio
 from contextlib import suppress
@@ -13,7 +13,7 @@ from web_world import WebWorld
 
 
 async def test_what_is_made_of_a_message_is_kept_for_a_few_pages_only() -> None:
-    """A page may open another array of the same message again and again."""
+    """A page may open one array of a message after the other, again and again."""
     world = WebWorld()
     publisher = world.add("publisher", "/sensor", "/numbers", Float64MultiArray)
     world.look()

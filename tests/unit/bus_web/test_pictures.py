@@ -1,4 +1,4 @@
-"""Images made small: the order of colours, rows with padding, what can't be drawn."""
+"""Reduced images: the order of colours, rows with padding, and images that can't be drawn."""
 
 import struct
 from typing import Any
@@ -20,17 +20,17 @@ ANY_IMAGE = defstruct("AnyImage", ["width", "height", "step", "is_bigendian", "f
 
 
 def png(width: int, height: int) -> bytes:
-    """Its head."""
+    """The head of a PNG file."""
     return b"\x89PNG\r\n\x1a\n" + struct.pack("!I4sII", 13, b"IHDR", width, height)
 
 
 def jpeg(width: int, height: int) -> bytes:
-    """Its head, with a segment of an application in front, and a byte that fills up."""
+    """The head of a JPEG file, with an application segment before it, and a fill byte."""
     frame = struct.pack("!BHBHHB", 0xC0, 17, 8, height, width, 3)
     return b"\xff\xd8\xff\xe0\x00\x04ab\xff\xff" + frame
 
 
-PIXELS = {  # one red pixel, one of (1, 2, 3)
+PIXELS = {  # one red pixel, and one of (1, 2, 3)
     "rgb8": bytes([255, 0, 0, 1, 2, 3]),
     "bgr8": bytes([0, 0, 255, 3, 2, 1]),
     "rgba8": bytes([255, 0, 0, 9, 1, 2, 3, 9]),
@@ -111,7 +111,7 @@ def test_fields_of_another_type_that_has_these_names(values: list[Any], encoding
 
 
 def test_a_jpeg_that_does_not_come_to_its_size_is_not_searched_for_long() -> None:
-    """Half a megabyte of bytes that fill up cost as many steps, and the server half a second."""
+    """Half a megabyte of fill bytes would cost as many steps, and half a second of the server's time."""
 
     class Counted(bytes):
         steps = 0

@@ -1,4 +1,4 @@
-"""Where servers may listen."""
+"""Addresses on which servers may listen."""
 
 from argparse import ArgumentTypeError
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Rates out of counters: steady, at first, after silence, after a restart; values of each second."""
+"""Rates from counters: steady, at first, after silence, after a restart; values of each second."""
 
 from bus_web.rates import HISTORY_S, Meter, RateHistory
 from rows import for_each
@@ -9,10 +9,10 @@ S = 1_000_000_000
 def test_none_until_told_twice() -> None:
     meter = Meter()
     assert meter.rates(0) is None
-    meter.add(0, 5, 50)  # its process has not said when
+    meter.add(0, 5, 50)  # its process has not sent the time
     assert meter.rates(S) is None
     meter.add(S, 5, 50)
-    meter.add(S, 5, 50)  # the same once more
+    meter.add(S, 5, 50)  # the same sample again
     assert meter.rates(2 * S) is None
     meter.add(3 * S // 2, 10, 150)
     assert meter.rates(2 * S) == (10.0, 200.0)
@@ -63,7 +63,7 @@ def test_a_value_for_each_second() -> None:
 
 
 def test_a_rate_is_taken_over_at_least_two_seconds() -> None:
-    """Of what came in bursts, too: the sample before the window counts."""
+    """This smooths bursts, too. The sample before the window counts."""
     meter = Meter()
     for second, count in ((1, 0), (2, 0), (3, 100), (4, 100)):
         meter.add(second * S, count)

@@ -1,4 +1,4 @@
-"""From an outbox to a socket."""
+"""The way from an outbox to a socket."""
 
 import asyncio
 from contextlib import suppress
@@ -13,7 +13,7 @@ from web_world import ListSocket, turns
 async def test_in_order_and_told_when_notices_are_read() -> None:
     socket = ListSocket()
     sender = Sender(socket, Outbox(100))
-    await sender.drain()  # there is nothing to be read
+    await sender.drain()  # there are no notices yet
     sending = asyncio.get_running_loop().create_task(sender.run())
     socket.may_send.clear()
     sender.notify(b'{"op":1}')

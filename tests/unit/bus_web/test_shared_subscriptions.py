@@ -1,4 +1,4 @@
-"""One subscription for each topic that is looked at."""
+"""One subscription for each viewed topic."""
 
 import gc
 from typing import Any
@@ -109,7 +109,7 @@ async def test_a_type_that_nobody_describes() -> None:
 
 
 async def test_all_topics_share_the_bound_of_what_is_kept() -> None:
-    """The one that keeps most loses its oldest."""
+    """The topic that keeps most loses its oldest message."""
     world = WebWorld()
     subscriptions = world.hub.subscriptions
     subscriptions._kept = Kept(most_bytes=10_000)
@@ -145,7 +145,7 @@ async def test_who_looks_later_gets_what_publishers_keep() -> None:
 
 
 def test_a_message_goes_with_who_has_it() -> None:
-    """And not when garbage is collected: of images those were some 20 MB more at any time."""
+    """It does not wait for the garbage collector: images would take some 20 MB more at any time."""
 
     class Payload(bytearray):
         pass

@@ -1,4 +1,4 @@
-"""Messages as trees: what is folded, what JSON has no word for, and that nothing is too much."""
+"""Messages as trees: folded parts, values that JSON does not have, and bounds."""
 
 import math
 from array import array

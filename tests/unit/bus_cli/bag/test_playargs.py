@@ -1,4 +1,4 @@
-"""Numbers that `bus bag play` takes."""
+"""The numbers that `bus bag play` accepts."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Callable

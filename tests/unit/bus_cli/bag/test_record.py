@@ -1,4 +1,4 @@
-"""Numbers that `bus bag record` takes."""
+"""The numbers that `bus bag record` accepts."""
 
 from argparse import ArgumentParser
 

@@ -1,4 +1,4 @@
-"""What `bus bench` reads, publishes and computes; and sessions whose workers get nowhere."""
+"""`bus bench`: its command line, payloads and figures; and sessions whose workers do not start."""
 
 import os
 import socket
@@ -41,7 +41,9 @@ def sent(count: int, begin_ms: int = 0, end_ms: int = 1000) -> Sent:
 
 
 def settled(delivered: int, *ages_us: int, late_us: int = 0, **dropped: int) -> Settled:
-    """One that took some messages, which were sent 1 ms apart, the last of them after two seconds."""
+    """The result of a subscriber. Its messages were sent 1 ms apart, and the last one arrived after two
+    seconds.
+    """
     return Settled(
         delivered=delivered,
         dropped=dropped,
@@ -105,7 +107,7 @@ def test_what_is_no_size(text: str, complaint: str) -> None:
 def test_mistakes_name_option_value_and_limits(
     option: str, value: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises((Exception, SystemExit)) as caught:  # which of them, differs between versions
+    with pytest.raises((Exception, SystemExit)) as caught:  # which of them depends on the version of Python
         parse(option, value)
     text = f"{caught.value} {capsys.readouterr().err}"
     assert f"argument {option}: '{value}' is not" in text
@@ -262,7 +264,7 @@ def test_what_was_late_counts_in_the_age_since_due() -> None:
 
 
 def test_the_age_at_the_last_subscriber() -> None:
-    """Of messages that all have: the third was lost by the second subscriber."""
+    """The figure covers messages that all subscribers have: the second subscriber lost the third message."""
     run = Run.of(64, 10.0, "shm", [sent(3)], [settled(3, 100, 250, 900), settled(2, 300, 200, replaced=1)])
     assert run.last_us is not None
     assert (run.last_us.samples, run.last_us.p50, run.last_us.max) == (2, 250, 300)
@@ -319,7 +321,7 @@ def is_alive(pid: int) -> bool:
 
 
 def fail_to_start(path: Path) -> str:
-    """The error of a session; its processes are gone when it returns."""
+    """Returns the error of a session that fails to start. Its processes must have ended."""
     running = Session(task(path), worker_environ(None), lambda count: None)
     with pytest.raises(CommandError) as caught, running:
         running.start()
@@ -330,7 +332,7 @@ def fail_to_start(path: Path) -> str:
 
 
 def test_workers_that_hang_are_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The bus takes their connections, and says nothing."""
+    """The bus accepts their connections, and sends nothing."""
     monkeypatch.setattr(session, "SILENT_S", 0.2)
     monkeypatch.setattr(session, "START_S", 0.0)
     path = tmp_path / "mute.sock"

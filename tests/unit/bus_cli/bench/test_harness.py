@@ -1,4 +1,6 @@
-"""The processes of a measurement: none is waited for in vain or left over, and what they say comes whole."""
+"""The processes of a measurement: the harness waits for no dead process, leaves none running, and gets their
+whole output.
+"""
 
 import signal
 import sys
@@ -20,7 +22,7 @@ STUBBORN = f"import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); {UP};
 
 @pytest.fixture(autouse=True)
 def no_patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With children that don't end when they are asked to."""
+    """A short time limit, as some children do not end on request."""
     monkeypatch.setattr(harness, "STOP_S", 1.0)
 
 
@@ -50,7 +52,8 @@ def test_a_child_that_dies_is_a_failure_at_once_that_says_how(ends: bool, last: 
         child = group.start("rival", sys.executable, "-c", f"{UP}; input(); {last}", ends=ends)
         group.expect(child, "up", within_s=START_S)
         child.send("go")
-        group.expect(other, "ready", within_s=3600)  # of another child: its end is noticed all the same
+        # It waits for another child; the harness notices this child's end all the same.
+        group.expect(other, "ready", within_s=3600)
 
 
 def test_a_child_that_closed_its_output_is_given_its_time_and_no_more() -> None:

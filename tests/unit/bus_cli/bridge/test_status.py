@@ -1,4 +1,4 @@
-"""bus_cli.bridge.status: what a bridge tells of itself, as people read it."""
+"""bus_cli.bridge.status: a bridge's report on itself, as text."""
 
 from bus_bridge.core.status import LinkState, MirrorCounts, RouteState
 from bus_cli.bridge.remote import Answer

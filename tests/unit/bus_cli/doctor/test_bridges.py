@@ -19,7 +19,7 @@ def file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def installed(monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """The modules of extras that are there; may be changed."""
+    """The modules of installed extras. A test may change the set."""
     found = {extra.module for extra in extras.EXTRAS.values()}
     monkeypatch.setattr(extras, "find_spec", lambda name: object() if name in found else None)
     monkeypatch.setattr(bridges, "version", lambda name: "1.2.3")
@@ -28,7 +28,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 @pytest.fixture
 def buffers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """In place of /proc/sys/net/core."""
+    """Replaces /proc/sys/net/core."""
     for name in ("rmem_default", "rmem_max"):
         (tmp_path / name).write_text(f"{4 << 20}\n")
     monkeypatch.setattr(bridges, "_BUFFERS", tmp_path)
@@ -93,7 +93,7 @@ def test_a_port_that_is_free_and_one_that_is_not(installed: set[str], file: Path
         )
     ]
     assert of_ports("zenoh") == [Finding("ok", "bridges", f"{place} is in use, and a bridge runs")]
-    place = place.replace("tcp", "quic")  # by UDP, where nobody listens
+    place = place.replace("tcp", "quic")  # by UDP; no program listens there
     file.write_text(f"[bridge.zenoh]\nlisten = '{place}'")
     assert of_ports() == [Finding("ok", "bridges", f"{place} is free")]
 

@@ -1,4 +1,4 @@
-"""bus_cli.doctor.configuration: the file of a daemon that runs, looked at by busd itself."""
+"""bus_cli.doctor.configuration: the file of a running daemon, checked by busd itself."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def test_which_file(line: str, folder: Path | None, expected: str | None) -> Non
 
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Of a daemon that runs."""
+    """The configuration file of a running daemon."""
     file = tmp_path / "busd.toml"
     monkeypatch.setattr(procfs, "command_line", lambda pid: ["busd", "--config", str(file)])
     return file
@@ -51,7 +51,7 @@ def test_one_that_was_broken_since(file: Path) -> None:
 
 
 def test_rules_that_can_not_work(file: Path) -> None:
-    """Others are allowed something, and can't reach the socket."""
+    """The rules allow other users something, and these users cannot reach the socket."""
     file.write_text('[[access]]\nusers = ["*"]\ntopics = "/x"\nactions = ["observe"]\n')
     path = file.with_name("0.sock")
     path.touch(mode=0o600)

@@ -1,4 +1,6 @@
-"""bus_cli.doctor.daemon: what is said of a daemon that answers, of one that doesn't, and of others."""
+"""bus_cli.doctor.daemon: findings about a daemon that answers, about one that does not, and about other
+daemons.
+"""
 
 import os
 import socket
@@ -34,7 +36,7 @@ def look(subject: str, what: Seen | Exception, path: Path = PATH) -> Finding | N
 
 @pytest.fixture(autouse=True)
 def process(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
-    """What proc(5) says of every process."""
+    """The fields of proc(5), the same for every process."""
     says: dict[str, object] = {
         "state": "S",
         "age_s": 3723.4,

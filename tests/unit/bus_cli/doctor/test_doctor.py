@@ -1,4 +1,4 @@
-"""`bus doctor`: the socket, versions and the machine; and how findings are printed."""
+"""`bus doctor`: the socket, versions and the machine; and the output of findings."""
 
 import errno
 import os
@@ -167,7 +167,7 @@ def test_who_may_connect(path: Path) -> None:
 
 
 def test_a_socket_that_is_not_for_us(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may do everything
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root has every permission
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(path))
         (found,) = place.socket_file(path)
@@ -177,7 +177,7 @@ def test_a_socket_that_is_not_for_us(path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_folder_of_the_user_whose_daemon_serves_us(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """He has looked at it himself; for a daemon of our own it would not do."""
+    """That user has checked the folder. For our own daemon, the folder would not be good enough."""
     us = os.geteuid()
     os.chown(path.parent, us, -1)
     monkeypatch.setattr(os, "geteuid", lambda: us + 1)
@@ -219,7 +219,7 @@ def test_shared_memory_that_is_turned_off(
 def test_no_native_core(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("BUS_ROUTE", raising=False)
     monkeypatch.setenv("BUS_NATIVE", "auto")
-    monkeypatch.setitem(sys.modules, "bus.shm._core", None)  # as if it were not there
+    monkeypatch.setitem(sys.modules, "bus.shm._core", None)  # as if the module were missing
     found = look("shared memory")
     assert found.mark == "warn"
     assert found.text.startswith("not used: the native core was not built (")
@@ -304,7 +304,7 @@ def test_memory(
 
 
 def test_memory_of_a_daemon_in_another_cgroup(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it may hold is of its own memory."""
+    """The limit of the daemon's memory counts, not ours."""
     of = {"self": of_cgroup("robot", 300, 400), 4711: of_cgroup("busd", 600, 2048)}
     monkeypatch.setattr(machine, "rooms", lambda process: iter([of[process], of_machine(4000, 8000)]))
     assert [(one.mark, one.subject, one.text) for one in machine.memory(HELD, 4711)] == [

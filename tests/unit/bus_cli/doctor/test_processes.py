@@ -1,4 +1,4 @@
-"""bus_cli.doctor.processes: programs that stand still, of another release, or near a limit."""
+"""bus_cli.doctor.processes: programs that stand still, have another release, or are near a limit."""
 
 import pytest
 
@@ -22,7 +22,7 @@ LIMITS = {
 
 @pytest.fixture(autouse=True)
 def states(monkeypatch: pytest.MonkeyPatch) -> dict[int, str]:
-    """Of each process; S where nothing is said."""
+    """The state of each process; S unless a test sets another."""
     states: dict[int, str] = {}
     monkeypatch.setattr(procfs, "state", lambda pid: states.get(pid, "S"))
     return states
@@ -75,7 +75,7 @@ def test_one_of_another_release() -> None:
     text = f"cam.py (pid 1001) runs release 0.0.9 of the library, the daemon {RELEASE}"
     assert look(peer(version="0.0.9", nodes=1)) == [Finding("warn", "release", text, "start it again")]
     assert "runs release unknown of the library" in look(peer(version="", nodes=1))[0].text
-    assert look(peer(version="", nodes=0))[0].mark == "ok"  # a tool that only asks
+    assert look(peer(version="", nodes=0))[0].mark == "ok"  # a tool that only sends queries
 
 
 def test_near_a_limit() -> None:

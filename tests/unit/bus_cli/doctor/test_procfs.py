@@ -1,4 +1,4 @@
-"""bus_cli.doctor.procfs: what the kernel says, read from real processes."""
+"""bus_cli.doctor.procfs: the kernel's data, read from real processes."""
 
 import os
 import signal
@@ -13,7 +13,7 @@ import pytest
 from bus_cli.doctor import procfs
 
 NOBODY = 2**22 + 1
-"""Above the largest pid there is."""
+"""A number above the largest possible pid."""
 
 
 CODE = "print('ready', flush=True); input()"

@@ -1,4 +1,4 @@
-"""bus_cli.launch.completers: what the shell completes after `bus launch` and `bus run`."""
+"""bus_cli.launch.completers: the shell's completions after `bus launch` and `bus run`."""
 
 import os
 from argparse import Namespace

@@ -1,4 +1,4 @@
-"""`bus launch` in this process: which file is meant, its arguments, what it prints instead of a traceback."""
+"""`bus launch` in this process: the choice of the file, its arguments, and errors in place of a traceback."""
 
 import os
 from collections.abc import Iterator
@@ -37,7 +37,7 @@ Arguments (pass arguments as '<name>:=<value>'):
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A package my_robot, and files; the environment becomes what it was, for a launch changes it."""
+    """A package my_robot, and files. Restores the environment, because a launch changes it."""
     write(
         tmp_path,
         {

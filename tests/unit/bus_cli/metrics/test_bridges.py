@@ -1,4 +1,4 @@
-"""bus_cli.metrics.bridges: what bridges count becomes counters that never fall."""
+"""bus_cli.metrics.bridges: the counts of bridges become counters that never fall."""
 
 from bus_bridge.core.status import LinkState, RouteState
 from bus_cli.bridge.remote import Answer
@@ -33,7 +33,7 @@ def test_they_go_on_where_a_route_or_a_bridge_goes_and_comes_back() -> None:
     totals.take(seen(camera(6, sent=6)))
     assert totals.taken.rows == {CAMERA: 6}
     totals.take({})
-    totals.take(seen(camera(2, sent=1, replaced=1)))  # another process: it begins at 0
+    totals.take(seen(camera(2, sent=1, replaced=1)))  # another process, which begins at 0
     assert totals.taken.rows == {CAMERA: 8}
     assert totals.sent.rows == {CAMERA: 7}
     assert totals.dropped.rows == {(*CAMERA, "replaced"): 1}
@@ -46,7 +46,7 @@ def test_refused_connections_go_on_where_a_bridge_comes_back() -> None:
     totals.take({})
     totals.take({"/bridge_zenoh": Answer(refused=3)})
     assert totals.refused.rows == {row: 3}
-    totals.take({"/bridge_zenoh": Answer(refused=1)})  # another process: it begins at 0
+    totals.take({"/bridge_zenoh": Answer(refused=1)})  # another process, which begins at 0
     assert totals.refused.rows == {row: 4}
 
 

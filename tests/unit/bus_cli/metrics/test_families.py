@@ -1,4 +1,4 @@
-"""bus_cli.metrics.families: names, labels and bounds; and that docs/operation.md has all of them."""
+"""bus_cli.metrics.families: names, labels and bounds; docs/operation.md has all of them."""
 
 import os
 import re
@@ -51,7 +51,7 @@ CHATTER = graph(
 
 
 def registry(*looks: View | str, most_rows: int = 100, hidden: bool = False) -> CollectorRegistry:
-    """Which sees one after the other."""
+    """A registry that sees the views one after the other."""
     rest = iter(looks)
     found = CollectorRegistry()
     found.register(BusCollector(lambda: next(rest), most_rows=most_rows, hidden=hidden))
@@ -59,7 +59,7 @@ def registry(*looks: View | str, most_rows: int = 100, hidden: bool = False) -> 
 
 
 def samples(registry: CollectorRegistry) -> dict[str, float]:
-    """As Prometheus reads them: `name{label=value,...}`."""
+    """Samples as Prometheus reads them: `name{label=value,...}`."""
     found = {}
     for family in text_string_to_metric_families(generate_latest(registry).decode()):
         for sample in family.samples:
@@ -97,7 +97,7 @@ def test_hidden_topics_only_where_they_are_wanted() -> None:
 def test_charges() -> None:
     found = samples(registry(view(CHATTER, CHARGES)))
     who = "{pid=1001,program=cam.py,uid=7}"
-    assert found[f"busd_peer_nodes{who}"] == 3  # of all its connections
+    assert found[f"busd_peer_nodes{who}"] == 3  # the sum of all its connections
     assert found[f"busd_peer_queued_bytes{who}"] == 42
     assert found[f"busd_peer_silent_seconds{who}"] == 2
     assert found["busd_user_connections{uid=7}"] == 2
@@ -130,7 +130,7 @@ def test_a_busd_that_routed_nothing_or_does_not_tell() -> None:
 
 
 def test_no_busd() -> None:
-    """Counters go on where they were when it is back."""
+    """When busd is back, counters continue at their old values."""
     both = registry(view(CHATTER), "no busd listens", view(CHATTER))
     before = samples(both)
     assert samples(both) == {"busd_up": 0}

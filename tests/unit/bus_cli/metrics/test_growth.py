@@ -1,4 +1,4 @@
-"""bus_cli.metrics.growth: counters that begin anew."""
+"""bus_cli.metrics.growth: counters that restart."""
 
 from bus_cli.metrics.growth import Growth
 
@@ -15,7 +15,7 @@ def test_one_whose_leading_counter_has_fallen_began_anew() -> None:
     growth = Growth("all", 10)
     growth.take({ONE: {"all": 3, "bad": 1}})
     assert growth.take({ONE: {"all": 2, "bad": 2}}) == {ONE: {"all": 2, "bad": 2}}
-    assert growth.take({ONE: {"all": 2, "bad": 1}}) == {ONE: {"all": 0, "bad": 0}}  # nothing counts down
+    assert growth.take({ONE: {"all": 2, "bad": 1}}) == {ONE: {"all": 0, "bad": 0}}  # no counter goes down
 
 
 def test_those_that_are_gone_are_remembered_the_last_of_them() -> None:

@@ -1,4 +1,4 @@
-"""bus_cli.metrics.serve: who is answered, and that nobody who is slow holds others up."""
+"""bus_cli.metrics.serve: accepted requests; a slow client does not hold up others."""
 
 import re
 import socket
@@ -23,7 +23,7 @@ from rows import for_each
 
 
 class Answer(Collector):
-    """The one metric."""
+    """A collector with a single metric."""
 
     def collect(self) -> list[Metric]:
         return [GaugeMetricFamily("answer", "To all.", 42)]
@@ -94,7 +94,7 @@ def test_the_page(text: str) -> None:
     ],
 )
 def test_only_by_our_own_names(host: str, expected: int) -> None:
-    """A page in a browser may reach loopback by a name that its owner points there."""
+    """The owner of a name can point it to loopback, so that a page in a browser reaches this server."""
     with serving() as place:
         status, page = ask(place, host)
         assert status == expected

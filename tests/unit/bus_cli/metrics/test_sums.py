@@ -1,4 +1,4 @@
-"""bus_cli.metrics.sums: what grows, what stays when endpoints go, and what finds no place."""
+"""bus_cli.metrics.sums: sums that grow, sums that stay when endpoints go, and rows without room."""
 
 import pytest
 from hypothesis import given
@@ -87,7 +87,7 @@ def test_totals_by_topic_and_node() -> None:
 
 
 def test_a_topic_goes_on_where_it_was() -> None:
-    """Its publisher is started again: another endpoint, which counts from 0."""
+    """Its publisher restarts: this is another endpoint, which counts from 0."""
     totals = Totals(100)
     take(totals, endpoint(1, PUBLISHER, samples=5))
     take(totals, endpoint(1, PUBLISHER, samples=8))
@@ -98,7 +98,9 @@ def test_a_topic_goes_on_where_it_was() -> None:
 
 
 def test_a_new_busd_is_told_what_was_counted_before() -> None:
-    """The same endpoint has another id, first no counters, and then all that it ever counted."""
+    """At a new busd, the same endpoint has another id. At first it has no counters, and later those of its
+    whole life.
+    """
     totals, gid = Totals(100), b"x" * 16
     take(totals, endpoint(7, SUBSCRIPTION, gid=gid, samples=100, replaced=9, expected=109))
     take(totals)
@@ -110,7 +112,7 @@ def test_a_new_busd_is_told_what_was_counted_before() -> None:
 
 
 def test_two_endpoints_of_one_gid_do_not_count_for_ever() -> None:
-    """No honest program has them."""
+    """No honest program has two endpoints of one gid."""
     totals, gid = Totals(100), b"x" * 16
     for _ in range(3):
         take(totals, endpoint(1, PUBLISHER, gid=gid, samples=5), endpoint(2, PUBLISHER, gid=gid, samples=5))

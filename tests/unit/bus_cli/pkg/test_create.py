@@ -1,4 +1,4 @@
-"""`bus pkg create`: what it prints, what it writes, and what it refuses."""
+"""`bus pkg create`: its output, its files, and its refusals."""
 
 import ast
 import configparser
@@ -29,7 +29,7 @@ def create(*words: str) -> int:
 
 
 def setup_arguments(text: str) -> dict[str, Any]:
-    """What setup.py gives to setup(), where it can be read without running it."""
+    """The arguments that setup.py passes to setup(), if they can be read without running it."""
     call = ast.parse(text).body[-1]
     assert isinstance(call, ast.Expr)
     assert isinstance(call.value, ast.Call)
@@ -133,7 +133,9 @@ def test_setup_py(here: Path) -> None:
 
 
 def test_the_lesson_can_add_its_lines(here: Path) -> None:
-    """It says: the program within the brackets of console_scripts, the dependencies after the license."""
+    """The lesson says: add the program within the brackets of console_scripts, and the dependencies after the
+    license.
+    """
     assert create("arm", *PYTHON) == 0
     text = (here / "arm" / "setup.py").read_text()
     brackets = "        'console_scripts': [\n        ],\n"

@@ -1,4 +1,4 @@
-"""Which rows `bus top` shows, and which of them is chosen, while the bus changes."""
+"""The rows of `bus top`, and the chosen row, while the bus changes."""
 
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphNode
 from bus.qos import QoSProfile
@@ -11,7 +11,7 @@ S = 1_000_000_000
 
 
 def look(model: Model, *topics: str, seconds: int = 1) -> Model:
-    """Each topic has a publisher; the later in the alphabet, the more it says."""
+    """Each topic has a publisher. The later a topic is in the alphabet, the more its publisher sends."""
     ends = tuple(
         GraphEndpoint(
             ord(name[-1]),
@@ -80,7 +80,7 @@ def test_the_chosen_row_stays_chosen_wherever_it_goes() -> None:
     state, model = State(), Model()
     state.take(look(model, "/c"))
     state.take(look(model, "/b", "/c", "/d"))
-    assert chosen(state) == "/b"  # the first, as nobody has chosen
+    assert chosen(state) == "/b"  # the first row, as the user has chosen none
     state.choose(1)
     state.take(look(model, "/a", "/b", "/c", "/d"))
     assert (state.index, chosen(state)) == (2, "/c")

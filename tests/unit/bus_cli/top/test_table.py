@@ -1,4 +1,4 @@
-"""Rows as lines: their order, and how they fit a terminal."""
+"""Rows as lines: their order, and their fit into a terminal."""
 
 from typing import NamedTuple
 

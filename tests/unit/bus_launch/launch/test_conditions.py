@@ -1,4 +1,4 @@
-"""bus_launch.launch.conditions: which texts are true and false, and when actions are executed."""
+"""bus_launch.launch.conditions: texts for true and false, and the actions that are executed."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""bus_launch.launch.core: the context of a launch, and what texts and entities are normalized to."""
+"""bus_launch.launch.core: the context of a launch, and the normal form of texts and entities."""
 
 import asyncio
 import os
@@ -26,7 +26,7 @@ from bus_launch.launch.core import (
 
 
 class Entity(LaunchDescriptionEntity):
-    """Notes its visits, and returns what is below it."""
+    """Records its visits, and returns its child entities."""
 
     def __init__(self, visited: list[Any], *below: LaunchDescriptionEntity, future: Any = None) -> None:
         self.visited, self.below, self.future = visited, below, future

@@ -1,4 +1,4 @@
-"""bus_launch.launch.event_handlers: which events of which actions they take, and what they answer."""
+"""bus_launch.launch.event_handlers: the events and actions that they handle, and their answers."""
 
 from typing import Any
 

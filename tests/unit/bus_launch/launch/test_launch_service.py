@@ -1,4 +1,4 @@
-"""Descriptions that are run, without processes: order, scopes, events, files, and what is wrong with them."""
+"""Running descriptions, without processes: order, scopes, events, files, and errors."""
 
 import os
 from collections.abc import Sequence
@@ -101,7 +101,7 @@ def test_what_a_group_sets_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_events_and_handlers() -> None:
-    """The newest handler is asked first; one may be for one event only."""
+    """The newest handler is asked first. A handler may be for one event only."""
     found: list[Any] = []
 
     class Mine(Event):
@@ -152,8 +152,8 @@ def test_shutdown_ends_what_waits() -> None:
 
 
 def test_nobody_has_read_stdout_before_the_launch_began(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in `bus launch ... | head -1`: it ends, and does not wait for its timer."""
-    # Closed behind the reset with which `run` begins.
+    """As with `bus launch ... | head -1`: the launch ends, and does not wait for its timer."""
+    # Closed after the reset with which `run` begins.
     monkeypatch.setattr(logging, "reset", lambda: setattr(logging.launch_config, "is_screen_closed", True))
     assert run(TimerAction(period=1000.0, actions=[])) == 0
     monkeypatch.undo()

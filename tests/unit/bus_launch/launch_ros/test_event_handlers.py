@@ -1,4 +1,4 @@
-"""bus_launch.launch_ros.event_handlers: which transitions of which lifecycle nodes they take."""
+"""bus_launch.launch_ros.event_handlers: the transitions and lifecycle nodes that they handle."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +14,7 @@ SECOND: Any = object()
 
 
 class Transition(StateTransition):
-    """One whose texts are given."""
+    """A transition with given texts."""
 
     def __init__(self, action: Any, transition: str, start: str, goal: str) -> None:
         self._texts = SimpleNamespace(

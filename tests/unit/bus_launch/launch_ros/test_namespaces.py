@@ -1,4 +1,4 @@
-"""bus_launch.launch_ros.namespaces: names put together."""
+"""bus_launch.launch_ros.namespaces: names joined to namespaces."""
 
 from bus_launch.launch_ros.namespaces import (
     is_namespace_absolute,

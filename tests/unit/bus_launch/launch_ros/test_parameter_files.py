@@ -1,4 +1,4 @@
-"""bus_launch.launch_ros.parameter_files: the arguments of files and dicts, and what becomes of the files."""
+"""bus_launch.launch_ros.parameter_files: arguments for files and dicts, and the end of temporary files."""
 
 from pathlib import Path
 

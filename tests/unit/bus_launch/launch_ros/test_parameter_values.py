@@ -1,4 +1,4 @@
-"""Parameters as launch files write them: names, types, and what is none."""
+"""Parameters as launch files write them: names, types, and invalid values."""
 
 from pathlib import Path
 from typing import Any

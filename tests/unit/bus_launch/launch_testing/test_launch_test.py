@@ -1,4 +1,4 @@
-"""launch_testing.launch_test: what it says of a file that can't be run."""
+"""launch_testing.launch_test: the error for a file that can't be run."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""bus_launch.launch_testing.processes: which process is meant, what it has written, and how it ended."""
+"""bus_launch.launch_testing.processes: the choice of a process, its output, and its exit code."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""What is wrong with a launch file in XML or YAML, in one line that names it."""
+"""Errors in launch files of XML or YAML, each in one line that names the error."""
 
 from pathlib import Path
 
@@ -104,7 +104,7 @@ def test_bytes_that_are_no_text(tmp_path: Path) -> None:
 
 
 def test_a_file_of_any_name(tmp_path: Path) -> None:
-    """It is read as what it can be read as."""
+    """The reader tries all formats."""
     (tmp_path / "a").write_text("<launch/>")
     assert get_launch_description_from_any_launch_file(str(tmp_path / "a")).entities == []
     (tmp_path / "b").write_text("what")

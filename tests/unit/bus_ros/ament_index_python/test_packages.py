@@ -1,4 +1,4 @@
-"""Where packages are, installed and as source."""
+"""The places of packages, installed and as source."""
 
 import json
 import sys
@@ -39,7 +39,7 @@ def test_a_package_installed_from_its_source(tmp_path: Path, monkeypatch: pytest
     assert ament.get_package_share_path("my_robot") == source
     (info / "direct_url.json").write_text(json.dumps({"url": source.as_uri(), "dir_info": {}}))
     with pytest.raises(ament.PackageNotFoundError):
-        ament.get_package_share_path("my_robot")  # what was copied can't be told from its source
+        ament.get_package_share_path("my_robot")  # busd can't tell a copied package from its source
 
 
 def test_a_workspace_that_was_built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +58,7 @@ def test_what_comes_with_busd() -> None:
     share = ament.get_package_share_path("sensor_msgs")
     assert (share / "msg" / "Image.msg").is_file()
     assert share == Path(ament.get_package_prefix("sensor_msgs"), "share", "sensor_msgs")
-    turtlesim = ament.get_package_share_path("turtlesim")  # it has programs, too
+    turtlesim = ament.get_package_share_path("turtlesim")  # this package has programs, too
     assert (turtlesim / "launch" / "multisim.launch.py").is_file()
     assert (turtlesim / "msg" / "Pose.msg").is_file()
     found = ament.get_packages_with_prefixes()

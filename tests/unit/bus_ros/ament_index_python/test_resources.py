@@ -1,4 +1,4 @@
-"""The ament index: resources of any type, as ROS 2's own finds them."""
+"""The ament index: resources of any type, found as by ROS 2's own index."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Codecs: what others send, what is long, and what is wrong."""
+"""Codecs: messages from other encoders, long fields, and errors."""
 
 import struct
 from pathlib import Path
@@ -40,7 +40,7 @@ PARTS = [
     *(f"{name}_Event" for name in names("srv")),
     *(f"{name}_{part}" for name in names("action") for part in ("SendGoal_Request", "FeedbackMessage")),
 ]
-"""They have the others in them."""
+"""The other parts of services and actions are fields of these."""
 
 
 @for_each("name", PARTS)
@@ -100,7 +100,7 @@ def test_long_lists_of_numbers_come_as_they_went() -> None:
     assert codec(Float64MultiArray).decode(b"".join(codec(Float64MultiArray).encode(payload))) == payload
 
 
-# What others send.
+# Messages from other encoders.
 
 OUTER = """\
 uint8 small
@@ -173,14 +173,14 @@ def test_every_representation_is_understood(encoded: str) -> None:
 
 @for_each(("name", "sent", "serialized"), [line.split() for line in JAZZY.read_text().splitlines()[1:]])
 def test_what_ros_itself_serializes_is_understood(name: str, sent: str, serialized: str) -> None:
-    """It leaves what was there before in the padding, and now and then something behind the message."""
+    """ROS 2 leaves old memory in the padding, and sometimes bytes behind the message."""
     made = codec(message_class(name))
     assert made.decode(bytes.fromhex(serialized)).hex() == sent
     assert len(b"".join(made.encode(bytes.fromhex(sent)))) <= len(bytes.fromhex(serialized))
 
 
 def test_what_a_newer_type_has_behind_our_fields_is_passed_over() -> None:
-    # 16 bytes, of which the inner message has 8 behind their length, and we know 4 of these.
+    # 16 bytes. The inner message has 8 of them behind its length, and our type has 4 of these.
     delimited = bytes((0, 9, 0, 0)) + struct.pack("<IIIII", 16, 8, 7, 99, 5)
     nested = f"demo/Inner x\nuint32 y\n{'=' * 80}\nMSG: demo/Inner\nuint32 z"
     assert codec(bus_type(nested)).decode(delimited) == pack([[7], 5])
@@ -192,7 +192,7 @@ def bus_type(definition: str) -> type[Struct]:
 
 @for_each("behind", (b"", b"\0", bytes(3), b"\xaa" * 32))
 def test_what_is_behind_the_last_field_is_not_looked_at(behind: bytes) -> None:
-    """Padding, or what ROS 2's serialize_message leaves there."""
+    """The bytes are padding, or the rest that ROS 2's serialize_message leaves there."""
     assert codec(UInt8).decode(HEAD + b"\x05" + behind) == pack(UInt8(data=5))
 
 
@@ -203,7 +203,7 @@ def test_what_is_behind_the_last_field_is_not_looked_at(behind: bytes) -> None:
         (struct.pack("<I", 2) + b"hi", "hi"),  # without the zero at its end
         (struct.pack("<I", 1) + b"\0", ""),
         (struct.pack("<I", 0), ""),
-        (struct.pack("<I", 4) + b"a\xffb\0", "a\ufffdb"),  # no UTF-8
+        (struct.pack("<I", 4) + b"a\xffb\0", "a\ufffdb"),  # not UTF-8
     ],
 )
 def test_texts_are_taken_as_ros_takes_them(data: bytes, text: str) -> None:
@@ -234,7 +234,7 @@ def test_a_value_that_cdr_cannot_hold_is_refused(cls: type[Struct], value: Any) 
         codec(cls).encode(pack(values))
 
 
-# What is left out.
+# Missing fields.
 
 
 def test_fields_that_were_left_out_have_their_defaults() -> None:
@@ -255,7 +255,7 @@ def test_fields_that_were_left_out_have_their_defaults() -> None:
     assert msgspec.msgpack.decode(codec(Settings).decode(sent), type=Settings) == Settings()
 
 
-# What is wrong.
+# Errors.
 
 HUGE = struct.pack("<I", 2**32 - 1)
 

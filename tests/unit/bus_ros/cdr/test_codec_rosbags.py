@@ -1,4 +1,6 @@
-"""Every type that comes with busd, and one's own: the bytes, definitions and hashes that rosbags has."""
+"""Every type that comes with busd, and a user's own type: rosbags has the same bytes, definitions and
+hashes.
+"""
 
 from typing import Any
 
@@ -15,11 +17,11 @@ from rows import for_each
 typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
 
 MESSAGES = [name for name in names("msg") if name != "example_interfaces/msg/WString"]
-"""All but the one that is refused."""
+"""All types, except the one that the codec refuses."""
 
 
 def known_as(definition: str, name: str) -> Any:
-    """A store of rosbags that has the type, and all that it needs, from the definition alone."""
+    """A store of rosbags that knows the type, and all types in it, from the definition alone."""
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     store.register(typesys.get_types_from_msg(definition, name))
     return store

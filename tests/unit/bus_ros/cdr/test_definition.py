@@ -1,4 +1,4 @@
-"""Definitions as ROS 2's bag files hold them."""
+"""Definitions in the form of ROS 2's bag files."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from rows import for_each
 
 LINE = "=" * 80
 
-# As `ros2 bag record` writes it: the files themselves.
+# As `ros2 bag record` writes it: the text of the files.
 POSE_STAMPED = f"""\
 # A Pose with reference coordinate frame and timestamp
 

@@ -1,4 +1,4 @@
-"""How types of one's own are called and described where ROS 2's tools read them."""
+"""The names and descriptions of a user's own types for ROS 2's tools."""
 
 import math
 from typing import Any

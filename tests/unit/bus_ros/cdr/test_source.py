@@ -1,4 +1,4 @@
-"""Types for which one function would be too large or too deep."""
+"""Types that are too large or too deep for one generated function."""
 
 import random
 from typing import Any

@@ -1,4 +1,4 @@
-"""CvBridge without OpenCV: images in and out of messages, and what is refused."""
+"""CvBridge without OpenCV: images to and from messages, and refusals."""
 
 import sys
 from collections.abc import Iterator

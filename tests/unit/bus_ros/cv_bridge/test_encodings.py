@@ -1,4 +1,4 @@
-"""encodings: what each stores, and the ways between them; texts are cv_bridge's."""
+"""encodings: the layout of each, and the conversions between them. The texts are cv_bridge's."""
 
 import pytest
 

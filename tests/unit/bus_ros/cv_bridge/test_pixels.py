@@ -1,4 +1,4 @@
-"""Conversions and compressed images with OpenCV, which also judges what NumPy does without it."""
+"""Conversions and compressed images with OpenCV. OpenCV also checks the results of NumPy alone."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ def test_colors_are_the_right_ones() -> None:
     red = BRIDGE.cv2_to_imgmsg(np.full((4, 4, 3), (255, 0, 0), np.uint8), "rgb8")
     assert BRIDGE.imgmsg_to_cv2(red, "bgr8")[0, 0].tolist() == [0, 0, 255]
     assert BRIDGE.imgmsg_to_cv2(red, "mono8")[0, 0] == 76
-    # Of a Bayer image that has only red: two by two, R G over G B.
+    # A Bayer image with red only: blocks of two by two, R G over G B.
     mosaic = np.zeros((6, 6), np.uint8)
     mosaic[::2, ::2] = 255
     bayer = BRIDGE.cv2_to_imgmsg(mosaic, "bayer_rggb8")

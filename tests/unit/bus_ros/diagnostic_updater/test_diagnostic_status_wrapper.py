@@ -1,4 +1,4 @@
-"""A status that several hands fill in."""
+"""A status that several tasks fill in."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""How often, and how old: on a clock that stands until it is set."""
+"""Frequency and age of updates. The clock stands until a test sets it."""
 
 from typing import Any
 

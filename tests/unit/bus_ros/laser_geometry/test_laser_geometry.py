@@ -1,4 +1,4 @@
-"""LaserProjection: which points a scan has, where they are, and what they carry."""
+"""LaserProjection: the points of a scan, their places, and their fields."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""message_filters.delta_filter: what passes, and what can't be compared."""
+"""message_filters.delta_filter: messages that pass, and values that can't be compared."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""matching: rules at their edges; tests/property/test_message_filters.py has the rest."""
+"""matching: rules at their limits. tests/property/test_message_filters.py has the rest."""
 
 from typing import Any
 
@@ -35,7 +35,7 @@ def test_a_message_that_was_too_old_for_its_full_queue() -> None:
 
 
 def test_many_that_fit_in_pairs_and_never_all() -> None:
-    """Looked through one by one these are 1e21 sets."""
+    """A search set by set would look at 1e21 sets."""
     both = [*range(30), *range(170, 200)]
     found = match_approximately(queues(*[both] * 12, [100], [0], [200]), 12, 100, 110)
     assert found is None

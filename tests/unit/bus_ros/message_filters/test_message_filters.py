@@ -1,4 +1,4 @@
-"""message_filters: what each filter puts out, keeps, and refuses."""
+"""message_filters: the output of each filter, the messages that it keeps, and refusals."""
 
 import threading
 from types import SimpleNamespace
@@ -48,7 +48,7 @@ def test_sets_of_one_stamp() -> None:
     twin = at(2)
     right.signalMessage(twin)
     assert out == [(second, twin)]
-    right.signalMessage(at(1))  # its other is older than what went out, and gone
+    right.signalMessage(at(1))  # its partner is older than the last output, and gone
     assert len(out) == 1
 
 

@@ -1,4 +1,4 @@
-"""Clocks of the facade: time, jumps, sleeping and who ends it, and simulated time."""
+"""Clocks of the facade: time, jumps, sleeping and its end, and simulated time."""
 
 import signal
 import sys
@@ -23,7 +23,7 @@ WAIT_S = 60.0
 
 
 class Context:
-    """As much of a context as a clock uses."""
+    """The part of a context that a clock uses."""
 
     def __init__(self) -> None:
         self.is_ok = True
@@ -43,7 +43,7 @@ class Context:
 
 
 class Sleeper:
-    """A thread that sleeps by a clock; `act` once it does."""
+    """A thread that sleeps by a clock. `act` runs once it sleeps."""
 
     def __init__(self, clock: Clock, span: Duration, context: Context) -> None:
         self.result: bool | None = None
@@ -51,7 +51,7 @@ class Sleeper:
         self._thread = threading.Thread(target=self._sleep, args=(clock, span))
         sleepers = len(clock._jump_handles)
         self._thread.start()
-        while len(clock._jump_handles) == sleepers:  # the last that it does before it waits
+        while len(clock._jump_handles) == sleepers:  # its last step before the wait
             time.sleep(0.001)
 
     def _sleep(self, clock: Clock, span: Duration) -> None:
@@ -64,7 +64,7 @@ class Sleeper:
 
 
 def is_in(thread: int, code: CodeType) -> bool:
-    """Whether a thread is within that function now."""
+    """True if the thread is within that function now."""
     frame = sys._current_frames().get(thread)
     while frame is not None and frame.f_code is not code:
         frame = frame.f_back
@@ -235,7 +235,7 @@ def test_sleep_by_another_clock_s_time() -> None:
 
 
 class Node:
-    """As much of a node as a time source uses."""
+    """The part of a node that a time source uses."""
 
     def __init__(self, use_sim_time: object = None) -> None:
         self.parameters: dict[str, object] = {} if use_sim_time is None else {"use_sim_time": use_sim_time}

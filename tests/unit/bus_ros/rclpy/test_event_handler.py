@@ -1,4 +1,4 @@
-"""Events of the facade, QoS overrides by parameters, and what it says of endpoints."""
+"""Events of the facade, QoS overrides by parameters, and information about endpoints."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -45,7 +45,7 @@ DEADLINE = native.DeadlineMissed(6, 1)
 
 
 class Line:
-    """What waits for the executor."""
+    """Calls that wait for the executor."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[Callable[[Any], Any], Any]] = []
@@ -140,7 +140,7 @@ def test_names_of_humble_and_rolling() -> None:
 
 
 class Node:
-    """As much of a node as overrides use."""
+    """The part of a node that overrides use."""
 
     def __init__(self, **overrides: object) -> None:
         self.overrides = overrides

@@ -1,4 +1,4 @@
-"""An executor and the entities of nodes that come and go, without a bus."""
+"""An executor, and entities of nodes that are added and removed, without a bus."""
 
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ class Robot:
 
 
 class Box(Entity):
-    """What is put into it is called."""
+    """Calls its callback for each `put`."""
 
     def __init__(self, node: Any) -> None:
         super().__init__(node, None)

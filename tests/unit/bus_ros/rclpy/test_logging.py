@@ -24,7 +24,7 @@ _numbers = itertools.count()
 
 @pytest.fixture
 def log() -> RcutilsLogger:
-    """A logger whose level and sinks no other test shares."""
+    """A logger with its own level and sinks, which no other test uses."""
     return logging.get_logger(f"rclpy_test_{next(_numbers)}")
 
 
@@ -90,7 +90,7 @@ def test_throttle_by_the_steady_clock(
 def test_throttle_by_a_clock_of_the_program(log: RcutilsLogger) -> None:
     clock = simulated(0)
     logged = []
-    for seconds in (0, 4, 5, 9, 2):  # the last one: the simulation began anew
+    for seconds in (0, 4, 5, 9, 2):  # 2 is the restart of the simulation
         clock.set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
         logged.append(log.warn("x", throttle_duration_sec=5.0, throttle_time_source_type=clock))  # type: ignore[call-arg]
     assert logged == [True, False, True, False, True]

@@ -1,4 +1,4 @@
-"""The facade's parameters of a node: set, with rules and callbacks; and described."""
+"""The facade's parameters of a node: set, with rules and callbacks, and described."""
 
 import math
 from collections.abc import Callable

@@ -64,7 +64,7 @@ def test_values_of_sequences() -> None:
     assert Parameter("a", value=array("d", [1.0])).type_ is Type.DOUBLE_ARRAY
     for value in ((1, 2), array("i", [1, 2])):
         assert list(Parameter("a", value=value).get_parameter_value().integer_array_value) == [1, 2]
-    # As in ROS 2, an empty list has the first type that is tried.
+    # As in ROS 2, an empty list gets the first type that fits.
     assert Parameter("a", value=[]).type_ is Type.BYTE_ARRAY
     assert Parameter("a", Type.STRING_ARRAY, []).to_parameter_msg().value.string_array_value == []
 

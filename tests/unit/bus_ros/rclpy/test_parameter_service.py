@@ -1,4 +1,4 @@
-"""The services of a node's parameters, and the client of those of another."""
+"""The services of a node's parameters, and a client for another node's parameters."""
 
 from pathlib import Path
 from typing import Any, cast
@@ -23,7 +23,9 @@ def result(successful: bool, reason: str = "") -> Any:
 
 
 class Host:
-    """What a ParameterService needs of a node: its name, its parameters, and a place for services."""
+    """The parts of a node that a ParameterService needs: its name, its parameters, and a place for
+    services.
+    """
 
     def __init__(self, parameters: NodeParameters) -> None:
         self._parameters = parameters
@@ -124,7 +126,7 @@ class FakeClient:
 
 
 class Caller:
-    """A node whose clients reach one Host."""
+    """A node. Its clients reach one Host."""
 
     def __init__(self, host: Host) -> None:
         self._host = host

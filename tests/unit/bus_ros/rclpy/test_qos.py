@@ -1,4 +1,4 @@
-"""QoS of the facade: profiles, enums, presets, and what they mean on the bus."""
+"""QoS of the facade: profiles, enums, presets, and their meaning on the bus."""
 
 import pytest
 

@@ -129,7 +129,7 @@ def test_a_signal_ends_all_contexts() -> None:
         signals.uninstall_signal_handlers()
     for context in contexts:
         assert not context.ok()
-        context.shutdown()  # forgiven once
+        context.shutdown()  # allowed once after the signal
 
 
 def test_names_of_actions() -> None:

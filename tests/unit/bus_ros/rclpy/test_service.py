@@ -1,4 +1,4 @@
-"""A service of the facade, without a bus: when an executor hears of a request."""
+"""A service of the facade, without a bus: the moment at which an executor learns of a request."""
 
 from collections import deque
 from types import SimpleNamespace
@@ -12,14 +12,14 @@ from bus_ros.rclpy.service import Service
 
 
 class Robot:
-    """A node that an executor works for."""
+    """A node with an executor."""
 
     def __init__(self, executor: object) -> None:
         self.own_executor = executor
 
 
 def test_a_request_that_is_quicker_than_the_call_that_creates_waits_for_it() -> None:
-    """An executor in another thread would take it, and could not answer."""
+    """Otherwise an executor in another thread could take the request, and could not answer it."""
     executor = SimpleNamespace(ready=deque(), waiter=SimpleNamespace(is_set=True))
     node: Any = Robot(executor)
     native: Any = SimpleNamespace(service_name="/add")
@@ -29,7 +29,7 @@ def test_a_request_that_is_quicker_than_the_call_that_creates_waits_for_it() -> 
     service.on_request(AddTwoInts.Request(a=1), RequestId(bytes(16), 1))
     assert not executor.ready
     service.begin(native)
-    service.notify()  # as the node does with all that it adds
+    service.notify()  # as the node does with each new entity
     assert list(executor.ready) == [service] and service.service_name == "/add"
     service.on_request(AddTwoInts.Request(a=2), RequestId(bytes(16), 2))
     assert list(executor.ready) == [service]

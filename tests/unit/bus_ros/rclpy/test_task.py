@@ -12,7 +12,7 @@ from bus_ros.rclpy.task import Future, Task
 
 
 class Executor:
-    """Takes tasks and runs them when told; a task that was woken is in line again."""
+    """Takes tasks, and runs them on request. A task that is woken is queued again."""
 
     def __init__(self) -> None:
         self.line: list[Task[Any]] = []
@@ -24,7 +24,7 @@ class Executor:
         return task
 
     def run(self) -> int:
-        """Until nobody is in line; returns how many steps that were."""
+        """Run until no task is queued. Returns the number of steps."""
         steps = 0
         while self.line:
             self.line.pop(0)()
@@ -229,12 +229,12 @@ def test_a_cancelled_task_closes_its_coroutine() -> None:
     assert (task.cancelled(), ended) == (True, ["closed"])
     task()
     never = executor.create_task(wait())
-    never.cancel()  # a coroutine that never began: closed, too, and no warning
+    never.cancel()  # a coroutine that never began is closed, too, without a warning
     assert executor.run() == 1
 
 
 def test_a_future_that_gets_done_while_the_step_ends() -> None:
-    """The task must be in line again however the two meet."""
+    """The task must be queued again, whichever comes first."""
     for _ in range(200):
         future: Future[int] = Future()
         woken = threading.Event()

@@ -1,4 +1,4 @@
-"""Message classes as rosidl makes them: constructors, assertions, text, equality, copies."""
+"""Message classes as rosidl makes them: constructors, assertions, texts, equality, copies."""
 
 import copy
 import pickle
@@ -51,7 +51,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def listed(value: Any) -> Any:
-    """An array as a list, be it numpy's or not."""
+    """The array as a list. It may be numpy's."""
     return value.tolist()
 
 
@@ -272,7 +272,7 @@ def test_equality(own: Any) -> None:
 
 
 class Loud(message_class("std_msgs/msg/String")):  # type: ignore[misc]
-    """A class of a program's own."""
+    """A class that a program derives."""
 
     def shout(self) -> str:
         return str(self.data).upper()

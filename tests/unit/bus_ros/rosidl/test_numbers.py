@@ -1,4 +1,4 @@
-"""What is stored for what is assigned to an array or a number; numpy, where it is installed."""
+"""The stored form of values assigned to an array or a number; numpy, if it is installed."""
 
 import subprocess
 import sys
@@ -55,7 +55,7 @@ def test_numpy_where_it_is_installed() -> None:
 
 @pytest.mark.parametrize("dtype", [">i4", "<i4", ">u2", ">i8"])
 def test_numpy_of_another_byte_order(dtype: str) -> None:
-    """They were taken for this machine's, and the values were others."""
+    """A past fault: they were read in this machine's byte order, which changed the values."""
     np = pytest.importorskip("numpy")
     array_of = np.array([1, 2, 300], np.dtype(dtype))
     assert cls("std_msgs/msg/Int32MultiArray")(data=array_of).data == array("i", [1, 2, 300])
@@ -69,7 +69,7 @@ def test_numpy_is_not_imported_before_an_array_needs_it() -> None:
         "message_class('std_msgs/msg/Float64MultiArray')(data=[1.0])\n"
         "message_class('sensor_msgs/msg/CameraInfo')\n"
         "assert 'numpy' not in sys.modules\n"
-        "sys.modules['numpy'] = None\n"  # as where it isn't installed
+        "sys.modules['numpy'] = None\n"  # as if it were not installed
         "info = message_class('sensor_msgs/msg/CameraInfo')(k=[1.0] * 9)\n"
         "print(type(info.k).__name__, len(info.p), info == info)\n"
     )

@@ -1,4 +1,4 @@
-"""Messages of rosidl's classes on the wire: the same bytes as those of the native classes."""
+"""Messages of rosidl's classes on the wire: the same bytes as from the native classes."""
 
 import struct
 from array import array
@@ -98,11 +98,11 @@ def test_by_plan_only_what_is_surely_right_is_encoded() -> None:
     plan = support("geometry_msgs/msg/Pose").plan
     right = pose(position=point(x=1.0))
     assert plan.encode(right) == support("geometry_msgs/msg/Pose").encode(right)
-    assert plan.encode(pose(position=Corner(x=1.0))) is None  # the other way takes it
+    assert plan.encode(pose(position=Corner(x=1.0))) is None  # the other way encodes it
     assert plan.encode(Corner()) is None and plan.encode(native_class("geometry_msgs/msg/Pose")()) is None
     for name, value in (("UInt8", 256), ("Int8", True), ("Float64", "1"), ("String", "\ud800"), ("Bool", 1)):
         message = cls(f"std_msgs/msg/{name}")()
-        message._data = value  # past the check of what is assigned
+        message._data = value  # past the check of assigned values
         assert support(f"std_msgs/msg/{name}").plan.encode(message) is None
 
 
@@ -143,7 +143,7 @@ def test_a_float32_goes_as_it_is() -> None:
 
 
 def broken(name: str, /, **fields: Any) -> Any:
-    """A message whose lists have become wrong after they were assigned."""
+    """A message whose lists became wrong after their assignment."""
     message = cls(name)()
     for field, value in fields.items():
         getattr(message, field).append(value)

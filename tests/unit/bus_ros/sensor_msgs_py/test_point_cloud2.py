@@ -1,4 +1,4 @@
-"""point_cloud2: clouds made and read, their layouts, and what is refused."""
+"""point_cloud2: writing and reading clouds, their layouts, and refusals."""
 
 import sys
 from typing import Any
@@ -73,7 +73,7 @@ def test_fields_of_several_kinds() -> None:
     assert found == [(1.5, -7), (2.5, 8)]
     assert str(found[0]) == "Point(x=1.5, ring=-7)"
     assert read_points_numpy(cloud, ["ring"]).tolist() == [[-7], [8]]
-    again = create_cloud(cloud.header, MIXED, points)  # its own step
+    again = create_cloud(cloud.header, MIXED, points)  # with its own step
     assert (again.point_step, read_points(again).tolist()) == (24, points.tolist())
 
 

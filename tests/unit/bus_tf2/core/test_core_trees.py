@@ -1,4 +1,4 @@
-"""bus_tf2.core._core: what a tree holds while other things happen."""
+"""bus_tf2.core._core: the content of a tree while other things happen."""
 
 import os
 import subprocess
@@ -33,7 +33,7 @@ def test_names_and_frames_fit_each_other_after_there_was_no_memory() -> None:
 
 
 def test_a_garbage_collection_may_insert_while_rows_are_made() -> None:
-    """In a process of its own: it crashed."""
+    """This once crashed, so it runs in its own process."""
     program = """
         import gc
         from bus_tf2.core._core import FrameTree
@@ -63,5 +63,5 @@ def test_a_garbage_collection_may_insert_while_rows_are_made() -> None:
         keeps_on = False
         assert all(row[2].startswith("the ") for rows in kept for row in rows)
     """
-    environment = {**os.environ, "PYTHONMALLOC": "debug"}  # so that what is freed is seen to be
+    environment = {**os.environ, "PYTHONMALLOC": "debug"}  # so that the test sees the use of freed memory
     subprocess.run([sys.executable, "-c", dedent(program)], check=True, timeout=60, env=environment)

@@ -1,4 +1,4 @@
-"""The command line of static_transform_publisher, with the texts of ROS 2's."""
+"""The command line of static_transform_publisher, with the texts of ROS 2."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What tf2_echo prints, and its command line."""
+"""The output of tf2_echo, and its command line."""
 
 import math
 
@@ -27,7 +27,7 @@ def test_a_transform() -> None:
 
 
 def test_straight_up() -> None:
-    """The pitch is a right angle: roll and yaw are one."""
+    """If the pitch is a right angle, roll and yaw turn about the same axis."""
     half = math.sqrt(0.5)
     assert lines(transform("a", "b", turned=(0, half, 0, half)))[4].endswith("[0.000, 90.000, 0.000]")
     assert lines(transform("a", "b", turned=(0, -half, 0, half)))[4].endswith("[0.000, -90.000, 0.000]")

@@ -1,4 +1,4 @@
-"""What tf2_monitor counts, and prints of it."""
+"""The figures of tf2_monitor, and its output."""
 
 from bus_tf2.programs.tf2_monitor import Counts
 

@@ -1,4 +1,4 @@
-"""Robots read from URDF, and where their joints put their links."""
+"""Robots read from URDF, and the places of their links by their joints."""
 
 import math
 

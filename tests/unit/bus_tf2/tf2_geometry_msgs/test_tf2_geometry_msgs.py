@@ -1,4 +1,4 @@
-"""Messages in the coordinates of another frame, by hand and by a buffer."""
+"""Messages in the coordinates of another frame, by an explicit transform and by a buffer."""
 
 import math
 from typing import Any

@@ -34,7 +34,7 @@ def turned(found: Any) -> tuple[float, float, float, float]:
 
 
 def refusal(buffer: BufferCore, target: str, source: str, time: Time, kind: type[Exception]) -> str:
-    """The text, which `can_transform_core` has too where the names are known."""
+    """The text of the error. `can_transform_core` has the same text if the names are known."""
     with pytest.raises(kind) as caught:
         buffer.lookup_transform_core(target, source, time)
     text = str(caught.value)
@@ -243,7 +243,7 @@ class TestWhatIsTold:
         )
 
     def test_two_authorities(self, buffer: BufferCore) -> None:
-        """Of one time the last that came counts."""
+        """For one time, the last transform that arrived counts."""
         buffer.set_transform(transform("a", "b", 1, (1, 0, 0)), "one")
         buffer.set_transform(transform("a", "b", 1, (2, 0, 0)), "other")
         assert moved(buffer.lookup_transform_core("a", "b", NOW)) == (2.0, 0.0, 0.0)

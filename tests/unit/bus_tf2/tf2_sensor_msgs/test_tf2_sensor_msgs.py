@@ -19,7 +19,7 @@ MOVE = transform("world", "robot", 3, (10, 20, 30), yaw(math.pi / 2))
 
 
 def cloud(order: str, height: int, padding: int) -> tuple[Any, np.ndarray[Any, Any]]:
-    """Points of y, z, x, and one field that stays, in rows that end with padding."""
+    """A cloud of points with y, z, x, and one field that stays. Its rows end with padding."""
     kind = np.dtype([("y", order + "f4"), ("z", order + "f8"), ("ring", order + "u2"), ("x", order + "f4")])
     points = np.zeros((height, 3), kind)
     points["x"], points["y"], points["z"], points["ring"] = 1, 2, 3, np.arange(3)

@@ -1,4 +1,4 @@
-"""Euler angles of every sequence of axes, and quaternions."""
+"""Euler angles for every sequence of axes, and quaternions."""
 
 import math
 from itertools import product
@@ -22,7 +22,7 @@ SEQUENCES = [
 
 
 def elementary(axis: str, angle: float) -> np.ndarray:  # type: ignore[type-arg]
-    """A turn about one axis, as a text book has it."""
+    """A turn about one axis, as in a textbook."""
     i = "xyz".index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
     made = np.identity(3)
@@ -48,14 +48,14 @@ def test_every_sequence(axes: str) -> None:
         assert np.allclose(turn_of(quaternion), turn)
         again = quaternion_from_euler(*euler_from_quaternion(quaternion, axes), axes=axes)
         assert np.allclose(turn_of(again), turn)
-    # Of two answers that with the middle angle that this API has always given.
+    # Of the two answers, this API always gives the one with this middle angle.
     second = -0.9 if axes[1:] in ("xzx", "yxy", "zyz") else 0.9
     angles = (0.3, second, -2.0)
     assert angles_of(turn_of(quaternion_from_euler(*angles, axes=axes)), axes) == pytest.approx(angles)
 
 
 def test_as_transforms3d() -> None:
-    """The library that ROS 2's module is made of."""
+    """ROS 2's module is built on this library."""
     euler = pytest.importorskip("transforms3d.euler", reason="pip install transforms3d")
     for axes, angles in product(SEQUENCES, ((0.3, 0.9, -2.0), (-6.0, 4.2, 3.0), (1.0, -0.4, 0.5))):
         w, x, y, z = euler.euler2quat(*angles, axes=axes)

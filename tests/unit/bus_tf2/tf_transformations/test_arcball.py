@@ -40,7 +40,7 @@ def test_it_turns_with_the_pointer() -> None:
     assert np.allclose(ball.matrix(), identity_matrix())
     ball.place((320, 320), 320)
     ball.down((320, 320))
-    ball.drag((480, 320))  # 30 degrees to the right, which is twice as many of a turn
+    ball.drag((480, 320))  # 30 degrees to the right, which turns the ball by twice as many
     angle, axis, _ = rotation_from_matrix(ball.matrix())
     assert angle * axis[1] == pytest.approx(math.radians(60))
     before = ball.matrix()

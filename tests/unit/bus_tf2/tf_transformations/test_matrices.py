@@ -1,4 +1,4 @@
-"""Matrices of 4 x 4: each against what it is to do."""
+"""Matrices of 4 x 4: each checked by its effect."""
 
 import math
 import sys

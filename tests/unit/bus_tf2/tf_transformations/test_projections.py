@@ -1,4 +1,4 @@
-"""tf_transformations.projections: what they do with points, and what they are made of."""
+"""tf_transformations.projections: their effect on points, and their parts."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a client was told that there is, and what it is told next."""
+"""Items that a client knows, and the news for it."""
 
 from bus_web.foxglove.advertised import Advertised, Entry
 

@@ -1,4 +1,4 @@
-"""Services: what a client is told of them, and its calls."""
+"""Services: their announcement to a client, and its calls."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ class World(WebWorld):
         self.calls = Calls(self.hub, self.formats, self.client, may_set=may_set)
 
     async def services(self) -> dict[str, int]:
-        """What is told now: those that come by name, with their ids."""
+        """Announce the services now. Returns the ids of new services, by name."""
         await self.calls.advertise(self.look())
         return {one["name"]: one["id"] for told in await self.told() for one in told.get("services", ())}
 

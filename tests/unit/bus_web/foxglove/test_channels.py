@@ -1,4 +1,4 @@
-"""Topics as channels: what a client is told of them."""
+"""Topics as channels: their announcement to a client."""
 
 import asyncio
 from typing import Any
@@ -31,7 +31,7 @@ def kind_of(one: GraphEndpoint) -> tuple[str, str]:
 
 
 def named(told: list[dict[str, Any]]) -> list[Any]:
-    """Of channels their topics, of what has gone the ids."""
+    """The topics of announced channels, and the ids of removed ones."""
     return [
         [channel["topic"] for channel in one["channels"]] if one["op"] == "advertise" else one["channelIds"]
         for one in told

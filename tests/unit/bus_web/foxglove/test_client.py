@@ -1,4 +1,4 @@
-"""What one client is sent."""
+"""The data sent to one client."""
 
 from bus_web.foxglove.protocol import Level
 from web_world import WebWorld

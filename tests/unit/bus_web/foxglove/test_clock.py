@@ -1,4 +1,4 @@
-"""The time of the bus, where somebody publishes it."""
+"""The time of the bus, if a node publishes it."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Who is connected, as a client is told of it."""
+"""The connections of the graph, as a client receives them."""
 
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.qos import QoSProfile

@@ -1,4 +1,4 @@
-"""How types are told: as ROS 2 describes them."""
+"""Announced types: in the form of ROS 2."""
 
 from bus.msg.std_msgs import String
 from bus.schema import MessageSchema, schema_of

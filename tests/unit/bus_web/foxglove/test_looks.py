@@ -1,4 +1,4 @@
-"""A topic is looked at as long as there is a reason."""
+"""The server looks at a topic as long as there is a reason."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from bus_web.foxglove.looks import Looks
 
 
 class Subscriptions:
-    """Keeps what was asked of it."""
+    """Records its calls."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []

@@ -1,4 +1,4 @@
-"""Parameters of nodes, asked for and set by their services."""
+"""Parameters of nodes, read and set by the nodes' services."""
 
 from collections.abc import Callable
 from functools import partial
@@ -29,7 +29,7 @@ def value(one: Any) -> Any:
 
 
 class Node:
-    """The services that a node has for its parameters."""
+    """The services of a node for its parameters."""
 
     def __init__(self, world: WebWorld, node: str, **values: Any) -> None:
         self.values = values

@@ -1,4 +1,4 @@
-"""Foxglove's protocol: what clients say, frames of the server."""
+"""Foxglove's protocol: requests of clients, and frames of the server."""
 
 import struct
 from typing import Any

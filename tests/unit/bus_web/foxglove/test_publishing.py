@@ -1,4 +1,4 @@
-"""What a client publishes."""
+"""Messages that a client publishes."""
 
 import msgspec
 import pytest

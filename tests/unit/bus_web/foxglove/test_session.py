@@ -19,7 +19,7 @@ CLOCK: Any = message_class("rosgraph_msgs/msg/Clock")
 
 
 class World(WebWorld):
-    """`say` something to the session, and `hear` what it says."""
+    """`say` sends something to the session, and `hear` returns its answer."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class World(WebWorld):
         self.socket.said.put_nowait(msgspec.json.encode({"op": op, **fields}).decode())
 
     async def hear(self, op: str, fits: Callable[[Any], bool] = lambda told: True) -> dict[str, Any]:
-        """The first that fits, and is newer than what was heard before."""
+        """The first answer that fits. It is newer than all answers returned before."""
         found: list[dict[str, Any]] = []
 
         def is_there() -> bool:
@@ -44,7 +44,7 @@ class World(WebWorld):
         return found[0]
 
     async def messages(self, number: int) -> list[bytes]:
-        """The binary frames, as soon as there are so many."""
+        """The binary frames, as soon as there are `number` of them."""
 
         def found() -> list[bytes]:
             return [one for one in self.socket.sent if not one.startswith(b"{")]

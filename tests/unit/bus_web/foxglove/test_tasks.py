@@ -1,4 +1,4 @@
-"""bus_web.foxglove.tasks: how many calls of a client may be under way, and how large."""
+"""bus_web.foxglove.tasks: bounds on the number and size of a client's calls in progress."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Values of parameters in JSON, and as ROS 2 has them."""
+"""Values of parameters in JSON, and in the form of ROS 2."""
 
 from typing import Any
 

@@ -1,6 +1,6 @@
-"""bus_launch.launch.actions.process: how a process is configured, and which events are for it.
+"""bus_launch.launch.actions.process: the configuration of a process, and the events that it handles.
 
-The processes are those of a `LaunchWorld`; tests/system/test_launch_processes.py has real ones.
+The processes are simulated by a `LaunchWorld`; tests/system/test_launch_processes.py has real ones.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""bus_launch.launch.actions.process_run: what leads from state to state, without a process."""
+"""bus_launch.launch.actions.process_run: the events that lead from state to state, without a process."""
 
 import asyncio
 import signal
@@ -25,7 +25,7 @@ def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Scene:
-    """A run whose process has come to a state."""
+    """A run whose process has reached a state."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class Scene:
         fails: int = 0,
         error: Exception | None = None,
     ) -> None:
-        """`fails`: so many starts fail first, with `error`."""
+        """The first `fails` starts fail with `error`."""
         self.context = LaunchContext()
         self.processes: list[ListProcess] = []
         self.fails = fails
@@ -63,7 +63,7 @@ class Scene:
         return process
 
     def events(self) -> list[str]:
-        """The kinds of the events that were emitted, since this was asked last."""
+        """The kinds of the events emitted since the last call."""
         found = []
         queue = self.context._event_queue
         while not queue.empty():
@@ -103,7 +103,7 @@ class Scene:
         (STARTING, {"fails": 1}, None, ENDED),
         (STARTING, {"ignores": (signal.SIGINT,)}, Scene.end, ENDING),
         (UNWANTED, {"fails": 1, "respawns": 1}, Scene.end, ENDED),
-        (UNWANTED, {}, None, ENDED),  # started, interrupted, and gone
+        (UNWANTED, {}, None, ENDED),  # started, interrupted, and ended
         (RUNNING, {}, Scene.exit, ENDED),
         (RUNNING, {"respawns": 1}, Scene.exit, WAITING),
         (RUNNING, {"ignores": (signal.SIGINT,)}, Scene.end, ENDING),
@@ -145,7 +145,9 @@ def test_its_events_and_its_return_code() -> None:
 
 
 def test_a_chunk_of_output_is_read_when_the_events_before_it_were_handled() -> None:
-    """So a program that writes without end can't fill the launch's memory."""
+    """The launch handles earlier events first. So a program that writes without end can't fill the launch's
+    memory.
+    """
 
     async def tell() -> None:
         scene = await Scene().come_to(RUNNING)
@@ -163,7 +165,7 @@ def test_a_chunk_of_output_is_read_when_the_events_before_it_were_handled() -> N
 def test_what_others_have_written_after_its_end_is_read_for_half_a_second() -> None:
     async def tell() -> None:
         scene = await Scene().come_to(RUNNING)
-        scene.processes[0]._ended.set_result(0)  # a process that it has started holds its pipes
+        scene.processes[0]._ended.set_result(0)  # one of its own children holds its pipes open
         await asyncio.sleep(0.4)
         assert scene.run.state is RUNNING
         scene.events()
@@ -236,7 +238,7 @@ def test_signals_change_no_state() -> None:
         assert scene.run.state is RUNNING
         assert scene.processes[0].signals == [signal.SIGUSR1]
         scene.processes[0].exit(0)
-        scene.run.send(signal.SIGUSR1)  # its end was not noticed yet
+        scene.run.send(signal.SIGUSR1)  # the run has not noticed the end yet
         await scene.run.completed
         scene.run.send(signal.SIGUSR1)
         assert scene.processes[0].signals == [signal.SIGUSR1]
@@ -282,7 +284,7 @@ def test_an_end_at_the_moment_at_which_the_delay_is_over() -> None:
         scene.processes[0].exit(0)
         while scene.run.state is not WAITING:  # noqa: ASYNC110 (it is no event)
             await asyncio.sleep(0)
-        await asyncio.sleep(0)  # the time-out has cancelled the wait, and the run is yet to learn it
+        await asyncio.sleep(0)  # the time-out has cancelled the wait, and the run does not know it yet
         scene.run.end(says_so=True)
         await scene.run.completed
         assert (scene.run.state, len(scene.processes)) == (ENDED, 1)

@@ -1,4 +1,4 @@
-"""bus_launch.launch.actions.process_state: every cell of the table, and which states can be reached."""
+"""bus_launch.launch.actions.process_state: every cell of the table, and the states that can be reached."""
 
 from itertools import product
 
@@ -16,7 +16,7 @@ from transitions import paths
 
 START, EXIT, END, RESTART, GIVE_UP = ProcessEvent
 STARTING, UNWANTED, RUNNING, ENDING, WAITING, ENDED = ProcessState
-# By state: what follows on START, EXIT, END, RESTART, GIVE_UP.
+# For each state, the next state after START, EXIT, END, RESTART, GIVE_UP.
 CELLS = {
     STARTING: (RUNNING, WAITING, UNWANTED, None, None),
     UNWANTED: (ENDING, ENDED, UNWANTED, None, None),
@@ -45,5 +45,5 @@ def test_every_state_has_a_row_and_can_be_reached_and_left() -> None:
 
 
 def test_a_process_can_be_told_to_end_in_every_state() -> None:
-    """A launch shuts down at any moment, and says it to all."""
+    """A launch may shut down at any moment, and then tells all processes."""
     assert all(END in row for row in PROCESSES.values())

@@ -1,4 +1,4 @@
-"""Text with substitutions: what is text, what are names and arguments, and what is wrong."""
+"""Text with substitutions: plain text, names and arguments, and errors."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Substitutions: their values, and why one has none."""
+"""Substitutions: their values, and the errors of those without a value."""
 
 import os
 import sys

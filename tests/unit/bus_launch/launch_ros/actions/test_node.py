@@ -33,7 +33,7 @@ N = LaunchConfiguration("n")
 
 @pytest.fixture
 def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package that is installed as colcon does it."""
+    """A package that colcon has installed."""
     write(
         tmp_path,
         {
@@ -50,7 +50,9 @@ def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def prepared(*actions: Any) -> tuple[list[str], list[str], dict[str, Any]]:
-    """Of the last one, a node: its command as it is shown and as it is run, and its parameters by node."""
+    """The last action is a node. Returns its command as shown, its command as run, and its parameters by
+    node.
+    """
     context = LaunchContext()
     context.launch_configurations["n"] = "5"
     context.extend_locals({"current_launch_file_directory": "/here"})
@@ -260,7 +262,7 @@ def test_what_is_no_name(prefix: Path) -> None:
 
 
 def test_components_are_refused() -> None:
-    """But files may describe them, for a condition that is false."""
+    """However, files may describe components, for a condition that is false."""
     node = ComposableNode(package="a", plugin="a::B", name="b", parameters=[])
     container = ComposableNodeContainer(
         name="c", namespace="", package="a", executable="b", composable_node_descriptions=[node]

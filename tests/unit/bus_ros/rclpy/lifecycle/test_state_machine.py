@@ -1,4 +1,4 @@
-"""Each cell of the table of a lifecycle node's states, as the page draws it, and lifecycle_msgs' ids."""
+"""Each cell of the table of a lifecycle node's states, as on the page, and the ids of lifecycle_msgs."""
 
 import re
 from collections.abc import Callable
@@ -23,7 +23,7 @@ NOT_REGISTERED = "Failed to trigger lifecycle state machine transition: Transiti
 
 
 def drawn() -> dict[tuple[int, str], Transition]:
-    """The cells of the page, by state and label."""
+    """The cells of the table on the page, by state and label."""
     ids = {label: number for number, label in STATES.items()}
     found = {}
     rows = re.findall(r"^\| (\w+) \[(\d+)\] \|(.*)\|$", PAGE, re.MULTILINE)
@@ -83,7 +83,7 @@ def test_every_id_in_every_state(warned: list[str]) -> None:
         for number in range(256):
             machine = at(state, warn=warned.append)
             if expected := by_id.get((state, number)):
-                machine.trigger_transition_by_id(number, False)  # print would be called else
+                machine.trigger_transition_by_id(number, False)  # otherwise it would call print
                 assert machine.current_state[0] == expected.goal
             else:
                 with pytest.raises(RCLError, match=NOT_REGISTERED):
