@@ -1,4 +1,4 @@
-"""The documentation says what the code says: messages, fields, layers, presets, texts, limits, links."""
+"""The pages agree with the code: messages, fields, layers, presets, texts, limits, links."""
 
 import re
 import tomllib
@@ -54,12 +54,12 @@ def fences(text: str) -> list[str]:
 
 
 def words(text: str) -> str:
-    """With all white space as one blank, because lines break where they like."""
+    """The text with single spaces only, because lines may break anywhere."""
     return " ".join(text.split())
 
 
 def tables(text: str) -> Iterator[tuple[list[str], list[list[str]]]]:
-    """Head and rows of each table; cells without their backticks and stars."""
+    """Head and rows of each table. Cells have no backticks and stars."""
     for block in re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE):
         head, _, *rows = [
             [re.sub(r"^(\*\*|`)(.*)\1$", r"\2", cell.strip()) for cell in line.split("|")[1:-1]]
@@ -69,14 +69,14 @@ def tables(text: str) -> Iterator[tuple[list[str], list[list[str]]]]:
 
 
 def rows_of(text: str, *head: str) -> list[list[str]]:
-    """The rows of all tables whose head begins with `head`."""
+    """The rows of all tables whose heads begin with `head`."""
     found = [rows for title, rows in tables(text) if tuple(title[: len(head)]) == head]
     assert found, f"there is no table {head}"
     return [row for rows in found for row in rows]
 
 
 def as_rows(transitions: Mapping[Any, Mapping[Any, Any]], events: Iterable[Any]) -> list[list[str]]:
-    """A table of states as it is drawn: a row for each, with what follows on each event."""
+    """A table of states, as on the pages: a row for each state, with the next state for each event."""
     return [
         [state.value, *(row[event].value if event in row else "" for event in events)]
         for state, row in transitions.items()
@@ -91,7 +91,7 @@ def section(text: str, title: str) -> str:
 
 
 def drop_reasons() -> set[str]:
-    """The reasons for which busd and the library count lost messages."""
+    """The reasons with which busd and the library count lost messages."""
     sources = [path.read_text() for root in ("busd", "clients/bus") for path in (ROOT / root).rglob("*.py")]
     return {DropReason[name] for name in re.findall(r"\bDropReason\.([A-Z_]+)", "".join(sources))}
 
@@ -262,7 +262,7 @@ class TestQoS:
             assert (profile.deadline, profile.liveliness_lease_duration) == (None, None)
 
     def test_the_matrix(self) -> None:
-        """Every row is tried, and every text that the code has is in some row."""
+        """The code must agree with every row, and the rows must have every text of the code."""
         told: set[str] = set()
         for policy, offered, requested, match, text in rows_of(self.text, "policy", "publisher offers"):
             if policy == "history, depth, lifespan":
@@ -314,7 +314,7 @@ def test_every_drop_reason_is_explained(page: str) -> None:
 
 @for_each("name", ALL)
 def test_commands_exist(name: str) -> None:
-    """Every `bus ...` that stands in a page can be parsed, options and all. `bus run` comes later."""
+    """Every `bus ...` on a page can be parsed with its options, except `bus run`."""
     shown = [text.removeprefix("$ ") for text in CODE.findall(FENCE.sub("", ALL[name]))]
     shown += [line[2:] for block in fences(ALL[name]) for line in block.splitlines() if line.startswith("$ ")]
     for text in shown:
@@ -352,5 +352,5 @@ def test_the_readme_names_the_message_packages() -> None:
 
 
 def test_speed_has_its_link() -> None:
-    """Numbers mean something only beside the machine and the method."""
+    """Numbers have a meaning only with the machine and the method."""
     assert "benchmarks/README.md" in section(README, "## Speed")

@@ -1,4 +1,4 @@
-"""docs/api.md has every public name of `bus`, each with its text, as the docstrings have it today."""
+"""docs/api.md has every public name of `bus`, each with the text of its current docstring."""
 
 import ast
 import difflib
@@ -63,7 +63,7 @@ def test_lines_of_example_can_be_parsed(path: str) -> None:
 
 @for_each("name", [name for name in bus.__all__ if isinstance(getattr(bus, name), type)])
 def test_classes_offer_no_more_than_the_page_has(name: str) -> None:
-    """tests/system/test_api_page.py has the same of live objects."""
+    """tests/system/test_api_page.py tests the same with live objects."""
     cls = getattr(bus, name)
     of_python = {one for base in cls.__mro__ if not base.__module__.startswith("bus.") for one in dir(base)}
     offered = {one for one in dir(cls) if not one.startswith("_")} - of_python

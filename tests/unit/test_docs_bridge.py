@@ -1,4 +1,4 @@
-"""docs/bridge.md: keys, options, examples and reasons are those of the code."""
+"""docs/bridge.md has the keys, options, examples and reasons of the code."""
 
 import re
 from argparse import ArgumentParser
@@ -43,7 +43,7 @@ def test_every_option_is_there(verb: str) -> None:
 
 
 def options_of(verb: str) -> set[str]:
-    """Its own, without those of all verbs, and `--log-level`."""
+    """The verb's own options, without those of all verbs, and `--log-level`."""
 
     def leaf(parser: ArgumentParser, *names: str) -> ArgumentParser:
         for name in names:

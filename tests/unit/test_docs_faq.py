@@ -1,4 +1,4 @@
-"""docs/faq.md has the very messages that Python and busd print."""
+"""docs/faq.md has the exact messages that Python and busd print."""
 
 import os
 import re
@@ -55,7 +55,7 @@ def test_the_page_has_the_message(case: str, tmp_path: Path) -> None:
     if environ.get("BUSD_SOCKET") == SOCKET and Path(SOCKET).exists():
         pytest.skip(f"a busd listens on {SOCKET}")
     line = _last_line(tmp_path, name, environ)
-    assert re.sub(r" \(consider renaming .*", "", line) in SHOWN  # which Python 3.13 adds
+    assert re.sub(r" \(consider renaming .*", "", line) in SHOWN  # Python 3.13 adds this text
 
 
 def test_every_message_of_the_page_has_a_case() -> None:

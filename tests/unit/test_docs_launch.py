@@ -1,4 +1,4 @@
-"""docs/launch.md lists what is there: modules with their names, tags, substitutions."""
+"""docs/launch.md lists all modules with their names, tags, and substitutions."""
 
 import re
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""The docstring of each package: what somebody who wants to change it finds there; its paths exist."""
+"""The docstring of each package has the information for a change to it, and its paths exist."""
 
 import ast
 import re
@@ -13,13 +13,13 @@ PACKAGES = sorted(
     for path in (ROOT / root).rglob("__init__.py")
 )
 MOST_LINES = 36
-"""About half a page. Packages that show users an example may have more."""
+"""About half a page. Packages with an example for users may have more."""
 
 CODE = re.compile(r"`([^`\n]+)`")
 FILE = re.compile(r"[\w/-]+(\.(py|pyi|h|c|md|toml|js|html)|/)")
 ROOTED = re.compile(r"\b(?:docs|tests|busd|clients|benchmarks)/[\w/-]+(?:\.(?:py|md|toml)|/)")
 FOR_USERS = {"clients/bus", "clients/bus/msg", "clients/bus/srv"}
-"""Their docstrings are for users alone."""
+"""The docstrings of these packages are only for users."""
 
 
 def docstring(package: str) -> str:

@@ -1,4 +1,4 @@
-"""Paths in the pages lead somewhere: links, and files and folders in code spans, short ones (`wire/`) too."""
+"""Paths in the pages exist: links, and files and folders in code spans, short ones (`wire/`) too."""
 
 import re
 from collections.abc import Iterator
@@ -19,17 +19,17 @@ CODE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\[[^\]]+\]\(([^)#]+)[^)]*\)")
 SECTIONS = re.compile(r"^(?=##)", re.MULTILINE)
 BLOCKS = re.compile(r"\n\s*\n|\n(?=[|]|\s*[-*] )")
-"""Between paragraphs, rows of tables, items of lists."""
+"""The breaks between paragraphs, rows of tables, items of lists."""
 
 FILE = re.compile(r"[\w.-]+\.(c|cfg|css|h|html|js|json|md|png|py|pyi|svg|toml|txt|xml|yaml)")
 WITH_FOLDER = re.compile(r"\.?\w[\w.-]*(/[\w.*-]+)*/|\w[\w.-]*(/[\w.*-]+)+")
 TYPE = re.compile(r"\w+/(?:(?:msg|srv|action)/)?[A-Z]\w*")
-"""`std_msgs/msg/String`, which is a message type."""
+"""A message type such as `std_msgs/msg/String`."""
 
 OF_USERS = {"CMakeLists.txt", "busd.toml", "metadata.yaml", "package.xml", "resource/", "setup.cfg"}
-"""Files and folders that users have, not this tree."""
+"""Files and folders of users, not of this tree."""
 MADE = {".fuzz/", "dist/"}
-"""By targets of make."""
+"""Folders made by targets of make."""
 NO_PATHS = {
     "docs/bag.md": {"events/write_split"},
     "docs/bridge.md": {"quic/", "tcp/", "tls/"},
@@ -43,15 +43,15 @@ NO_PATHS = {
     "docs/protocol.md": {"talker.py"},
     "docs/running.md": {"lib/PKG/EXE", "test/"},
 }
-"""By page: names of topics and services, kinds of addresses, units, and files of the reader's."""
+"""Exceptions by page: names of topics and services, kinds of addresses, units, and files of the reader."""
 
 
 def wrong_paths(page: str, text: str) -> list[str]:
-    """Paths of `text`, the page at `page`, that lead nowhere.
+    """Paths in `text`, the page at `page`, that do not exist.
 
     A path in a code span starts at the root of the tree, in the folder of the page, in a folder or package
     that its paragraph, row or item names, or beside a file that this names. If it names no folder, the path
-    may start in one that the section names. Files of the user, in fenced blocks, need not be there.
+    may start in one that the section names. Files of the user, in fenced blocks, need not exist.
     """
     here = ROOT / page
     fences = FENCE.findall(text)

@@ -1,4 +1,6 @@
-"""docs/rclpy.md and the facade: what it lists is there, all that is there is listed, the missing says so."""
+"""docs/rclpy.md and the facade: the page lists all names that exist and no others, and missing names give an
+error.
+"""
 
 import inspect
 import pkgutil
@@ -42,7 +44,7 @@ INSIDE = {
         *("validate_namespace", "validate_node_name", "validate_parameter_name"),
     },
 }
-"""Public names of a module that rclpy hasn't: the facade's modules use them among themselves."""
+"""Public names of a module that rclpy hasn't. The facade's modules use them among themselves."""
 
 INSIDE_OF_CLASSES = {
     "rclpy.callback_groups.CallbackGroup": {"is_exclusive", "is_shared"},
@@ -96,7 +98,7 @@ ROWLESS = {
     *("rclpy.lifecycle.node.LifecycleNode", "rclpy.lifecycle.node.LifecyclePublisher"),
     *("rclpy.logging_service.LoggingService", "rclpy.parameter_service.ParameterService"),
 }
-"""Classes whose members are those of their base, or nobody's business."""
+"""Classes with the members of their bases only, or with members that programs do not use."""
 
 
 def section(title: str) -> str:
@@ -106,7 +108,7 @@ def section(title: str) -> str:
 
 
 def rows(head: str, text: str = TEXT) -> list[list[str]]:
-    """The rows of the table whose head begins with that."""
+    """The rows of the table whose head begins with `head`."""
     _, found, rest = text.partition(f"\n| {head} |")
     assert found, f"there is no table {head}"
     lines = takewhile(lambda line: line.startswith("|"), rest.splitlines()[2:])
@@ -129,7 +131,7 @@ def find(path: str) -> Any:
 def modules() -> Iterator[str]:
     yield "rclpy"
     for found in pkgutil.walk_packages(bus_ros.rclpy.__path__, "bus_ros.rclpy."):
-        if found.name != "bus_ros.rclpy.impl":  # a package with nothing in it
+        if found.name != "bus_ros.rclpy.impl":  # an empty package
             yield found.name.removeprefix("bus_ros.")
     yield from (f"rclpy.{name}" for name in aliases.MODULES)
 
@@ -140,7 +142,7 @@ def public_names(module: str) -> set[str]:
 
 
 def members(cls: type) -> set[str]:
-    """Public attributes of the class, and those that its methods assign."""
+    """Public attributes of the class, and the attributes that its methods assign."""
     found: set[str] = set()
     for part in cls.__mro__:
         if part.__module__.startswith(("bus.", "bus_ros.")):
@@ -160,7 +162,7 @@ def _classes() -> dict[str, list[str]]:
 
 
 def inside_of(name: str) -> set[str]:
-    """What is not for programs: also what every entity has for executors."""
+    """Names that are not for programs, such as those that every entity has for executors."""
     of_entities = members(Entity) - {"callback_group"} if issubclass(find(name), Entity) else set()
     return of_entities | INSIDE_OF_CLASSES.get(name, set())
 
@@ -187,7 +189,7 @@ def test_members_of_classes(name: str) -> None:
 
 
 def test_every_class_is_listed() -> None:
-    """But exceptions, enums, and tuples and dicts with names."""
+    """Exceptions, enums, and tuples and dicts with names need no row."""
     values = [getattr(load(module), name) for module, names in MODULES.items() for name in names]
     there = {
         one
@@ -249,7 +251,7 @@ def test_attributes_that_are_missing(cell: str, without: str) -> None:
 
 
 def test_modules_that_are_missing(tmp_path: Path) -> None:
-    """busd says their names, and not only Python."""
+    """For these modules, the error comes from busd and names them."""
     missing = [name for cell, _ in rows("module | purpose") for name in names_in(cell)]
     assert sorted(missing) == sorted(import_hook._MISSING)
     program = tmp_path / "program.py"

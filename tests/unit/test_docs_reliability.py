@@ -1,4 +1,4 @@
-"""Every promise of docs/reliability.md names a test that exists, and its table of fuzzers has them all."""
+"""Every promise in docs/reliability.md names a test that exists, and its table of fuzzers is complete."""
 
 import re
 

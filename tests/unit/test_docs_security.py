@@ -1,4 +1,6 @@
-"""Every claim of docs/security.md names a test that exists, and its recipe does what it says."""
+"""Every claim in docs/security.md names a test that exists, and the recipe for access has the effect that it
+describes.
+"""
 
 from pathlib import Path
 
@@ -27,7 +29,7 @@ def test_every_claim_names_one() -> None:
 
 
 def test_each_test_of_access_is_for_a_claim_or_says_what_it_is_for() -> None:
-    """The tests with hostile users are there for this page; none of them may be forgotten by it."""
+    """The tests with hostile users exist for this page, so it must name all of them."""
     named = {name for path, name in NAMED if path == "tests/system/test_access_memory.py"}
     assert named == names_in("tests/system/test_access_memory.py")
 
@@ -49,7 +51,7 @@ def test_each_test_of_access_is_for_a_claim_or_says_what_it_is_for() -> None:
 def test_the_recipe_for_another_users_node(
     tmp_path: Path, action: Action, topic: str, alice: bool, bob: bool
 ) -> None:
-    """The one of docs/configuration.md, with numbers for names that this machine has not."""
+    """The recipe is in docs/configuration.md. Numbers replace names that this machine does not have."""
     page = (DOCS / "configuration.md").read_text()
     recipe = page.partition("\n### `[[access]]`\n")[2].partition("```toml\n")[2].partition("```")[0]
     path = tmp_path / "busd.toml"

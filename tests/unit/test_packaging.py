@@ -1,4 +1,4 @@
-"""What the packages of busd say of themselves: the version, the licence, the page on an index."""
+"""The metadata of busd's packages: the version, the licence, the page on an index."""
 
 import re
 import runpy
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def load_setup() -> dict[str, Any]:
-    """The functions of setup.py, without setuptools: that would take distutils' place in this process."""
+    """The functions of setup.py, without setuptools, which would replace distutils in this process."""
     root = ModuleType("setuptools")
     root.Extension, root.setup = SimpleNamespace, None  # type: ignore[attr-defined]
     stubs = {"setuptools": root, "setuptools.command": ModuleType("setuptools.command")}
@@ -58,14 +58,14 @@ def test_the_changelog_names_the_protocol() -> None:
 
 
 def test_the_licence_is_what_bus_pkg_create_writes() -> None:
-    """Both are the text as it was published."""
+    """Both texts are the published text of the licence."""
     given = ROOT / "clients" / "bus_cli" / "pkg" / "licenses" / "Apache-2.0.txt"
     assert PROJECT["project"]["license"] == "Apache-2.0"
     assert (ROOT / "LICENSE").read_text() == given.read_text()
 
 
 def test_the_page_on_an_index_leads_nowhere_that_is_not_there() -> None:
-    """It has no files beside it: links and pictures need a full address."""
+    """The page has no files beside it, so links and pictures need a full address."""
     page = (ROOT / PROJECT["project"]["readme"]).read_text()
     assert page.startswith("# busd\n\n```sh\npip install busd\n```\n")
     assert not LINK.search(page)

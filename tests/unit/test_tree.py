@@ -1,4 +1,4 @@
-"""The shape of the tree: what is packaged, how long files are, what the public surface is."""
+"""The shape of the tree: packaged files, the length of files, the public names."""
 
 import re
 import subprocess
@@ -21,15 +21,15 @@ UNIT = ROOT / "tests" / "unit"
 OF_SEVERAL = {
     "bus/delivery/test_between_brokers.py",  # sender and receiver, busd away
     "bus/delivery/test_bridging.py",  # mirrors and taps, at both ends
-    "bus/delivery/test_liveliness.py",  # what the receiver's matches make of the subscription's events
+    "bus/delivery/test_liveliness.py",  # matches of the receiver and events of the subscription
     "bus/delivery/test_loan.py",  # bus.loan, by both senders
-    "bus/test_hostile_numbers.py",  # wherever numbers of others come in
-    "bus/test_timing.py",  # all that goes by the clock
+    "bus/test_hostile_numbers.py",  # all numbers from other processes
+    "bus/test_timing.py",  # all timed actions
     "test_packaging.py",
     "test_tree.py",
     "test_tree_map.py",
 }
-"""Unit tests of no one module: these are named after what they tell."""
+"""Unit tests of several modules. Their names state their subject."""
 
 
 def test_every_folder_with_sources_is_packaged() -> None:
@@ -39,7 +39,7 @@ def test_every_folder_with_sources_is_packaged() -> None:
         ".".join(path.parent.relative_to(base).parts)
         for root, base in roots
         for path in root.rglob("*.py")
-        if "share" not in path.parts  # launch files, which are data
+        if "share" not in path.parts  # launch files are data
     }
     assert set(project["tool"]["setuptools"]["packages"]) == folders
 
@@ -50,7 +50,9 @@ def test_no_file_has_outgrown_one_subject() -> None:
 
 
 def test_unit_tests_lie_and_are_named_as_what_they_test() -> None:
-    """tests/unit/bus/wire/test_runs.py, or test_runs_SUBJECT.py, tests clients/bus/wire/runs.py."""
+    """For example, tests/unit/bus/wire/test_runs.py, or test_runs_SUBJECT.py, tests
+    clients/bus/wire/runs.py.
+    """
     lost = {
         str(path.relative_to(UNIT))
         for path in UNIT.rglob("test_*.py")
@@ -60,7 +62,7 @@ def test_unit_tests_lie_and_are_named_as_what_they_test() -> None:
 
 
 def _modules_for(tests: Path) -> set[str]:
-    """Modules and packages of the folder that this one mirrors, and its own name."""
+    """Modules and packages of the folder that this folder mirrors, and that folder's name."""
     part = tests.relative_to(UNIT)
     folders = [path for path in (ROOT / part, ROOT / "clients" / part) if path.is_dir()]
     modules = {path.name.partition(".")[0].lstrip("_") for one in folders for path in one.iterdir()}

@@ -1,4 +1,4 @@
-"""tests/README.md: each module has a test file of its name, or is in the table with tests that exist."""
+"""tests/README.md: each module has a test file of its name, or a row with tests that exist."""
 
 import re
 from pathlib import Path
@@ -61,7 +61,7 @@ def test_each_module_has_a_test_file_of_its_name_or_a_row() -> None:
 
 
 def test_a_row_is_needed() -> None:
-    """A module that has a test file of its name by now leaves the table."""
+    """If a module has a test file of its name, it must not be in the table."""
     needless = [
         f"{folder}{module}"
         for folder, modules, _ in read_rows()

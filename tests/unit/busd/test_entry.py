@@ -1,4 +1,4 @@
-"""busd.entry: a Ctrl-C while busd's modules are loaded ends it by the signal, silently."""
+"""busd.entry: a Ctrl-C while busd's modules are loaded ends the process by the signal, silently."""
 
 import signal
 import subprocess

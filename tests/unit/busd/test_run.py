@@ -1,4 +1,4 @@
-"""busd.run: what the command line takes."""
+"""busd.run: the command line."""
 
 import signal
 from collections.abc import Iterator
@@ -12,7 +12,9 @@ from busd.run import main
 
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
-    """`main` blocks those that end it, and leaves them so: nothing comes after it but the end."""
+    """`main` blocks the signals that end it. They stay blocked, because only the end of the process
+    follows.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     yield
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -33,7 +35,7 @@ def test_an_idle_exit_is_a_number_of_seconds(text: str, capsys: pytest.CaptureFi
 
 
 def test_a_look_at_the_configuration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It opens nothing, so it may be asked while busd runs."""
+    """The check opens nothing, so it is possible while busd runs."""
     config = tmp_path / "busd.toml"
     arguments = ["--socket", str(tmp_path / "s"), "--config", str(config), "--check"]
     config.write_text("[limits]\ndepth = 5\n")

@@ -1,4 +1,4 @@
-"""The plan and the judge of `tests/chaos`: a judge who never complains would pass everything."""
+"""The plan and the judge of `tests/chaos`. A judge that never complains would pass everything."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -19,7 +19,7 @@ STREAM, LATCHED = Quality(), Quality(10, is_durable=True)
 def scene(
     published: int, heard: int, *, quality: Quality = STREAM, dropped: int = 0, deaths: int = 0
 ) -> Scene:
-    """One talker, 1, and one ear, 2, each in a process of its own."""
+    """One talker, 1, and one ear, 2. Each has its own process."""
     look = EarLook(heard, 0, {"replaced": dropped} if dropped else {}, heard + dropped, {})
     if heard:
         look.heard[1] = Heard(heard, 1, heard + dropped, dropped)
@@ -158,7 +158,7 @@ class TestJudge:
         complaints = judge.judge(before, now)
         assert len(complaints) == is_wrong
         assert not is_wrong or "ears, ear 2 on /t: 5 missing between others" in complaints[0]
-        now.losses["ears"] = 2  # cut off once more, while busd lived: what it missed then it does not owe
+        now.losses["ears"] = 2  # a second loss while busd lived; the subscription may miss those samples
         assert judge.judge(before, now) == []
 
     def test_a_gap_that_was_counted_at_the_end_of_the_scene_before_is_not_owed_twice(self) -> None:
@@ -212,7 +212,7 @@ class TestJudge:
         now.talkers[1] = Said(now.talkers[1].talker, "mouth", 29, 30, lives=False)
         assert judge.judge(before, now) == []
         now.talkers[1] = Said(now.talkers[1].talker, "mouth", 20, 21, lives=False)
-        assert judge.judge(before, now)  # it got more than there were
+        assert judge.judge(before, now)  # it received more than were sent
 
     @for_each(("delivered", "dropped"), [(5, 0), (5, 14), (5, 16)])
     def test_who_left_in_order_owes_all_to_whom_it_was_connected(self, delivered: int, dropped: int) -> None:
@@ -235,7 +235,7 @@ class TestJudge:
         now.roles["ears"] = Role("ears", (), by_socket=True)
         assert judge.judge(before, now)
         assert judge.judge(before, now, trusts_cut_off=False) == []
-        now.deaths = now.losses["mouth"] = 1  # nobody knows what a busd that is killed had counted
+        now.deaths = now.losses["mouth"] = 1  # the counts of a killed busd are unknown
         assert judge.judge(before, now) == []
 
     def test_the_graph(self) -> None:

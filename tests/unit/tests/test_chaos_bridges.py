@@ -1,4 +1,4 @@
-"""tests/chaos/bridges.py: what is done when, and that its judge sees what it should."""
+"""tests/chaos/bridges.py: the plan of actions, and faults that its judge must find."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""earlysignals: which end of a program is a fault of ours."""
+"""earlysignals: the ends of a program that are faults of busd."""
 
 import signal
 

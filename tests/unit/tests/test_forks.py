@@ -1,4 +1,4 @@
-"""A program that is forked is as one that is started: to itself, to others, and when it ends."""
+"""A forked program is like a started one: for itself, for others, and at its end."""
 
 import os
 import signal
@@ -17,7 +17,7 @@ Run = Callable[..., Fork]
 
 @pytest.fixture
 def run(forks: Forks, tmp_path: Path) -> Run:
-    """Begins a program of that source; what it prints goes to files named after the streams."""
+    """Start a program with this source. Its output goes to files named after the streams."""
 
     def run(source: str, *arguments: str, is_finalized: bool = True) -> Fork:
         words = [str(tmp_path / "program.py"), *arguments]

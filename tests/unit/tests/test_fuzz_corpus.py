@@ -1,4 +1,6 @@
-"""The fuzzers' targets without a fuzzer: every input of the corpus once more, and what once made one fail."""
+"""The fuzzers' targets without a fuzzer: every input of the corpus, and all inputs that once made a target
+fail.
+"""
 
 import ast
 from pathlib import Path
@@ -22,7 +24,7 @@ def test_what_is_kept_is_survived(name: str) -> None:
 
 
 def test_the_corpus_is_small_and_all_of_it_is_used() -> None:
-    """The inputs of those in C are run by `make native`."""
+    """`make native` runs the inputs of the targets in C."""
     for folder in (CORPUS, CRASHES):
         assert {path.stem for path in folder.glob("*")} <= {*TARGETS, *NATIVE, "reader"}
     assert all(inputs(CORPUS, name) for name in (*TARGETS, *NATIVE))

@@ -1,4 +1,4 @@
-"""Programs of tests get the signals that they need, whatever parent pytest has."""
+"""Programs of tests get the signals that they need, whatever the parent of pytest ignores."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""tests/mutants/mutants.toml and the tree fit each other."""
+"""tests/mutants/mutants.toml matches the tree."""
 
 from mutants.__main__ import mistakes, read
 

@@ -1,4 +1,4 @@
-"""Tables of values in one case: every row is tried, and each that fails is named."""
+"""Tables of values in one case: every row is tested, and each failing row is named."""
 
 import pytest
 

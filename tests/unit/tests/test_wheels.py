@@ -1,4 +1,4 @@
-"""The checks of `make wheels` find what they look for; the Pythons that they are made with."""
+"""The checks of `make wheels` find the faults that they look for; the search for Pythons."""
 
 import sys
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Make = Callable[..., Path]
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """The least that has something of each kind."""
+    """A minimal tree, with a file of each kind."""
     tree = tmp_path / "tree"
     for name in (
         "busd/run.py",
@@ -112,7 +112,7 @@ def test_this_python_is_found() -> None:
 
 
 def test_programs_that_are_no_python_are_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As a shim of pyenv is for a version that is not chosen."""
+    """For example, pyenv has a shim for each version, although the version is not chosen."""
     for name, text in {"python3.15": "#!/bin/sh\nexit 127\n", "python3.16": "no program"}.items():
         (tmp_path / name).write_text(text)
         (tmp_path / name).chmod(0o755)

@@ -1,4 +1,4 @@
-"""The count of sentences that may have to be read twice finds them, and only them."""
+"""The count finds exactly the sentences that a reader may have to read twice."""
 
 import pytest
 

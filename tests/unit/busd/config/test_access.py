@@ -1,4 +1,4 @@
-"""[socket] and [[access]] of busd.toml: names to numbers, mistakes, and what contradicts itself."""
+"""[socket] and [[access]] of busd.toml: names to numbers, errors, and contradictions."""
 
 import grp
 import os
@@ -135,14 +135,14 @@ def test_doubts(
 
 
 def test_what_earlier_versions_had_is_doubted(tmp_path: Path) -> None:
-    """A file that was good yesterday keeps no busd from starting."""
+    """A file that was valid in an earlier release does not keep busd from starting."""
     config = read(tmp_path, ACCESS + ACCESS + "shared_memory = true\n")
     (doubt,) = find_doubts(config.access, tmp_path / "none")
     assert doubt.startswith("access[1].shared_memory = true means nothing any more: between users")
 
 
 def test_doubts_about_an_abstract_socket() -> None:
-    """It has no mode: everybody who shares the network namespace reaches it."""
+    """An abstract socket has no mode: every process in the network namespace can reach it."""
     assert find_doubts((RULE,), Path("@busd")) == []
     assert len(find_doubts((), Path("@busd"))) == 1
 

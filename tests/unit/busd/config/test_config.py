@@ -1,4 +1,4 @@
-"""busd.config.file and busd.core.limits: what a file can say, what is refused and in which words."""
+"""busd.config.file and busd.core.limits: valid keys and values, refusals, and the texts of errors."""
 
 import ast
 import inspect
@@ -33,7 +33,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def refusal(file: Path, text: str) -> str:
-    """What load says about a file with this text, without the file's name."""
+    """The error of `load` for a file with this text, without the file's name."""
     file.write_text(text)
     with pytest.raises(ConfigurationError) as caught:
         load(file)

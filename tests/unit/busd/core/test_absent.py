@@ -1,4 +1,4 @@
-"""busd.core.absent: what a subscription that was lost is told when it is back."""
+"""busd.core.absent: messages for a lost subscription when it is back."""
 
 from absence import DEEP, LATCHED, Story, before, begun, kept, missed
 from broker_world import SECOND
@@ -50,7 +50,9 @@ class TestPublishers:
         assert [gone.last_seq for gone in back.got(m.Unmatched)] == [5]
 
     def test_one_that_it_never_heard_of_and_that_is_there(self) -> None:
-        """From where on its samples were to come, it learns before the match says where they go on."""
+        """Before the match, it learns the first number of the publisher's samples for it. The match has the
+        number of the next one.
+        """
         story = Story()
         story.listener.is_blocked = True
         late = story.talker.publisher("/topic", DEEP, next_seq=7)
@@ -97,7 +99,7 @@ class TestPublishers:
         assert missed(story.come_back()) == [{story.publisher.gid: (1, 2)}]
 
     def test_one_whose_samples_went_to_others_by_its_ring(self) -> None:
-        """Its report says how many there were, and nobody waits for a next one that would show it."""
+        """The publisher's report has the number of samples. No later sample can show the loss."""
         story = Story(shares=True)
         story.publisher.publish("a")
         story.lose()
@@ -106,7 +108,9 @@ class TestPublishers:
         assert missed(story.come_back()) == [{story.publisher.gid: (1, 9)}]
 
     def test_one_by_shared_memory(self) -> None:
-        """Where it has begun to read the ring, it knows from where on it has; there may be another ring."""
+        """A subscription that has begun to read the ring knows its own first number. There may be another
+        ring.
+        """
         story = Story(by_ring=True)
         story.lose()
         story.talker.tell(m.Report(endpoint=story.publisher.id, samples=9, bytes=9))
@@ -116,7 +120,7 @@ class TestPublishers:
         assert missed(story.come_back({story.publisher.gid: 9})) == []
 
     def test_one_by_shared_memory_that_had_left_before(self) -> None:
-        """What it was told of that, it may not have read."""
+        """The subscription may not have read the message about the end."""
         story = Story(by_ring=True)
         story.talker.tell(m.Report(endpoint=story.publisher.id, samples=9, bytes=9))
         story.publisher.destroy()
@@ -130,7 +134,7 @@ class TestPublishers:
         assert (missed(back), begun(back)) == ([], {})
 
     def test_one_by_shared_memory_that_was_killed(self) -> None:
-        """What there is in its ring, nobody has told busd."""
+        """No process has told busd what was in its ring."""
         story = Story(by_ring=True)
         story.lose()
         story.talker.die()
@@ -148,13 +152,14 @@ class TestPublishers:
 
 
 class TestHistory:
-    """Transient local: what it missed may come once more, as long as the publisher is there."""
+    """Transient local: missed samples may come once more, as long as the publisher exists."""
 
     def test_what_was_to_come_of_it_is_missed_where_the_publisher_has_left(self) -> None:
         story = Story(LATCHED, LATCHED)
         story.publisher.publish_many("abcd")
         story.gid = next(story.world.gids).to_bytes(16, "big")
-        late = story.come_back({}, is_blocked=True)  # a late joiner, which does not read the last three
+        # A late joiner, which does not read the last three samples.
+        late = story.come_back({}, is_blocked=True)
         assert missed(late) == []
         story.lose()
         story.publisher.destroy()
@@ -220,7 +225,7 @@ class TestReasons:
         story.publisher.publish_many("fghi")
         story.lose()
         again = story.come_back()
-        assert before(back) == []  # unread
+        assert before(back) == []  # the message is unread
         assert before(again) == [{"replaced": 5}], "all that was, and it knows what it was told of that"
 
     def test_not_where_what_was_dropped_may_come_once_more(self) -> None:
@@ -276,7 +281,7 @@ class TestTwice:
 
 
 def test_a_publisher_that_leaves_says_what_went_by_its_ring() -> None:
-    """To one that was away meanwhile and is back: it would have got that."""
+    """A subscription that was away and is back would have got these samples."""
     story = Story(shares=True)
     other = story.world.process().subscription("/topic", DEEP)
     story.publisher.publish("a")

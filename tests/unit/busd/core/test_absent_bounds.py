@@ -1,4 +1,4 @@
-"""busd.core.absent: for whom something is kept, how long, and how much."""
+"""busd.core.absent: the subscriptions for which busd keeps records, for how long, and how many."""
 
 import pytest
 
@@ -13,7 +13,7 @@ from busd.core.absent import KEEP_NS, LOG_AGAIN_NS
 
 
 class TestOthers:
-    """Nobody but the same user gets what is kept, and that on the same topic."""
+    """busd gives the records only to the same user, on the same topic."""
 
     @pytest.mark.parametrize("uid", [0, UID + 1])
     def test_another_user(self, uid: int) -> None:
@@ -195,14 +195,14 @@ class TestBounds:
 
 
 class TestNumbersThatLie:
-    """A publisher may say what it likes; who hears of it must be able to read that."""
+    """A publisher may report any number. A subscription that receives it must be able to read it."""
 
     def test_the_last_number_there_is(self) -> None:
         story = Story()
         story.publisher.resume(MAX_COUNT)
         story.publisher.publish("a")
         story.gid = next(story.world.gids).to_bytes(16, "big")
-        story.come_back({})  # one that is matched only now
+        story.come_back({})  # a subscription that is matched only now
         story.lose()
         back = story.come_back({})
         assert begun(back) == {story.publisher.gid: MAX_COUNT + 1}

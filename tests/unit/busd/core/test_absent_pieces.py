@@ -1,4 +1,4 @@
-"""busd.core.absent, where others are served between two pieces of what is done for a subscription."""
+"""busd.core.absent: busd serves others between two pieces of the work for one subscription."""
 
 from collections.abc import Callable
 
@@ -11,11 +11,11 @@ from rows import for_each
 
 MANY = 150
 STEP = 90
-"""More than the dearest single step."""
+"""More than the most expensive single step."""
 
 
 class Crowd(Story):
-    """One subscription with many publishers, of which it has not heard: each has published twice."""
+    """One subscription with many publishers that it does not know. Each publisher has published twice."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -25,7 +25,7 @@ class Crowd(Story):
             publisher.publish_many("ab")
 
     def in_pieces(self, action: Callable[[], object], *, after: int, do: Callable[[], object]) -> None:
-        """Take `action` in the smallest pieces; after so many of them something else happens, all at once."""
+        """Do `action` in the smallest pieces. After `after` of them, do `do`, all at once."""
         left = after
 
         def between() -> None:
@@ -49,7 +49,7 @@ class Crowd(Story):
 
 
 def told(subscription: Subscription) -> dict[bytes, tuple[int, int]]:
-    """What it was told in all."""
+    """All the losses that the subscription was told."""
     found: dict[bytes, tuple[int, int]] = {}
     for some in subscription.got(m.Dropped):
         found |= some.missed
@@ -57,7 +57,9 @@ def told(subscription: Subscription) -> dict[bytes, tuple[int, int]]:
 
 
 def check(story: Crowd, left: list[Publisher]) -> None:
-    """It knows where each publisher's samples began to be for it, and where those end that have left."""
+    """The subscription must know the first number of each publisher, and the last number of those that have
+    left.
+    """
     back = story.subscription
     news = told(back)
     for publisher in story.many:
@@ -97,7 +99,7 @@ def test_a_publisher_leaves_while_it_comes_back(after: int) -> None:
     story.in_pieces(story.come_back_knowing_nothing, after=after, do=lambda: [one.destroy() for one in gone])
     back = story.subscription
     unmatched = {one.other: one.last_seq for one in back.got(m.Unmatched)}
-    for one in gone:  # it was told by the one or by the other
+    for one in gone:  # one of the two messages told it
         assert told(back)[one.gid] == (1, 2) or unmatched[one.id] == 2
     assert not story.world.broker._absentees._open or after == 1
 

@@ -1,4 +1,4 @@
-"""Rules of access: who they are for, what they speak of, which one decides."""
+"""Rules of access: the users and topics of each rule, and the rule that decides."""
 
 import pytest
 
@@ -72,7 +72,7 @@ def test_groups_are_all_that_the_process_has(gids: set[int], is_allowed: bool) -
 
 
 def test_groups_that_cant_be_told_never_help() -> None:
-    """Not in a group that is allowed, but in every one that is denied."""
+    """If a user's groups are unknown, the user counts as in no allowed group, and in every denied group."""
     unknown = Subject(ALICE, None)
     assert not Access(OWN, (rule(gids=of(ROBOT)),)).decide(unknown, "publish", "/a").is_allowed
     denied = Access(OWN, (rule(gids=of(ROBOT), allow=False), rule(is_for_all=True)))

@@ -1,4 +1,6 @@
-"""busd.core.anteroom: who keeps a place until he is let in, and who is next."""
+"""busd.core.anteroom: places of connections that wait for admission, the next one to lose its place, the next
+to enter.
+"""
 
 from busd.core.anteroom import Anteroom
 
@@ -6,7 +8,7 @@ ALICE, BOB = 1000, 1001
 
 
 def displaced(room: Anteroom[str]) -> list[str]:
-    """Those who lose their places now, in order."""
+    """The connections that lose their places now, in order."""
     lost = []
     while room.is_overfull:
         lost.append(room.first_to_lose())
@@ -31,17 +33,19 @@ def test_the_oldest_of_the_greediest_process_goes_first() -> None:
 
 
 def test_a_user_who_takes_all_loses_to_another() -> None:
-    """However many processes he has."""
+    """This is true for any number of processes."""
     room: Anteroom[str] = Anteroom(4)
     for pid in range(4):
         fill(room, f"a{pid}", pid=pid)
     assert fill(room, "b0", uid=BOB) == ["a0"]
     assert fill(room, "b1", uid=BOB) == ["a1"]
-    assert fill(room, "b2", uid=BOB) == ["b0"]  # now it is he who has more
+    assert fill(room, "b2", uid=BOB) == ["b0"]  # now BOB has more places
 
 
 def test_who_has_said_hello_goes_after_who_has_not() -> None:
-    """Within a process, and among those that have one place each; but a process with more loses first."""
+    """A connection that has said Hello loses its place last, within a process, and among processes with one
+    place each. A process with more places loses first.
+    """
     room: Anteroom[str] = Anteroom(3)
     fill(room, "first", "second", "third")
     room.on_hello(0, "first")

@@ -1,4 +1,4 @@
-"""busd.core.bridging, and what else holds for what bridges bring: origins, mirrors and taps."""
+"""busd.core.bridging, and other rules for bridges: origins, mirrors and taps."""
 
 from itertools import product
 
@@ -17,14 +17,14 @@ GID = b"g" * 16
 
 
 def nodes() -> tuple[Node, Node, Process]:
-    """A local node, a bridge's node that stands for one of another bus, and the bridge."""
+    """A local node, a bridge's mirror of a node on another bus, and the bridge."""
     world = World()
     bridge = world.process("bridge")
     return world.process("program").node("local"), bridge.node("mirror", origin=FAR), bridge
 
 
 def is_matched(publisher: Publisher, subscription: Subscription) -> bool:
-    """By what both were told; they were told the same."""
+    """True if both ends were told of the match. Both must have been told the same."""
     told = [[one.other for one in end.got(m.Matched)] for end in (publisher, subscription)]
     assert (subscription.id in told[0]) is (publisher.id in told[1])
     return subscription.id in told[0]
@@ -99,7 +99,7 @@ class TestOrigins:
 
 
 class TestNames:
-    """A node of another bus may have the name of one that lives here."""
+    """A node of another bus may have the name of a local node."""
 
     def test_who_lives_here_is_told_and_a_mirror_is_not(self) -> None:
         world = World()
@@ -245,7 +245,7 @@ class TestMirrors:
         entity = world.broker.graph.publishers[EndpointId(publisher.id)]
         publisher.publish("one")
         assert not entity.awaited
-        world.advance(60)  # the bridge is silent, which is told only where somebody waits
+        world.advance(60)  # the bridge is silent; busd would tell a publisher only if it waited
         bridge.tell(m.Ping())
         world.advance(1)
         assert not entity.awaited and not publisher.got(m.Silence)

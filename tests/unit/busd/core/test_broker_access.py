@@ -1,4 +1,4 @@
-"""The broker holds users to the rules of access, and says so at both ends and in the log."""
+"""The broker enforces the rules of access, and says so at both ends and in the log."""
 
 from typing import Any
 
@@ -21,19 +21,19 @@ def rule(topics: str, actions: tuple[Action, ...], uid: int = ALICE, **fields: A
 
 
 def renew(world: World, *rules: AccessRule) -> None:
-    """As a SIGHUP with other rules does."""
+    """Act like a SIGHUP with other rules."""
     world.carry_out(
         world.broker.reconfigure(world.now_ns, world.broker.settings.limits, (), Access(UID, tuple(rules)))
     )
 
 
 def names(graph: m.GraphSnapshot) -> tuple[set[str], set[str], int]:
-    """Nodes, topics and the number of matches."""
+    """The names of nodes, the topics, and the number of matches."""
     return {one.name for one in graph.nodes}, {one.topic for one in graph.endpoints}, len(graph.matches)
 
 
 def own_name(process: Process) -> str:
-    """Of the node that a process has by itself."""
+    """The name of a process's own node."""
     return f"node_{process.id}"
 
 
@@ -85,7 +85,7 @@ class TestDeclaring:
             with pytest.raises(Refusal):
                 alice.publisher(f"/t{number}")
             if not number % 500:
-                world.advance(5)  # the rate of declarations is another matter
+                world.advance(5)  # the limit of declarations is not the subject here
                 alice.tell(m.Ping())
         lines = [note for note in world.notes if "may not publish" in note]
         assert len(lines) == 1024 and "no more denials of user 1001 are logged" in lines[-1]
@@ -105,7 +105,7 @@ class TestDeclaring:
 class TestSharing:
     @pytest.mark.parametrize("says", [(), ("guests",)], ids=["", "of an earlier version"])
     def test_processes_of_one_user_share_and_others_never(self, says: tuple[str, ...]) -> None:
-        """Whoever they are. A program of an earlier version says that it would."""
+        """This is true for every user. A program of an earlier version says that it would share."""
         users = (UID, 0, ALICE, BOB)
         both = ("publish", "subscribe")
         world = World(access=(rule("/a", both), rule("/a", both, BOB)))  # type: ignore[arg-type]
@@ -133,7 +133,9 @@ class TestSharing:
 
 class TestObserving:
     def world(self) -> tuple[World, Process, Process]:
-        """An own process with /seen and /hidden, and Alice, who may see the one and read the other."""
+        """An own process with /seen and /hidden, and Alice, who may observe /seen and subscribe to
+        /hidden.
+        """
         world = World(access=(rule("/seen", OBSERVE), rule("/hidden", SUBSCRIBE)))
         own, alice = world.process(), world.process(uid=ALICE)
         own.publisher("/seen")
@@ -153,7 +155,7 @@ class TestObserving:
 
     @pytest.mark.parametrize("kind", ["publisher", "subscription"])
     def test_limits_tell_nothing_of_what_is_hidden(self, kind: str) -> None:
-        """A denial is the same whether or not the topic's endpoints would be too many matches."""
+        """A denial is the same, whether or not the topic has too many endpoints for the limit of matches."""
         world = World(Limits(matches_per_peer=1), access=(rule("/seen", (*PUBLISH, *SUBSCRIBE)),))
         own, alice = world.process(), world.process(uid=ALICE)
         for _ in range(2):
@@ -210,7 +212,9 @@ class TestOtherRules:
         assert [one.cut_reason for one in (own, root, bob)] == [None] * 3
 
     def test_a_guest_is_asked_in_turns_of_its_own(self) -> None:
-        """Whatever it has; and one that goes amid that is asked nothing more."""
+        """A guest with any number of endpoints has its own turns. busd asks nothing more about a guest that
+        leaves meanwhile.
+        """
         world = World(access=(rule("/**", (*PUBLISH, *OBSERVE)),))
         own, alice, bob = world.process(), world.process(uid=ALICE), world.process(uid=ALICE)
         for number in range(200):
@@ -231,7 +235,7 @@ class TestOtherRules:
         assert names(graph_of(alice))[1] == own_topics | {f"/own/n{number}" for number in range(100, 200)}
 
     def test_the_same_rules_ask_for_no_endpoint(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Which takes half a second where guests have many."""
+        """With many endpoints of guests, that would take half a second."""
         world = World(access=(rule("/a", PUBLISH),))
         world.process(uid=ALICE).publisher("/a")
         asked: list[tuple[object, ...]] = []
@@ -262,7 +266,7 @@ class TestOtherRules:
 
 class TestIdentity:
     def test_nobody_passes_as_another_users_publisher(self) -> None:
-        """Alice takes the gid of an own publisher, which she can read in the graph."""
+        """Alice takes the gid of a publisher of ours, which she can read in the graph."""
         world = World(access=(rule("/a", PUBLISH),))
         own, alice = world.process(), world.process(uid=ALICE)
         subscription = own.subscription("/a")
@@ -277,7 +281,7 @@ class TestIdentity:
         assert {one.gid for one in graph.endpoints if one.kind == "publisher"} == {first, second}
 
     def test_who_comes_back_is_known_again(self) -> None:
-        """At the next busd, too: she is called by what she says and by who she is."""
+        """At the next busd, too: the gid that others see depends on her own gid and on her user."""
         seen = []
         for _ in range(2):
             world = World(access=(rule("/a", PUBLISH), rule("/a", PUBLISH, BOB)))

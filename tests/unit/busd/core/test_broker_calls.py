@@ -1,4 +1,4 @@
-"""Bounds on the calls that the broker takes for a declaration: see `callcount`."""
+"""Bounds on the broker's calls for a declaration. See `callcount`."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from callcount import CallCounter
 
 
 def calls_of_a_subscription(publishers: int, *, shares: bool) -> int:
-    """Of Python, by one that matches so many `publishers` of other processes."""
+    """Calls of Python for a subscription that matches `publishers` publishers of other processes."""
     world = World()
     for _ in range(publishers):
         world.process(shares=shares).publisher("/topic")

@@ -1,4 +1,4 @@
-"""busd.core: what is published to a subscription by the numbers, also where one end comes back."""
+"""busd.core: the number of samples that a subscription expects, also if one end comes back."""
 
 import pytest
 
@@ -10,13 +10,13 @@ DURABLE = QoSProfile(depth=5, durability="transient_local")
 
 
 def accounted(line: Line) -> tuple[int, int]:
-    """What is expected, and what it should be: received, waiting and dropped."""
+    """The expected samples, and the sum that they must equal: received, queued and dropped."""
     found = line.subscription.statistics(line.talker)
     return found.expected, len(line.subscription.samples) + found.queued + sum(found.dropped.values())
 
 
 def come_back(line: Line, *, next_seq: int) -> None:
-    """The publisher's process loses its connection and has another."""
+    """The publisher's process loses its connection and gets another one."""
     gid = line.publisher.gid
     line.talker.die()
     line.talker = line.world.process("talker")
@@ -78,7 +78,7 @@ class TestComingBack:
         come_back(line, next_seq=3)
         line.publisher.lose(3)
         line.publisher.publish("f")
-        assert line.dropped == {"publisher_queue": 2}  # 4 and 5: the third, it had had
+        assert line.dropped == {"publisher_queue": 2}  # 4 and 5; it had received the third sample
         assert accounted(line) == (6, 6)
 
     def test_a_subscription_that_knows_more_than_the_new_publisher(self) -> None:
@@ -92,7 +92,7 @@ class TestComingBack:
 
     @pytest.mark.parametrize("how", ["endpoint", "process"])
     def test_a_subscription_that_knows_more_and_goes_first(self, how: str) -> None:
-        """The new publisher passes the number up to which it was to be left out, and all others hear it."""
+        """The new publisher passes that number, and all other subscriptions receive its samples."""
         world = World()
         talker, listener = world.process(), world.process()
         publisher = talker.publisher("/topic", DURABLE)
@@ -106,7 +106,9 @@ class TestComingBack:
 
     @pytest.mark.parametrize("is_back", [True, False])
     def test_what_went_to_others_by_their_rings_meanwhile(self, is_back: bool) -> None:
-        """It is lost to one that was there before, and nothing to one that is new."""
+        """These samples are lost for a subscription that was matched before. For a new one, they are no
+        loss.
+        """
         world = World()
         talker, listener = world.process(shares=True), world.process()
         publisher = talker.publisher("/topic")

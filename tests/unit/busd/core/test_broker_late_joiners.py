@@ -52,7 +52,7 @@ class TestTable:
     @for_each("wanted", [1, 2, 4, 7])
     @for_each("offered", [1, 3, 7])
     def test_transient_local_to_transient_local(self, offered: int, wanted: int, published: int) -> None:
-        """The last min(N, M, available), in order, before new ones."""
+        """A late joiner gets the last min(N, M, available) samples in order, before new ones."""
         world = World()
         (publisher,) = publishers(world, kept(offered), "abcdefghi"[:published])
         late = world.process().subscription("/topic", kept(wanted))
@@ -65,7 +65,9 @@ class TestTable:
 
     @for_each(("offered", "got"), [(KEPT, [*"abc", "new"]), (VOLATILE, ["new"])])
     def test_one_that_takes_any_history(self, offered: QoSProfile, got: list[str]) -> None:
-        """As transient local of those that keep some; it matches the others too."""
+        """It matches transient-local publishers like a transient-local subscription. It matches all others,
+        too.
+        """
         world = World()
         (publisher,) = publishers(world, offered, "abc")
         late = world.process().subscription("/topic", takes_history=True)
@@ -103,7 +105,7 @@ class TestSeveralPublishers:
         assert by_source == [["d", "e"], ["x"]]
 
     def test_all_fits_also_while_the_process_does_not_read(self) -> None:
-        """The histories have room beside the depth, new samples within it."""
+        """The histories have room beside the depth, and new samples within it."""
         world = World()
         first, second = publishers(world, kept(3), "abc", "xyz")
         listener = world.process()
@@ -125,7 +127,7 @@ class TestSeveralPublishers:
 
 
 class TestReconnection:
-    """A subscription that says what it has gets only what it has not."""
+    """A subscription that reports its last numbers gets only newer samples."""
 
     def late(self, world: World, last_seqs: dict[bytes, int]) -> list[str]:
         return world.process().subscription("/topic", kept(10), last_seqs=last_seqs).payloads
@@ -163,7 +165,7 @@ class TestReconnection:
         assert len(world.broker.graph.subscriptions[back.id].last_seqs) == 128
 
     def test_of_a_publisher_that_comes_later(self) -> None:
-        """What it tells of its history again waits nowhere, and is not lost where there is no room."""
+        """Repeated history of the publisher is not queued, and is no loss if there is no room."""
         world = World()
         listener = world.process()
         back = listener.subscription("/topic", kept(1), last_seqs={bytes(15) + b"g": 3})
@@ -179,7 +181,7 @@ class TestReconnection:
 
 class TestLifespan:
     def test_a_late_joiner_gets_nothing_expired(self) -> None:
-        """And is not told that it lost what it was never to get."""
+        """The late joiner does not learn of a loss either: these samples were never for it."""
         world = World()
         (publisher,) = publishers(world, kept(10, lifespan=5.0), "ab")
         world.advance(4)
@@ -218,7 +220,7 @@ class TestMemory:
         assert self.account(publisher.process, "history") == 0
 
     def test_replays_count_as_bytes_that_wait(self) -> None:
-        """A process that subscribes again and again and never reads makes busd hold no more for it."""
+        """A process that subscribes again and again and never reads does not make busd hold more."""
         world = World(self.LIMITS)
         for publisher in publishers(world, kept(8), "", "", ""):
             for _ in range(8):

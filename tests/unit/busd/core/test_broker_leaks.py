@@ -1,4 +1,4 @@
-"""What came and went leaves nothing in the broker, whatever it did meanwhile."""
+"""Processes, nodes and endpoints that have gone leave nothing in the broker, whatever they did."""
 
 import gc
 import sys
@@ -20,12 +20,12 @@ ALL = QoSProfile(history="keep_all")
 KEPT = QoSProfile(depth=3, durability="transient_local")
 SHORT = QoSProfile(depth=3, lifespan=0.5, liveliness_lease_duration=0.5)
 SETTLING = 400
-"""Of some things the last ones are remembered: of 128 publishers, say, in tables with some room."""
+"""The broker remembers a few past things, such as 128 publishers, in tables with some spare room."""
 TIMES = 300
 
 
 class Stage:
-    """A world in which one talker and one listener stay, with both routes between them."""
+    """A world in which one talker and one listener stay, with matches by both routes."""
 
     def __init__(self) -> None:
         hidden = AccessRule(
@@ -38,14 +38,14 @@ class Stage:
         self.subscription = self.listener.subscription("/topic", QoSProfile(depth=3))
 
     def live(self, seconds: float) -> None:
-        """Time passes, and those who stay give signs of life."""
+        """Time passes, and the processes that stay give signs of life."""
         for _ in range(1 + int(seconds // 5)):
             for process in (self.talker, self.listener):
                 process.tell(m.Ping())
             self.world.advance(min(seconds, 5))
 
     def weight(self) -> int:
-        """Bytes of all that can be reached from the broker."""
+        """Bytes of all objects that can be reached from the broker."""
         gc.collect()
         seen, waiting, total = set[int](), [self.world.broker], 0
         while waiting:
@@ -92,7 +92,7 @@ def leave_a_ring_and_the_bus(stage: Stage) -> None:
 
 
 def come_back(stage: Stage) -> None:
-    """A publisher that the subscription knows, and that goes on with its numbers."""
+    """A publisher that the subscription knows comes back, and continues its numbers."""
     process = stage.world.process()
     publisher = process.node().publisher("/topic", KEPT, gid=bytes(15) + b"g", next_seq=10 * process.id)
     publisher.publish(*"abc")
@@ -158,7 +158,8 @@ def test_nothing_is_left_of(story: Callable[[Stage], None]) -> None:
             stage.listener.unblock()
             stage.world.advance(0.2)
             stage.live(0)
-        stage.live((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
+        # Busd keeps records for this time, for endpoints that may come back.
+        stage.live((KEEP_NS + LOG_AGAIN_NS) / SECOND)
         return stage.weight()
 
     weight = play(SETTLING)
@@ -166,7 +167,7 @@ def test_nothing_is_left_of(story: Callable[[Stage], None]) -> None:
 
 
 def test_a_broker_that_is_dropped_whole_is_gone_with_its_matches() -> None:
-    """What they hold, descriptors say, is closed then."""
+    """Then its matches close the descriptors that they hold."""
     stage = Stage()
     stage.world.process(shares=True).subscription("/topic", ALL)
     matches = stage.world.broker.graph.publishers[EndpointId(stage.publisher.id)].matches

@@ -1,4 +1,4 @@
-"""Reliable and keep all: credit comes from what the slowest subscription has taken."""
+"""Reliable and keep all: the publisher's credit depends on the slowest subscription."""
 
 import pytest
 
@@ -106,7 +106,7 @@ class TestAcks:
         assert publisher.process.cut_reason is None
 
     def test_nobody_is_made_to_ack_what_was_never_published(self) -> None:
-        """By a run for it alone, with numbers that are ahead of what went to all."""
+        """A run for this subscription alone, with numbers ahead of the samples for all, is a fault."""
         _, publisher, (subscription,) = pair()
         publisher.publish(*"abc")
         publisher.catch_up(subscription, "c", first_seq=3)
@@ -144,7 +144,7 @@ class TestWhoIsNotWaitedFor:
         assert credits(publisher)[-1] > 80 - 10
 
     def test_nobody_listens(self) -> None:
-        """Credit comes before the window is full, but not for each sample."""
+        """The publisher gets credit before the window is full, but not for each sample."""
         publisher = World(LIMITS).process().publisher("/topic", ALL)
         for at in range(1, 301):
             publisher.publish("x")
@@ -170,7 +170,9 @@ class TestLateJoiners:
     KEPT = QoSProfile(history="keep_all", durability="transient_local")
 
     def test_the_history_may_be_acked_too(self) -> None:
-        """A late joiner takes the replayed samples as any other; that is no mistake and gives no credit."""
+        """A late joiner takes replayed samples like others. Its acknowledgement is no fault, and gives no
+        credit.
+        """
         world = World(LIMITS)
         publisher = world.process().publisher("/topic", self.KEPT)
         publisher.publish(*"abc")
@@ -186,7 +188,7 @@ class TestLateJoiners:
 
     @for_each("known", [2, 3, 9])
     def test_what_was_taken_before_is_credited_when_it_comes_again(self, known: int) -> None:
-        """From a publisher that a busd before knew, to a subscription that was back first."""
+        """The publisher was known at an earlier busd, and the subscription came back first."""
         world, gid = World(LIMITS), bytes(15) + b"g"
         back = world.process().subscription("/topic", self.KEPT, last_seqs={gid: known})
         publisher = world.process().publisher("/topic", self.KEPT, gid=gid)
@@ -200,7 +202,9 @@ class TestLateJoiners:
 
 
 class TestDroppedSamples:
-    """What busd had to drop can't be taken any more: the publisher must not wait for it for ever."""
+    """A subscription can't take samples that busd has dropped. The publisher must not wait for them for
+    ever.
+    """
 
     def test_all_that_waited_expired(self) -> None:
         world, publisher, (subscription,) = pair(offered=QoSProfile(history="keep_all", lifespan=1.0))
@@ -226,7 +230,7 @@ class TestDroppedSamples:
         assert credits(other) == []
 
     def test_some_expired(self) -> None:
-        """The ack of what is left covers them."""
+        """The acknowledgement of the remaining sample includes them."""
         world, publisher, (subscription,) = pair(offered=QoSProfile(history="keep_all", lifespan=1.0))
         subscription.process.is_blocked = True
         publisher.publish_many("ab")

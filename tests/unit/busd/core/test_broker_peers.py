@@ -1,4 +1,4 @@
-"""busd.core.broker: processes come, ask, break the rules and go."""
+"""busd.core.broker: processes connect, send requests, break the rules and leave."""
 
 import gc
 
@@ -20,7 +20,8 @@ def assert_nothing_is_left(world: World) -> None:
     tables = (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types.trusted)
     assert not any(tables)
     world.advance(world.broker.settings.limits.lease_s + 1)
-    world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
+    # Busd keeps records for this time, for endpoints that may come back.
+    world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)
     assert broker.next_deadline_ns() is None, "timers hold what they look at"
 
 
@@ -136,7 +137,7 @@ class TestGoing:
             assert (peer.queued.used, peer.history.used) == (0, 0)
 
     def test_timers_of_long_leases_do_not_pile_up(self) -> None:
-        """A publisher that has gone must not be held until its lease of a day is over."""
+        """The broker must not hold a publisher that has gone until its lease of a day is over."""
         world = World(Limits(lease_s=2.0))
         process = world.process()
         for _ in range(50):
@@ -145,7 +146,7 @@ class TestGoing:
         assert_nothing_is_left(world)
 
     def test_processes_that_come_and_go_do_not_pile_up(self) -> None:
-        """Nothing waits until the end of the lease of one that has left."""
+        """Nothing waits until the lease of a process that has left is over."""
         world = World()
         gc.collect()
         gc.disable()
@@ -207,7 +208,7 @@ MISTAKES = {
 
 
 class TestMistakes:
-    """Whoever breaks the protocol is told why and cut off; nobody else notices."""
+    """busd tells a process that breaks the protocol why, and cuts it off. No other process notices."""
 
     def world(self) -> tuple[World, Process, Process]:
         world = World()

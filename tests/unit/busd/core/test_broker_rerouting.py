@@ -1,4 +1,6 @@
-"""What else a route means for the broker: history, growth, leaving, numbers that skip, credit, lifetimes."""
+"""Effects of a route on the broker's other tasks: history, growth, leaving, gaps in numbers, credit,
+lifetimes.
+"""
 
 import gc
 from weakref import ref
@@ -28,7 +30,7 @@ class TestHistory:
         assert (late.payloads, plain.payloads) == ([], ["a", "b"])
 
     def test_comes_from_the_publisher_where_the_route_was_refused(self) -> None:
-        """It alone knows where the history ends and what came since, for that subscription."""
+        """Only the publisher knows, for that subscription, where the history ends and what is newer."""
         world = World()
         publisher = world.process(shares=True).publisher("/topic", KEPT)
         publisher.publish("a", "b")
@@ -56,7 +58,7 @@ class TestHistory:
 
 
 class TestLeavingTheRing:
-    """What a subscription has had by then does not come again, is not lost, and holds up nobody."""
+    """Samples that the subscription has read do not come again, are no loss, and block no publisher."""
 
     def test_it_has_had_everything(self) -> None:
         pair = Pair()
@@ -238,7 +240,7 @@ class TestResuming:
 
 
 class TestCredit:
-    """For reliable and keep all: the broker speaks for those on the socket route only."""
+    """For reliable and keep all, the broker gives credit only for subscriptions by socket."""
 
     def credits(self, publisher: Publisher) -> list[int]:
         return [message.seq for message in publisher.got(m.Credit)]
@@ -279,7 +281,7 @@ class TestCredit:
         assert self.credits(publisher) == [2, 4]
 
     def test_all_were_ahead(self) -> None:
-        """Nothing will be acknowledged again, and the publisher must not wait for ever."""
+        """No further acknowledgement will come, and the publisher must not wait for ever."""
         pair = Pair(ALL, ALL)
         publisher, subscription = pair.match()
         subscription.refuse(publisher)
@@ -294,7 +296,7 @@ class TestCredit:
 
 
 class TestLifetime:
-    """A descriptor that nobody needs is closed, and not when garbage is collected."""
+    """The broker closes an unused descriptor at once, not at a garbage collection."""
 
     def test_nothing_is_left(self) -> None:
         world = World()
@@ -306,7 +308,7 @@ class TestLifetime:
         known = {name: ref(handle) for name, handle in handles.items()}
 
         def carry(process: int, message: m.Message, *names: str) -> None:
-            """What the shell does, without a wire that keeps anything."""
+            """Act like the shell, without a wire that keeps descriptors."""
             item = Carried(message, tuple(handles.pop(name) for name in names))  # type: ignore[arg-type]
             effects = world.broker.handle(world.now_ns, process, item.message, item.descriptors)  # type: ignore[arg-type]
             assert all(isinstance(effect, Send) for effect in effects if not isinstance(effect, Flush))

@@ -1,4 +1,4 @@
-"""busd.core.shm_routes: which matches go by shared memory, what both ends are told, and refusals."""
+"""busd.core.shm_routes: the matches by shared memory, the messages to both ends, and refusals."""
 
 import pytest
 
@@ -279,7 +279,7 @@ class TestRefusing:
         assert pair.talker.cut_reason == f"endpoint {subscription.id} is not one of yours"
 
     def test_what_came_alone_does_not_come_again_with_what_goes_to_all(self, who: str) -> None:
-        """Also what the publisher's own queue replaces of it, is not lost to this one."""
+        """Samples of it that the publisher's own queue replaced are no loss for this subscription either."""
         pair = Pair()
         publisher, subscription = pair.match()
         plain = pair.world.process().subscription("/topic")
@@ -295,7 +295,9 @@ class TestRefusing:
         assert (others.expected, others.dropped) == (6, {"publisher_queue": 3})
 
     def test_samples_before_the_publisher_knows(self, who: str) -> None:
-        """Those went to another on the socket route; this one gets all of them, alone and in order."""
+        """The other subscription got them by socket. This one gets all of them in order, in a run for it
+        alone.
+        """
         pair = Pair()
         publisher, subscription = pair.match()
         plain = pair.world.process().subscription("/topic")

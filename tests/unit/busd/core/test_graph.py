@@ -1,4 +1,4 @@
-"""busd.core.graph: the snapshot, and the changes that observers get."""
+"""busd.core.graph: the snapshot, and the changes that observers receive."""
 
 from broker_line import Line
 from broker_world import NUMBER, TEXT, Process, World
@@ -139,7 +139,7 @@ class TestStatistics:
         assert (counted.samples, counted.bytes) == (2, 5), "bytes of messages, without the wire's headers"
 
     def test_the_process_knows_more_than_the_broker(self) -> None:
-        """A publisher that lost samples itself, or that has been at another broker before, says so."""
+        """A publisher that lost samples itself, or was at another broker before, reports that."""
         line = Line()
         line.publisher.publish("x")
         line.talker.tell(m.Report(endpoint=line.publisher.id, samples=9, bytes=90, dropped={"replaced": 8}))

@@ -1,4 +1,4 @@
-"""Samples in few runs: the same samples come out as of a queue that gathers nothing."""
+"""Samples in few runs: the history returns the same samples as a queue of single runs."""
 
 from typing import Any
 
@@ -61,7 +61,7 @@ class TestGathering:
         assert (held.count, seqs([held])) == (1, [1])
 
     def test_of_a_small_account_little_is_gathered(self) -> None:
-        """Or too much would go at a time, when it is full."""
+        """Otherwise a full account would lose too much at a time."""
         kept = GatheredRuns(0, Account(LARGE, Account(6_400)))
         for seq in range(1, 11):
             kept.append(run(seq))

@@ -1,4 +1,4 @@
-"""busd.core.leases: publishers whose lease ends, and who is told."""
+"""busd.core.leases: publishers with an expired lease, and the processes that learn of it."""
 
 from broker_endpoints import Publisher, Subscription
 from broker_world import Process, World
@@ -10,7 +10,7 @@ MANUAL = QoSProfile(liveliness_lease_duration=1.0, liveliness="manual_by_topic")
 
 
 class Watch:
-    """A talker with publishers of one second's lease, and a listener that keeps itself alive."""
+    """A talker with publishers that have a lease of one second, and a listener that stays alive."""
 
     def __init__(self, offered: QoSProfile) -> None:
         self.world = World()
@@ -21,11 +21,11 @@ class Watch:
         self.subscription: Subscription = self.listener.subscription("/topic")
 
     def lost(self) -> int:
-        """How often the publisher was told that its lease ended."""
+        """How many times the publisher learned that its lease ended."""
         return len(self.publisher.got(m.LivelinessLost))
 
     def seen(self, subscription: Subscription | None = None) -> list[bool]:
-        """What the subscription was told of the publisher."""
+        """The states of the publisher that the subscription was told."""
         told = (subscription or self.subscription).got(m.LivelinessChanged)
         assert all(change.publisher == self.publisher.id for change in told)
         return [change.alive for change in told]
@@ -144,7 +144,7 @@ class TestLeases:
         assert told == [watch.publisher.id, slow.id]
 
     def test_a_lease_longer_than_the_brokers(self) -> None:
-        """The process must be heard more often than its publisher."""
+        """The process must give signs of life more often than its publisher."""
         watch = Watch(QoSProfile(liveliness_lease_duration=25.0, liveliness="manual_by_topic"))
         for _ in range(24):
             watch.world.advance(1)
@@ -183,7 +183,7 @@ class TestLeases:
 
 class TestWhoIsTold:
     def test_a_subscription_that_comes_later(self) -> None:
-        """Who joins while the publisher is not alive must not count it as alive."""
+        """A subscription that joins while the publisher is not alive must not count it as alive."""
         watch = Watch(AUTOMATIC)
         watch.world.advance(1)
         late = watch.listener.subscription("/topic")

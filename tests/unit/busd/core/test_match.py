@@ -1,4 +1,6 @@
-"""busd.core.match: every cell of the table, what leads from state to state, and what goes with a state."""
+"""busd.core.match: every cell of the table, the events that lead from state to state, and the effect of a
+state.
+"""
 
 from collections.abc import Container
 from itertools import product
@@ -24,7 +26,7 @@ LIVE = [state for state in MatchState if state not in (MatchState.NEW, MatchStat
 
 
 class Scene(NamedTuple):
-    """A match of lossless ends, and its ends as their processes see them."""
+    """A match of lossless ends, and both ends as their processes see them."""
 
     world: World
     publisher: Publisher
@@ -33,7 +35,7 @@ class Scene(NamedTuple):
 
 
 def scene(state: MatchState) -> Scene:
-    """A match that has come to `state`, by what processes said; a NEW one is of two that don't match."""
+    """A match brought to `state` by messages of processes. NEW stands for two endpoints that don't match."""
     world = World()
     shares = state not in (MatchState.NEW, MatchState.AHEAD, MatchState.ROUTED, MatchState.ENDED)
     role = "mirror" if state is MatchState.BRIDGED else ""
@@ -61,7 +63,7 @@ def scene(state: MatchState) -> Scene:
 
 
 def tables(publisher: entities.Publisher, number: EndpointId) -> set[str]:
-    """Which of the publisher's tables have something of the match with that subscription."""
+    """The publisher's tables that contain the match with that subscription."""
     found: dict[str, Container[EndpointId]] = {
         "routed": publisher.routed,
         "ahead": publisher.ahead,
@@ -113,7 +115,7 @@ def test_every_match_that_is_there_can_end() -> None:
     ("state", "word", "following"),
     [
         (MatchState.OFFERED, "attach", MatchState.ATTACHED),
-        (MatchState.ATTACHED, "attach", MatchState.ENDED),  # it is cut off
+        (MatchState.ATTACHED, "attach", MatchState.ENDED),  # busd cuts it off
         (MatchState.OFFERED, "refuse", MatchState.CATCHING_UP),  # its process leaves the ring at once
         (MatchState.ATTACHED, "refuse", MatchState.CATCHING_UP),
         (MatchState.LEAVING, "leave", MatchState.CATCHING_UP),
@@ -174,7 +176,7 @@ def test_what_comes_too_late_is_no_mistake(state: MatchState, word: str) -> None
 @for_each("end", ["subscription", "listener", "publisher", "talker"])
 @for_each("state", LIVE)
 def test_whoever_goes_in_whatever_state_leaves_nothing(state: MatchState, end: str) -> None:
-    """And whoever stays goes on."""
+    """The remaining end continues."""
     world, publisher, subscription, match = scene(state)
     match end:
         case "subscription":
@@ -206,7 +208,7 @@ def test_whoever_goes_in_whatever_state_leaves_nothing(state: MatchState, end: s
 
 
 class TestExpected:
-    """Which samples count as routed for the subscription, by the state of the match."""
+    """The samples that count as routed for the subscription, by the state of the match."""
 
     @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:
@@ -233,7 +235,7 @@ class TestExpected:
             assert entity.matches[EndpointId(made.id)].is_return is is_return
 
     def test_one_that_was_rerouted_is_no_return(self) -> None:
-        """What went to others by the ring meanwhile, it has not lost."""
+        """Samples that went to others by the ring meanwhile are no loss for it."""
         one = scene(MatchState.CATCHING_UP)
         one.publisher.publish("1")
         one.publisher.catch_up(one.subscription, "1")
@@ -246,7 +248,7 @@ class TestExpected:
 
 
 class TestOwed:
-    """What is remembered of a publisher for a subscription that may be lost, or come back."""
+    """Records of a publisher for a subscription that may get lost or come back."""
 
     @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:
@@ -267,7 +269,9 @@ class TestOwed:
 
     @pytest.mark.parametrize("leaves", [True, False])
     def test_whether_the_publisher_took_its_leave(self, leaves: bool) -> None:
-        """By shared memory, only one that did has said how much is in its ring."""
+        """By shared memory, only a publisher that leaves properly has reported the number of samples in its
+        ring.
+        """
         for state, known in ((MatchState.ROUTED, {GID: 0}), (MatchState.OFFERED, {GID: 0} if leaves else {})):
             one = scene(state)
             if leaves:
@@ -286,7 +290,7 @@ class TestOwed:
 
 
 class TestAwaited:
-    """A lossless publisher waits for lossless subscriptions by socket, whatever the state is."""
+    """In every state, a lossless publisher waits for lossless subscriptions by socket."""
 
     @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:

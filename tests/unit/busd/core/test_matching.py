@@ -1,4 +1,4 @@
-"""busd.core.matching: who matches whom, and what both sides are told."""
+"""busd.core.matching: the endpoints that match, and the messages to both sides."""
 
 import pytest
 
@@ -75,7 +75,7 @@ COMPATIBLE = [
 
 
 class Pair:
-    """A talker with a publisher and a listener with a subscription, made in either order."""
+    """A talker with a publisher, and a listener with a subscription, made in either order."""
 
     def __init__(self, offered: QoSProfile, requested: QoSProfile, *, publisher_first: bool) -> None:
         self.world = World()
@@ -249,7 +249,7 @@ class TestUnmatching:
 
 
 class TestClocks:
-    """Of processes in other time namespaces: each is told times by its own clock."""
+    """Processes in other time namespaces receive times of their own clocks."""
 
     def test_when_it_was_matched(self) -> None:
         world = World()

@@ -1,4 +1,4 @@
-"""busd.core.places: which publishers keep the place of a subscription that was lost, and until when."""
+"""busd.core.places: publishers that keep the place of a lost subscription, and for how long."""
 
 import pytest
 
@@ -24,7 +24,9 @@ class Story:
         self.subscription = self.listener.subscription("/topic", requested)
 
     def told(self) -> list[tuple[int, bool, float]]:
-        """What the publisher was told of ends: of which subscription, whether lost, and how long to keep."""
+        """The ends that the publisher was told: the subscription, whether it is lost, and how long to keep
+        its place.
+        """
         return [(one.other, one.lost, one.keep_s) for one in self.publisher.got(m.Unmatched)]
 
     def live(self, seconds: float) -> None:
@@ -97,7 +99,7 @@ class TestHowLong:
         assert len(story.told()) == 1
 
     def test_they_are_bounded(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """The process that was lost first loses its places first."""
+        """The process that was lost first is the first to lose its places."""
         monkeypatch.setattr(places, "MOST", 2)
         story = Story()
         others = [story.world.process().subscription("/topic", ALL) for _ in range(2)]
@@ -111,7 +113,7 @@ class TestHowLong:
 
 
 class TestPublishersThatAreLostToo:
-    """Before they have repeated what a subscription has missed."""
+    """They are lost before they have repeated the samples that a subscription has missed."""
 
     def again(self, story: Story, next_seq: int) -> tuple[Process, Publisher]:
         talker = story.world.process("talker", capabilities=(PLACES,))

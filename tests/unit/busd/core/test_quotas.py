@@ -1,4 +1,4 @@
-"""busd.core.quotas: what a process, and all processes of a user, may have; what is said where that ends."""
+"""busd.core.quotas: the limits of a process and of all processes of a user, and the texts at these limits."""
 
 import gc
 
@@ -21,7 +21,7 @@ def asked(process: Process) -> m.Peers:
 
 
 class TestCounts:
-    """Each is at its limit with two processes of one user; a third process of that user gets nothing more."""
+    """Two processes of one user reach each limit. A third process of that user gets nothing more."""
 
     @pytest.mark.parametrize(
         ("limits", "resource"),
@@ -81,7 +81,9 @@ class TestCounts:
         two.subscription("/topic")
 
     def test_matches_with_guests(self) -> None:
-        """They count for the guests alone: many of their subscriptions leave others what they may have."""
+        """Matches with guests count only for the guests. Even many subscriptions of guests leave the others
+        their limits.
+        """
         world = world_of(matches_per_peer=3, matches_per_user=3)
         own, guest = world.process(), world.process(uid=OTHER_UID)
         for _ in range(3):
@@ -112,7 +114,9 @@ class TestCounts:
         assert user.schema_bytes == 0
 
     def test_a_type_costs_what_is_kept_of_it(self) -> None:
-        """The first schema stays while anybody has the type, so who names it shorter holds that one."""
+        """busd keeps the first schema while any process has the type. A process that names a shorter one
+        holds the first one, too.
+        """
         world = world_of()
         long, short = world.process(), world.process()
         long.tell(m.DeclareType(type_name="a", type_hash="1", schema=b"\xc4\xff" + bytes(255)))
@@ -122,7 +126,9 @@ class TestCounts:
 
 class TestDescriptors:
     def test_of_a_process(self) -> None:
-        """Its connection, its doorbell, its readers' segment, and a ring for each publisher."""
+        """Descriptors for its connection, its doorbell, its readers' segment, and a ring for each
+        publisher.
+        """
         world = world_of(descriptors_per_peer=5)
         process = world.process(shares=True)
         first = process.publisher("/a")
@@ -145,7 +151,9 @@ class TestDescriptors:
         two.publisher("/a")
 
     def test_one_that_waits_to_be_sent_counts(self) -> None:
-        """A publisher that has gone leaves its ring behind while one that does not read is to get it."""
+        """A publisher that has gone leaves its ring behind, while a process that does not read still has to
+        get it.
+        """
         world = world_of(descriptors_per_peer=5)
         talker, sleeper = world.process(shares=True), world.process(shares=True)
         sleeper.subscription("/topic")
@@ -160,7 +168,7 @@ class TestDescriptors:
         talker.publisher("/topic")
 
     def test_no_room_for_what_is_shared(self) -> None:
-        """Share has no answer that could refuse it: all goes by socket, and the log says why."""
+        """No answer to Share could refuse it. All matches go by socket, and the log has the reason."""
         world = world_of(descriptors_per_peer=3, descriptors_per_user=5)
         world.process(shares=True)
         late = world.process("late", shares=True)
@@ -175,7 +183,7 @@ class TestDescriptors:
         talker, listener = world.process(shares=True), world.process(shares=True)
         subscription = listener.subscription("/topic")
         listener.is_blocked = True
-        publisher = talker.publisher("/topic")  # this ring waits to be sent
+        publisher = talker.publisher("/topic")  # this ring waits in busd
         talker.tell(m.ReplaceRing(publisher=publisher.id), "longer")
         listener.unblock()
         world.carry_out([])
@@ -194,7 +202,7 @@ class TestRate:
         return world_of(**{"declarations_per_s_per_peer": 10, **few, **limits})
 
     def test_all_that_it_may_have_comes_at_once(self) -> None:
-        """Nodes, and endpoints with their types, and time and again one thing more: 10 + 10 + 4 * 5."""
+        """Nodes, endpoints with their types, and one thing more from time to time: 10 + 10 + 4 * 5."""
         world = self.world(nodes_per_user=1000)
         process = world.process()
         for _ in range(2):
@@ -221,7 +229,9 @@ class TestRate:
         assert len(world.pauses) == 2
 
     def test_who_acknowledges_too_much_is_made_to_wait(self) -> None:
-        """All other control frames are counted too, ten times as many; none of them is refused."""
+        """busd also counts all other control frames, with a limit ten times as high. It refuses none of
+        them.
+        """
         world = self.world()
         talker, listener = world.process(), world.process()
         keep_all = QoSProfile(history="keep_all")
@@ -240,7 +250,9 @@ class TestRate:
         assert world.pauses == []
 
     def test_a_short_pause_is_no_shelter(self) -> None:
-        """A question in the same read, which is to be paid for with a moment, saves nobody the second."""
+        """A question in the same read costs a short pause. The process gets the pause of a second all the
+        same.
+        """
         world = self.world()
         process = world.process()
         for number in range(1, 7):
@@ -272,13 +284,13 @@ class TestRate:
         first = world.process()
         self.flood(first, 1000)
         first.die()
-        world.process(uid=OTHER_UID)  # at which moment users that have left are forgotten
+        world.process(uid=OTHER_UID)  # at this moment, busd forgets users that have left
         assert refused(world.process().node).resource == f"declarations per second of user {UID}"
         world.advance(60)
         world.process().node()
 
     def test_commands(self) -> None:
-        """To reload, stop and restart: ten at once, then one a second, for all processes of a user."""
+        """Reload, stop and restart: ten at once, then one a second, for all processes of a user."""
         world = self.world()
         one, two = world.process(), world.process()
         for number in range(1, 8):
@@ -332,7 +344,7 @@ class TestRate:
         assert asked == (10 + 1000 + 4 * 5) // 11
 
     def test_who_only_asks_is_made_to_wait(self) -> None:
-        """Long before it is refused: half a second's questions may come at once."""
+        """The pause comes long before a refusal: questions that cost half a second may come at once."""
         world = self.world()
         process = world.process()
         for number in range(1, 6):
@@ -404,7 +416,7 @@ class TestLog:
 
 
 def test_a_busy_robot_meets_no_limit() -> None:
-    """Twenty processes of one user with 2,000 endpoints on 1,000 topics, all declared at once, and again."""
+    """Twenty processes of one user declare 2,000 endpoints on 1,000 topics, all at once, and again."""
     world = World()
     for _ in range(2):
         processes = [world.process(f"process {at}", shares=True) for at in range(20)]

@@ -1,4 +1,4 @@
-"""busd.core.quotas and busd.core.overload: bytes of a process and of a user; and limits that change."""
+"""busd.core.quotas and busd.core.overload: bytes of a process and of a user, and limits that change."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ class TestBytes:
         stranger = self.sleeper(world, "/much", uid=OTHER_UID)
         talker = world.process()
         publishers = {name: talker.publisher(f"/{name}") for name in ("much", "little")}
-        publishers["much"].publish_many(f"{at:700}" for at in range(9))  # 1 KB each with its cost
+        publishers["much"].publish_many(f"{at:700}" for at in range(9))  # 1 KB each, with the cost of a run
         publishers["little"].publish_many(f"{at:700}" for at in range(5))
         user = world.broker._quotas.users[UID]
         assert user.queued.used <= 12_000
@@ -103,7 +103,9 @@ class TestBytes:
 
     @pytest.mark.parametrize("what", ["queued", "history"])
     def test_where_the_one_with_most_can_not_make_room_alone(self, what: str) -> None:
-        """All that it has is what has just come, which is not dropped: then the next one loses its oldest."""
+        """It has only samples that have just arrived, which busd does not drop. So the next one loses its
+        oldest samples.
+        """
         world = world_of(**{**TIGHT, "message_bytes": 8000, "keep_all_window_bytes": 8000})
         kept = QoSProfile(depth=100, durability="transient_local")
         talker, asker = world.process(uid=OTHER_UID), world.process()
@@ -173,7 +175,7 @@ class TestReconfigure:
 
     @pytest.mark.parametrize("whose", ["peer", "user"])
     def test_queues_are_trimmed(self, whose: str) -> None:
-        world = world_of(history_bytes_per_peer=64_000)  # so little that no runs are gathered
+        world = world_of(history_bytes_per_peer=64_000)  # so little that busd gathers no runs
         process = world.process()
         keep_all = QoSProfile(history="keep_all", reliability="best_effort")
         subscriptions = [process.subscription(f"/t{at}", keep_all) for at in range(3)]
@@ -207,7 +209,7 @@ class TestReconfigure:
         assert world.broker._peers[old.id].is_silent
 
     def test_a_larger_window_does_not_starve_who_has_a_small_one(self) -> None:
-        """A publisher that was told of a window of 8 samples must hear of each of them."""
+        """A publisher that knows a window of 8 samples must get credit for each of them."""
         world = world_of(keep_all_window_messages=8)
         talker = world.process()
         publisher = talker.publisher("/topic", QoSProfile(history="keep_all"))

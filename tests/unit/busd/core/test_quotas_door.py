@@ -1,4 +1,4 @@
-"""busd.core.quotas: who may come in, and who waits at the door."""
+"""busd.core.quotas: connections that may enter, and connections that wait at the door."""
 
 from broker_world import SECOND, World
 from busd.core.limits import Limits
@@ -19,7 +19,9 @@ def test_all_and_those_of_a_user() -> None:
 
 
 def test_who_comes_and_goes_waits() -> None:
-    """As many as may be there come at once, then as many a second; nobody else waits."""
+    """The first connections, up to the limit of the user, enter at once, and then as many in each second.
+    Other users do not wait.
+    """
     broker = World(Limits(connections_per_user=4)).broker
     assert [broker.entrance.arrive(0, 7, 0) for _ in range(6)] == [0, 0, 0, 0, SECOND // 4, SECOND // 4]
     assert broker.entrance.arrive(0, 8, 0) == 0
@@ -28,7 +30,9 @@ def test_who_comes_and_goes_waits() -> None:
 
 
 def test_nobody_waits_for_long() -> None:
-    """However many came before: half a second here, a part of the time for the handshake."""
+    """The wait is bounded for any number of earlier connections: here half a second, a part of the time for
+    the handshake.
+    """
     broker = World(Limits(connections_per_user=1, handshake_s=2)).broker
     now_ns = 10 * SECOND
     for at in range(100):
@@ -41,14 +45,14 @@ def test_leaving_does_not_help() -> None:
     broker = World(Limits(connections_per_user=2)).broker
     for _ in range(2):
         broker.entrance.arrive(0, 7, 0)
-    broker.entrance.arrive(0, 8, 0)  # at which moment users that have left are forgotten
+    broker.entrance.arrive(0, 8, 0)  # at this moment, busd forgets users that have left
     assert broker.entrance.arrive(0, 7, 0) > 0
     broker.entrance.arrive(10 * SECOND, 9, 10 * SECOND)
     assert 7 not in broker._quotas.users
 
 
 def test_the_log_hears_of_a_few_that_come_to_nothing_and_of_how_many_more() -> None:
-    """For each user: ten at once, and one a second."""
+    """For each user: ten at once, then one a second."""
     broker = World().broker
     told = [broker.entrance.count_failed_connection(0, 7, for_want_of_room=True) for _ in range(13)]
     assert told == [(True, 0)] * 10 + [(False, 0)] * 3
@@ -56,4 +60,5 @@ def test_the_log_hears_of_a_few_that_come_to_nothing_and_of_how_many_more() -> N
     assert broker.entrance.count_failed_connection(SECOND - 1, 7, for_want_of_room=False) == (False, 0)
     assert broker.entrance.count_failed_connection(SECOND, 7, for_want_of_room=False) == (True, 4)
     assert broker.entrance.count_failed_connection(2 * SECOND, 7, for_want_of_room=False) == (True, 0)
-    assert [broker._quotas.users[uid].refused for uid in (7, 8)] == [13, 0]  # where a limit was in the way
+    # Connections refused because of a limit.
+    assert [broker._quotas.users[uid].refused for uid in (7, 8)] == [13, 0]

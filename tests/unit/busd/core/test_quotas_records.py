@@ -1,4 +1,4 @@
-"""busd.core.quotas: what is told of what processes and users hold, and of which users."""
+"""busd.core.quotas: reports on the resources that processes and users hold, and the users in them."""
 
 import pytest
 

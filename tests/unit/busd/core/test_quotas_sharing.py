@@ -1,4 +1,6 @@
-"""busd.core.quotas: what one process leaves to others of its user, what counts for whom, the log."""
+"""busd.core.quotas: the share that a process leaves to others of its user, the accounts of shared things, the
+log.
+"""
 
 import pytest
 
@@ -26,7 +28,7 @@ def world_of(**limits: float) -> World:
 
 
 def nodes_until_refused(process: Process) -> tuple[int, str]:
-    """How many it can make now, and the resource that ends it."""
+    """The number of nodes that the process can make now, and the resource at which that ends."""
     for number in range(100_000):
         try:
             process.node()
@@ -36,7 +38,7 @@ def nodes_until_refused(process: Process) -> tuple[int, str]:
 
 
 def pings_until_it_must_wait(process: Process) -> int:
-    """What is left of what it may declare: each is one of these."""
+    """The number of declarations that are left. A ping counts as one."""
     for number in range(1, 100_000):
         process.tell(m.Ping())
         if process.id in dict(process.world.pauses):
@@ -66,7 +68,7 @@ class TestOthersOfTheUser:
         assert ("a", "b") in world.broker.graph.types.trusted
 
     def test_bytes_that_a_user_may_have_change_with_the_limits(self) -> None:
-        world = world_of(history_bytes_per_peer=64_000)  # so little that no runs are gathered
+        world = world_of(history_bytes_per_peer=64_000)  # so little that busd gathers no runs
         sleepers = [world.process() for _ in range(3)]
         for sleeper in sleepers:
             sleeper.subscription("/topic", UNBOUNDED)
@@ -92,9 +94,9 @@ class TestOthersOfTheUser:
         talker.die()
         world.advance(60)
         back = world.process(uid=OTHER_UID)
-        of_those_here = 2 * 1 + 2  # their connections; what the sleeper shares
+        of_those_here = 2 * 1 + 2  # their connections, and the segments that the sleeper shares
         (user,) = self.asked(back).users
-        assert user.descriptors == of_those_here + 2  # the ring and the doorbell of the one that has left
+        assert user.descriptors == of_those_here + 2  # the ring and the doorbell of the process that has left
         sleeper.is_blocked = False
         sleeper.read()
         (user,) = self.asked(back).users
@@ -107,7 +109,7 @@ class TestOthersOfTheUser:
 
 class TestWhatADeclarationCosts:
     def test_a_guest_pays_for_a_look_at_the_graph_where_it_takes_one(self) -> None:
-        """A large graph makes questions dear, and nothing else."""
+        """A large graph makes questions expensive, and nothing else."""
         world = world_of(**{**FEW, "nodes_per_user": 1000, "nodes_per_peer": 1000})
         busy, guest = world.process(), world.process(uid=OTHER_UID)
         for _ in range(640):
@@ -115,7 +117,7 @@ class TestWhatADeclarationCosts:
         assert nodes_until_refused(guest) == (1000, "nodes of a process")
 
     def test_matches_are_paid_for(self) -> None:
-        """Thirty-two cost as much as a declaration."""
+        """Thirty-two matches cost as much as a declaration."""
         world = world_of(**{**FEW, "endpoints_per_peer": 20, "matches_per_peer": 640})
         for _ in range(64):
             world.process(uid=OTHER_UID).subscription("/crowded")
@@ -192,7 +194,7 @@ class TestQueues:
         assert long.statistics(talker).dropped == {"memory_limit": 1}
 
     def test_a_process_without_subscriptions_has_nothing_to_lose(self) -> None:
-        """All that the others have is one message each, which stays, and it is too much even so."""
+        """The others have only one message each, which stays although it is over the limit."""
         world = world_of()
         sleeper, idle = world.process(), world.process()
         subscription = sleeper.subscription("/topic", UNBOUNDED)

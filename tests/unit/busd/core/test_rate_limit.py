@@ -1,4 +1,4 @@
-"""busd.core.rate_limit: so many at once, so many a second, whatever comes when."""
+"""busd.core.rate_limit: a number at once, a rate per second, at any times."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -49,7 +49,7 @@ def test_how_long_until_nothing_is_owed() -> None:
 
 
 def test_what_is_owed_is_bounded() -> None:
-    """Who took what was not there gets on again after a second more than the bucket takes to fill."""
+    """The debt is at most one second's tokens: the bucket is full one second later than without a debt."""
     bucket = TokenBucket(10, 5)
     for _ in range(1000):
         bucket.take(0, 100)
@@ -69,7 +69,9 @@ def test_another_rate() -> None:
 
 @given(rate=st.integers(1, 50), burst=st.integers(1, 20), steps=STEPS)
 def test_against_a_count_of_tokens(rate: int, burst: int, steps: list[tuple[int, int]]) -> None:
-    """The model counts whole nanoseconds' worth of tokens in a bucket; here is only when it is full."""
+    """The model counts tokens in nanoseconds of their rate. TokenBucket stores only the time at which it is
+    full.
+    """
     step_ns = SECOND // rate
     bucket, level_ns, now_ns = TokenBucket(rate, burst), burst * step_ns, 0
     for pause_ns, tokens in steps:

@@ -1,4 +1,4 @@
-"""busd.core.registry: what may be made, under which rules and limits."""
+"""busd.core.registry: permitted declarations, and the rules and limits for them."""
 
 import msgspec
 import pytest
@@ -15,7 +15,7 @@ ONE_KIB = 1024
 
 
 def told(process: Process) -> list[m.Namesake]:
-    """Of the nodes that have the name of one of its own."""
+    """The messages about nodes with the same name as one of its own."""
     return [message for message in process.messages if isinstance(message, m.Namesake)]
 
 
@@ -73,7 +73,9 @@ class TestNames:
         assert told(third)[1].pid == 102
 
     def test_in_another_pid_namespace(self) -> None:
-        """All pids are 0 there. A connection of the same process may be one that comes back."""
+        """All pids are 0 there. A second connection of the same process may be the same program that comes
+        back.
+        """
         world = World()
         first, again, other = (
             world.process(name, capabilities=(NAMESAKES,), key=key)
@@ -181,7 +183,9 @@ class TestQuotas:
 
 class TestTypes:
     def test_too_many_for_their_endpoints(self) -> None:
-        """A program that uses one type more than it may have endpoints is refused, not cut off."""
+        """A program that uses one type more than its limit of endpoints gets a refusal; busd does not cut it
+        off.
+        """
         process = World(Limits(endpoints_per_peer=2)).process()
         process.publisher("/a", kind=("a", "1"))
         process.publisher("/b", kind=("b", "1"))

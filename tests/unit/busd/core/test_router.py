@@ -1,4 +1,4 @@
-"""busd.core.router: samples to queues, and every sample that is lost counted with its reason."""
+"""busd.core.router: samples go to queues, and every lost sample is counted with its reason."""
 
 from broker_endpoints import Publisher
 from broker_line import Line
@@ -52,7 +52,7 @@ class TestDelivery:
         assert line.subscription.payloads == [""]
 
     def test_a_process_that_reads_loses_nothing_to_its_depth(self) -> None:
-        """Also where a run is longer than the depth: it is sent before the queue is trimmed."""
+        """This is true for a run longer than the depth, too: busd sends it before it trims the queue."""
         line = Line(requested=QoSProfile(depth=1))
         line.publisher.publish(*"abcdefgh")
         line.publisher.publish(*"ijk")
@@ -177,7 +177,9 @@ class TestPublisherGaps:
         assert line.subscription.got(m.Matched)[-1].next_seq == 500
 
     def test_counters_stay_within_their_field(self) -> None:
-        """Three lies would not fit into 64 bits; the subscription must be told all the same."""
+        """The sum of three such lies would not fit into 64 bits. The subscription must learn of the losses
+        all the same.
+        """
         line = Line()
         for _ in range(5):
             liar = line.talker.publisher("/topic")
@@ -257,7 +259,9 @@ class TestMemory:
             assert counted.queued + counted.dropped["memory_limit"] == 50
 
     def test_the_longest_queue_pays(self) -> None:
-        """Not the one that something came for last: a flood costs the process's other topics nothing."""
+        """The queue that received a sample last does not lose for it: a flood costs the process's other
+        topics nothing.
+        """
         line = Line(requested=QoSProfile(history="keep_all"), limits=self.LIMITS)
         quiet = line.listener.subscription("/quiet")
         whisper = line.talker.publisher("/quiet")
@@ -324,7 +328,7 @@ class TestExpiry:
         assert line.subscription.payloads == ["old"]
 
     def test_expired_is_not_replaced(self) -> None:
-        """Of those that a full queue drops, the expired ones count as that."""
+        """If a full queue drops expired samples, they count as expired."""
         line = Line(offered=self.LASTING_A_SECOND, requested=QoSProfile(depth=2))
         line.listener.is_blocked = True
         line.publisher.publish("a", "b")
@@ -358,7 +362,7 @@ class TestMalformedRuns:
 
     @for_each("depth", [1, 2, 3, 4, 5])
     def test_a_listener_survives_a_liar(self, depth: int) -> None:
-        """Two good samples, then a record that claims 4 GB: each one is accounted for."""
+        """Two good samples, then a record that claims 4 GB. The account has each of them."""
         line = Line(requested=QoSProfile(depth=depth))
         line.listener.is_blocked = True
         body = frame_record(b"a", 0) + frame_record(b"b", 0) + b"\xff" * 40

@@ -1,4 +1,4 @@
-"""busd.core.router: samples for one subscription alone, and subscriptions that know more than came here."""
+"""busd.core.router: samples for one subscription alone, and subscriptions that know more than this busd."""
 
 from typing import Any
 
@@ -19,14 +19,14 @@ GID = bytes(15) + b"g"
 
 
 def rerouted(offered: QoSProfile | None = None, requested: QoSProfile | None = None) -> Pair:
-    """A pair whose match has left the ring, of which the subscription had read nothing."""
+    """A pair whose match has left the ring. The subscription had read nothing."""
     pair = Pair(offered, requested)
     pair.subscription.refuse(pair.publisher)
     return pair
 
 
 class TestAlone:
-    """What a subscription gets of its own, because the others have had it."""
+    """Samples for one subscription alone, because the others have got them."""
 
     def test_after_the_last_that_went_to_all_comes_the_next(self) -> None:
         pair = rerouted()
@@ -91,7 +91,7 @@ class TestAlone:
 
 
 class TestAhead:
-    """It knows numbers that its publisher, which a busd before knew too, sends once more."""
+    """The subscription knows numbers that its publisher sends again. Both were at an earlier busd."""
 
     def back(self, known: int, **more: Any) -> tuple[Publisher, Subscription]:
         world = World()
@@ -110,7 +110,9 @@ class TestAhead:
         assert [(one.seq, one.payload) for one in back.samples] == [(4, "4"), (5, "5")]
 
     def test_from_then_on_it_is_there_like_all_others(self) -> None:
-        """What goes another way is for those of that way, and not what it missed while it was away."""
+        """Samples by another route are for the subscriptions of that route. The subscription did not miss
+        them.
+        """
         publisher, back = self.back(2)
         publisher.publish(*"abc")
         publisher.resume(8)
@@ -124,7 +126,9 @@ class TestAhead:
     ("offered", "requested"), [("keep_all", "keep_all"), ("keep_all", "keep_last"), ("keep_last", "keep_all")]
 )
 def test_a_volatile_one_that_was_there_before(offered: str, requested: str, durability: str) -> None:
-    """It gets what it missed where both ends keep all, and there is a history; and goes on in any case."""
+    """It gets the missed samples if both ends keep all and the publisher has a history. It continues in any
+    case.
+    """
     world = World()
     publisher = world.process().publisher("/topic", QoSProfile(history=offered, durability=durability))
     publisher.publish(*"abc")
@@ -137,7 +141,7 @@ def test_a_volatile_one_that_was_there_before(offered: str, requested: str, dura
 
 class TestTrimming:
     def test_is_asked_for_where_a_queue_has_too_much_and_no_more(self) -> None:
-        """Every run would cost the more, the more had overflown before."""
+        """Otherwise each run would cost more, the more samples had overflowed before."""
         line = Line(requested=QoSProfile(depth=1))
         line.listener.is_blocked = True
         broker, talker, now_ns = line.world.broker, line.talker.id, line.world.now_ns

@@ -1,4 +1,6 @@
-"""A publisher with many subscriptions: each process hands runs on in turns of its own, and none is lost."""
+"""A publisher with many subscriptions: each process hands its runs over in its own turns, and none is
+lost.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,11 +21,11 @@ from feeding import frame_record
 MANY = 200
 KEEP_ALL = QoSProfile(history="keep_all")
 TENTH = 30
-"""A budget with which a run for MANY is handed over in several turns."""
+"""A budget with which a run for MANY takes several turns."""
 
 
 class Stage:
-    """A publisher, a process with many subscriptions, and one with a single one."""
+    """A publisher, a process with many subscriptions, and a process with a single one."""
 
     def __init__(
         self, qos: QoSProfile | None = None, *, many: int = MANY, limits: Limits | None = None
@@ -39,7 +41,7 @@ class Stage:
         return self.world.broker.graph.publishers[self.publisher.id]  # type: ignore[index]
 
     def once_between(self, action: Callable[[], object]) -> None:
-        """`action` happens once, after the first of the next turns."""
+        """Do `action` once, after the first of the next turns."""
 
         def act() -> None:
             self.world.between = lambda: None
@@ -49,7 +51,7 @@ class Stage:
 
 
 def accounts(subscription: Subscription) -> tuple[int, int, dict[str, int]]:
-    """What was expected, what came, and what busd dropped."""
+    """The expected samples, the received samples, and busd's drops."""
     found = subscription.statistics()
     return found.expected, len(subscription.samples), found.dropped
 
@@ -113,7 +115,7 @@ class TestNothingIsLost:
 
         stage.once_between(leave)
         stage.publisher.publish("first")
-        assert leaving.payloads in ([], ["first"])  # it wants no more
+        assert leaving.payloads in ([], ["first"])  # the first one, or nothing: it is leaving
         assert all(one.payloads == ["first", "second", "third"] for one in stage.many if one is not leaving)
 
     def test_the_publisher_ends_meanwhile(self) -> None:
@@ -137,7 +139,7 @@ class TestNothingIsLost:
         assert not stage.world.broker.tasks.has_work(stage.crowd.id)
 
     def test_few_are_left(self) -> None:
-        """Then a run goes to each at once again, but not before what waits."""
+        """From then on, a run goes to each subscription at once again, but not before queued runs."""
         stage = Stage()
 
         def leave() -> None:
@@ -165,7 +167,8 @@ class TestLosses:
         deep = stage.crowd.subscription("/t", QoSProfile(depth=5))
         stage.once_between(lambda: [stage.publisher.publish(f"{at:40000}") for at in range(20)])
         stage.publisher.publish("first")
-        assert [int(text) for text in deep.payloads] == list(range(15, 20))  # it had not had the first
+        # It had not received the first one.
+        assert [int(text) for text in deep.payloads] == list(range(15, 20))
         assert accounts(deep) == (21, 5, {"replaced": 16})
         for one in stage.many:
             expected, came, dropped = accounts(one)

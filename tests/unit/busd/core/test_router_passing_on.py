@@ -1,4 +1,4 @@
-"""busd.core: which runs the shell may pass on as they are, and that they count as if they were routed."""
+"""busd.core: runs that the shell may pass on as they are. They count as if busd had routed them."""
 
 from broker_line import Line
 from broker_world import World
@@ -12,7 +12,7 @@ KEEP_ALL = QoSProfile(history="keep_all")
 
 
 def ways(world: World) -> int:
-    """How many runs were passed on since the last time."""
+    """The number of runs passed on since the last call."""
     count, world.passed_on = world.passed_on, 0
     return count
 

@@ -1,4 +1,4 @@
-"""busd.core.router: a lossless subscription that was lost and is back is sent again what it has missed."""
+"""busd.core.router: a lossless subscription that was lost and is back gets the missed samples again."""
 
 import pytest
 
@@ -12,7 +12,7 @@ ALL = QoSProfile(history="keep_all")
 
 
 class Story:
-    """Five samples were published, a subscription has had two of them and was lost."""
+    """Five samples were published. A subscription has received two of them and was lost."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Story:
         return again.subscription("/topic", self.requested, gid=self.lost.gid, last_seqs=known)
 
     def asked(self) -> list[int | None]:
-        """From where on the publisher was asked to repeat, by its matches."""
+        """The numbers after which the publisher was asked to repeat, by its matches."""
         return [one.last_seq for one in self.publisher.got(m.Matched)]
 
     def credits(self) -> list[int]:
@@ -98,7 +98,7 @@ class TestWhatIsMissed:
         assert [sample.seq for sample in last.samples] == [5]
 
     def test_one_lost_before_it_was_repeated_still_is_told_of_it(self) -> None:
-        """By its account, if the publisher has left meanwhile."""
+        """If the publisher has left meanwhile, the account of the subscription has the loss."""
         story = Story()
         story.come_back().process.lose()
         story.publisher.destroy()

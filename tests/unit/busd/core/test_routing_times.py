@@ -1,4 +1,4 @@
-"""busd.core.routing_times: the histogram of how long runs stay."""
+"""busd.core.routing_times: the histogram of the times that runs stay in busd."""
 
 from broker_world import Process, World
 from bus.wire import messages as m
@@ -44,7 +44,7 @@ def test_what_is_told() -> None:
 
 
 def routed(process: Process) -> tuple[int, int]:
-    """Samples and bytes that went through the broker, as it tells those who ask."""
+    """Samples and bytes that the broker routed, from its own statistics."""
     routing = process.request(m.GetPeers(request=0), m.Peers).routing
     return routing.samples, routing.bytes
 

@@ -1,4 +1,6 @@
-"""busd.core.silence: a process that says nothing for its lease keeps its place, and nobody waits for it."""
+"""busd.core.silence: a process that sends nothing for its lease keeps its place, and no publisher waits for
+it.
+"""
 
 import pytest
 
@@ -18,7 +20,7 @@ def is_silent(process: Process) -> bool:
 
 
 def pass_time(world: World, seconds: int, *lively: Process) -> None:
-    """While these give signs of life."""
+    """Pass time while the lively processes give signs of life."""
     for _ in range(seconds):
         world.advance(1)
         for process in lively:
@@ -61,7 +63,7 @@ class TestWhoIsSilent:
         assert world.notes[1:] == [heard]
 
     def test_each_by_its_own_lease(self) -> None:
-        """That of who came under other limits, too, and whatever order they were heard in."""
+        """Leases of earlier limits count, too, in any order of the signs of life."""
         world = World(Limits(lease_s=4.0))
         slow, talkative = world.process("slow"), world.process("talkative")
         world.broker.reconfigure(world.now_ns, Limits(lease_s=1.0), (), Access(UID, ()))
@@ -89,7 +91,7 @@ class TestWhoIsSilent:
         world = World(Limits(lease_s=2.0))
         process = world.process()
         publisher = process.publisher("/topic")
-        for _ in range(2):  # also of one that was silent
+        for _ in range(2):  # the second time, the process was silent before
             for _ in range(20):
                 if sign == "ping":
                     process.tell(m.Ping())
@@ -101,7 +103,7 @@ class TestWhoIsSilent:
             assert is_silent(process)
 
     def test_what_it_takes_is_a_sign_too(self) -> None:
-        """Where the shell does not hear it, because it takes too little."""
+        """The shell may not notice that the process reads, because it reads too little."""
         world = World(Limits(lease_s=2.0))
         process = world.process()
         world.advance(2)
@@ -132,7 +134,7 @@ class TestWhoIsSilent:
 
 
 class TestWhoWaits:
-    """A lossless publisher, and a subscription whose process falls silent."""
+    """A lossless publisher, and a subscription with a process that falls silent."""
 
     @pytest.fixture
     def world(self) -> World:
@@ -238,7 +240,7 @@ class TestWhoWaits:
         ]
 
     def test_it_goes_by_socket_meanwhile(self, world: World) -> None:
-        """The publisher's end refuses to share. When all is said, it waits for the subscription as ever."""
+        """The publisher's end refuses to share. Afterwards, it waits for the subscription as before."""
         publisher, subscription = self.pair(world, shares=True)
         publisher.publish("a")
         pass_time(world, 12, publisher.process)
@@ -267,7 +269,7 @@ class TestWhoWaits:
         assert world.overdrawn <= 80
 
     def test_it_is_heard_before_all_are_told(self, world: World) -> None:
-        """What they are told last is true."""
+        """The last state that they are told is true."""
         silent, lively = world.process(), world.process()
         for at in range(100):
             silent.subscription(f"/t{at}", ALL)
@@ -286,7 +288,7 @@ class TestWhoWaits:
 
 
 class TestOlderPrograms:
-    """One that knows nothing of Silence would wait for ever, by shared memory."""
+    """A program that does not know Silence would wait for ever by shared memory."""
 
     def older(self, world: World) -> Process:
         with pytest.MonkeyPatch.context() as patch:

@@ -1,4 +1,4 @@
-"""busd.core.timers: what is due, and in which order."""
+"""busd.core.timers: due timers, and their order."""
 
 from collections.abc import Callable
 

@@ -1,7 +1,7 @@
-"""busd.core.turns: nobody's turn is longer than the budget, and who asks for little hardly waits.
+"""busd.core.turns: no turn is longer than the budget, and a process with few requests hardly waits.
 
-`Line` plays the shell: it looks at all sockets, then serves one turn, again and again. The clock is set
-by hand; a unit of work takes a microsecond.
+`Line` replaces the shell: it looks at all sockets, then serves one turn, again and again. The test sets the
+clock; a unit of work takes a microsecond.
 """
 
 from collections import Counter
@@ -15,22 +15,22 @@ READ = 5
 
 
 class Line:
-    """Connections with work to do, and the order in which it is done."""
+    """Connections with work to do, and the order in which the work is done."""
 
     def __init__(self) -> None:
         self.turns: Turns[str] = Turns()
         self.now_ns = 0
         self.parties: dict[str, Party[str]] = {}
         self.wanted: Counter[str] = Counter()
-        """Units that came for a connection and are not done."""
+        """Units of work for each connection that are not done yet."""
         self.done: list[tuple[str, int]] = []
-        """Who was served, and for how long, one after the other."""
+        """The connections served, one after the other, each with its time."""
 
     def connect(self, connection: str, process: str) -> None:
         self.parties[connection] = self.turns.party(process)
 
     def work_on(self, connection: str) -> None:
-        """Do what is wanted until the party has nothing left."""
+        """Do the work of the connection until the party has nothing left."""
         party, spent = self.parties[connection], READ
         party.left -= READ
         while self.wanted[connection] > 0 and party.left > 0:
@@ -43,7 +43,7 @@ class Line:
         self.done.append((connection, spent))
 
     def look(self) -> None:
-        """The event loop tells of each socket with something to read."""
+        """The event loop reports each socket with something to read."""
         for connection, party in self.parties.items():
             if self.wanted[connection] > 0 and not self.turns.is_waiting(connection):
                 if self.turns.may_go(self.now_ns, party):
@@ -75,7 +75,7 @@ def test_little_is_done_at_once(line: Line) -> None:
         line.wanted["quiet"] = STEP
         line.look()
         assert not line.wanted["quiet"]
-        line.now_ns += 1_000_000  # paced at a kilohertz: it never has to wait
+        line.now_ns += 1_000_000  # at this rate of 1 kHz, it never has to wait
         assert not line.turns
 
 
@@ -93,10 +93,10 @@ def test_a_quiet_one_waits_for_as_many_turns_as_there_are_busy_ones(line: Line, 
     for number in range(busy):
         line.connect(f"busy {number}", f"process {number}")
         line.wanted[f"busy {number}"] = 1 << 40
-    line.run(2 * busy)  # all have used up what they had
+    line.run(2 * busy)  # all have used up their budgets
     line.connect("quiet", "quiet")
     for _ in range(100):
-        line.serve()  # it comes while somebody is served
+        line.serve()  # the work arrives during another turn
         line.wanted["quiet"] = STEP
         before = len(line.done)
         line.look()
@@ -129,11 +129,11 @@ def test_many_connections_are_one_process(line: Line) -> None:
         work[connection.split()[0]] += spent
     assert 0.9 < work["greedy"] / work["other"] < 1.1
     served = [connection for connection, _ in line.done if connection != "other"]
-    assert len(set(served)) == 40  # and they take turns among themselves
+    assert len(set(served)) == 40  # each of them had a turn
 
 
 def test_many_small_requests_over_many_connections_are_bounded_too(line: Line) -> None:
-    """Each asks for less than a turn, all together for much more."""
+    """Each connection asks for less than a turn. All together ask for much more."""
     for number in range(40):
         line.connect(f"c{number}", "greedy")
     for _ in range(20):
@@ -146,7 +146,7 @@ def test_many_small_requests_over_many_connections_are_bounded_too(line: Line) -
 
 
 def test_a_debt_is_paid(line: Line) -> None:
-    """A step that costs more than the budget is paid with the turns that follow."""
+    """If a step costs more than the budget, the process pays for it with its next turns."""
     line.connect("greedy", "a")
     line.connect("other", "b")
     for connection in ("greedy", "other"):
@@ -170,7 +170,7 @@ def test_the_allowance_comes_back_with_time(line: Line) -> None:
     assert line.turns.may_go(line.now_ns, party)
     line.now_ns += 1 << 60
     assert line.turns.may_go(line.now_ns, party)
-    assert party.left == BUDGET  # and no more than that
+    assert party.left == BUDGET  # and not more than that
 
 
 def test_a_party_is_forgotten_with_its_last_connection(line: Line) -> None:

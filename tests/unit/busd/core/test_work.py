@@ -1,7 +1,7 @@
-"""Long work of the broker is done in pieces: no piece does more than a step too much, whatever is asked for.
+"""The broker does long work in pieces. Each piece does at most one step too much, for every request.
 
-Between two pieces other processes are served; what they see, and what they do meanwhile, must come out as if
-all had been done at once.
+The broker serves other processes between two pieces. Their view, and the effect of their requests, must be
+the same as if all the work had been done at once.
 """
 
 from collections.abc import Callable
@@ -19,19 +19,19 @@ from busd.core.work import MATCH, Meter, Rounds
 MANY = 200
 BUDGET = 100
 STEP = 80
-"""More than the dearest single step, with what the observers of the world are told of it."""
+"""More than the most expensive single step, with the messages to the observers of the world."""
 KEEP_ALL = QoSProfile(history="keep_all")
 ALICE = 1001
 
 
 @pytest.fixture
 def world() -> World:
-    """One where all that was made before a test was made at once."""
+    """A world that did all its work at once before the test."""
     return World(Limits(matches_per_peer=1 << 20, matches_per_user=1 << 20))
 
 
 def measure(world: World, action: Callable[[], object]) -> int:
-    """Do it in pieces; returns how many there were."""
+    """Do `action` in pieces. Returns their number."""
     pieces = 0
 
     def count() -> None:
@@ -179,21 +179,21 @@ class TestTheBudget:
 
 
 def whole_graph_like(world: World, answer: m.GraphSnapshot, *, statistics: bool) -> m.GraphSnapshot:
-    """The graph as it must have been told."""
+    """The graph now. The answer must equal it."""
     whole = whole_graph(world.broker.graph, statistics=statistics)
     assert (whole.nodes, whole.endpoints, whole.matches) == (answer.nodes, answer.endpoints, answer.matches)
     return answer
 
 
 class TestMeanwhile:
-    """What happens between two pieces."""
+    """Events between two pieces."""
 
     @pytest.fixture
     def listener(self, world: World) -> Process:
         return world.process("listener")
 
     def test_others_are_told_first(self, world: World, listener: Process) -> None:
-        """Its own process learns of an endpoint when everybody else knows of it, and then in order."""
+        """The endpoint's own process learns of it after all others, and then in order."""
         talker = world.process("talker")
         publishers = [talker.publisher("/t") for _ in range(20)]
         listener._own_node()
@@ -213,7 +213,7 @@ class TestMeanwhile:
     def test_samples_wait_until_the_process_knows_the_subscription(
         self, world: World, listener: Process
     ) -> None:
-        """All that was published while it was made comes, in order, after Created."""
+        """All samples published while it was made arrive in order, after Created."""
         talker = world.process("talker")
         publishers = [talker.publisher("/t") for _ in range(20)]
         listener._own_node()
@@ -241,7 +241,7 @@ class TestMeanwhile:
         def destroy() -> None:
             world.between = lambda: None
             publishers[0].destroy()  # matched already
-            publishers[-1].destroy()  # and not yet
+            publishers[-1].destroy()  # not matched yet
 
         world.budget, world.between = 60, destroy
         subscription = listener.subscription("/t")
@@ -279,7 +279,7 @@ class TestMeanwhile:
             listener.die()
 
         world.budget, world.between = 60, die
-        with pytest.raises(ValueError):  # there is no answer
+        with pytest.raises(ValueError):  # no answer comes
             listener.subscription("/t")
         assert not world.broker.tasks.unfinished
         graph = world.whole_graph()
@@ -303,7 +303,7 @@ class TestMeanwhile:
 
     @pytest.mark.parametrize("asks", [False, True])
     def test_the_rules_change_meanwhile(self, world: World, asks: bool) -> None:
-        """All that is begun is told to its end."""
+        """The broker finishes all messages that it has begun."""
         listener, talker = world.process(), world.process()
         for _ in range(20):
             talker.publisher("/t")
@@ -346,7 +346,7 @@ class TestMeanwhile:
         assert known == {one.id for one in world.whole_graph().endpoints}
 
     def test_the_process_of_a_run_for_many_dies(self, world: World) -> None:
-        """What it had sent still goes to all."""
+        """The run that it had sent still goes to all."""
         listener, talker = world.process(), world.process()
         subscriptions = [listener.subscription("/t") for _ in range(MANY)]
         publisher = talker.publisher("/t")

@@ -1,7 +1,7 @@
-"""Every handler and every timer of the core, against tables of thousands: no turn does more than its budget.
+"""Every handler and every timer of the core, with tables of thousands: no turn does more than its budget.
 
-Steps are counted, not microseconds: lines of Python that the core executes. Each message type has an entry
-here, and each timer; one without fails the test. And what an entry costs in all must be charged.
+The tests count steps, not microseconds: lines of Python that the core executes. Each message type and each
+timer has an entry here; one without an entry fails the test. The whole cost of an entry must also be charged.
 """
 
 import ast
@@ -25,9 +25,9 @@ from busd.core.turns import BUDGET
 from effort import is_nightly
 
 LINES_PER_UNIT = 40
-"""Lines in what is charged as one unit, at most."""
+"""Maximum of lines for one unit that is charged."""
 LINES_OF_A_TURN = 30_000
-"""Lines in one turn, at most: about a millisecond."""
+"""Maximum of lines in one turn, which take about a millisecond."""
 KEEP_ALL = QoSProfile(history="keep_all")
 DEEP = QoSProfile(depth=100_000)
 KEPT = QoSProfile(depth=100_000, durability="transient_local")
@@ -40,7 +40,7 @@ def many() -> int:
 
 
 class LineCounter:
-    """Counts the lines of the core that run, and those of the queues that it calls."""
+    """Counts the executed lines of the core, and of the queues that it calls."""
 
     def __init__(self) -> None:
         self.lines = 0
@@ -60,7 +60,7 @@ class LineCounter:
 
 
 class Big(World):
-    """A world in which turns are measured, once `measure` was called."""
+    """A world that measures turns, once `measure` was called."""
 
     def __init__(self) -> None:
         most = 1 << 20
@@ -84,11 +84,11 @@ class Big(World):
         self._begun_at = -1
 
     def measure(self, action: Callable[[], object]) -> None:
-        """Do it in turns; each is counted."""
+        """Do `action` in turns, and count each of them."""
         self.budget, self._begun_at = BUDGET, 0
         self.broker.meter.left = BUDGET
         before, depth = sys.gettrace(), sys.getrecursionlimit()
-        sys.setrecursionlimit(100_000)  # each turn of a world begins within the one before
+        sys.setrecursionlimit(100_000)  # each turn of a world begins within the turn before
         sys.settrace(self.counter.enter)
         try:
             action()
@@ -112,7 +112,7 @@ def asked(process: Process, message: m.Message) -> Callable[[], object]:
     return lambda: process.tell(message)
 
 
-# --- one for each message; what is made before is not counted
+# --- one for each message; preparations are not counted
 
 
 def a_ping(world: Big) -> Callable[[], object]:
@@ -300,7 +300,7 @@ def busd_is_to_reload(world: Big) -> Callable[[], object]:
 
 
 def other_rules(world: Big) -> Callable[[], object]:
-    """For a guest that has much and sees much, of which half goes; by night too, 500 of each kind."""
+    """For a guest that has much and sees much, and loses half of it. At night there are 500 of each kind."""
     own, guest = world.process(), world.process(uid=ALICE)
     for number in range(500):
         own.publisher(f"/t{number}")
@@ -347,7 +347,7 @@ HANDLERS: dict[type[m.Message], tuple[Scene, ...]] = {
 }
 
 
-# --- what comes without a message of control
+# --- work without a control message
 
 
 def a_run_for_many(world: Big) -> Callable[[], object]:
@@ -364,7 +364,7 @@ def a_run_too_large_for_many(world: Big) -> Callable[[], object]:
 
 
 def a_run_for_deaf_ones(world: Big) -> Callable[[], object]:
-    """The queues of all of them are full."""
+    """The queues of all subscriptions are full."""
     _deaf(world, 60, QoSProfile(depth=many() // 4))
     publisher = world.process().publisher("/t")
     publisher.publish_many("x" for _ in range(many() // 4))
@@ -590,7 +590,7 @@ def _timers() -> Iterator[str]:
 
 
 def test_the_counter_sees_a_loop() -> None:
-    """Or all of the above would pass."""
+    """Otherwise all tests above would pass."""
     world = Big()
     process = world.process()
     for number in range(100):

@@ -1,8 +1,8 @@
 """Matches that end while the broker is in the middle of long work with them.
 
-Each ends once, and nobody hears of it after that.
+Each match ends once, and no process hears of it afterwards.
 
-The work is done in pieces, and between two of them others are served.
+The broker does the work in pieces, and serves others between two of them.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ def world() -> World:
 
 
 def in_pieces(world: World, action: Callable[[], object], meanwhile: Callable[[], object]) -> None:
-    """Do it in the smallest pieces, and the other after the first of them."""
+    """Do `action` in the smallest pieces, and `meanwhile` after the first of them."""
     acts = [meanwhile]
     world.budget, world.between = 1, lambda: acts.pop()() if acts else None
     action()
@@ -54,7 +54,7 @@ def test_a_publisher_goes_while_its_subscription_does(world: World) -> None:
 
 
 def tick(world: World) -> None:
-    """One piece of what is due."""
+    """Do one piece of the due work."""
     world.refill()
     world.carry_out(world.broker.tick(world.now_ns))
 
@@ -78,11 +78,11 @@ def test_a_match_that_ends_before_it_is_told_that_its_publisher_lost_its_lease(w
 
 
 class TestSilence:
-    """Publishers are told that a process says nothing, a few at a time."""
+    """Publishers learn that a process is silent, a few at a time."""
 
     @pytest.fixture(params=[True, False], ids=["memory", "socket"])
     def publishers(self, world: World, request: pytest.FixtureRequest) -> list[Publisher]:
-        """Lossless ones, of which the first were told that the subscription's process is silent."""
+        """Lossless publishers. The first ones have learned that the subscription's process is silent."""
         shares = request.param
         silent, lively = world.process(shares=shares), world.process(shares=shares)
         subscription = silent.subscription("/t", KEEP_ALL)

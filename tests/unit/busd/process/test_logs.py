@@ -1,4 +1,4 @@
-"""busd.process.logs: what a line looks like, how many there may be, and that nobody waits for them."""
+"""busd.process.logs: the format of a line, the bound on queued lines, and no wait for a reader."""
 
 import errno
 import json
@@ -27,7 +27,7 @@ def record(level: int, text: str = "text", at_s: float = 7.0) -> logging.LogReco
 
 @pytest.fixture
 def said(capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[[], str]]:
-    """What was logged since the last call; afterwards the log is as it was."""
+    """The lines logged since the last call. Afterwards, the log is restored."""
     root = logging.getLogger()
     before = root.level, root.handlers[:]
     root.handlers[:] = []
@@ -44,7 +44,7 @@ def said(capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[[], str]]:
 
 
 class Reader:
-    """Takes lines one by one, when it is allowed to; raises what it is to raise."""
+    """Takes lines one by one while it is allowed to. Raises the error that the test sets."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -116,7 +116,7 @@ class TestBounds:
 
 
 class TestReaders:
-    """Whoever takes the lines, or does not: nobody waits for it who logs."""
+    """With any reader, or without one, a caller that logs does not wait."""
 
     def test_one_that_stands_still(self, lines: _Lines, reader: Reader) -> None:
         reader.may_go_on.clear()
@@ -143,7 +143,9 @@ class TestReaders:
         assert reader.lines == []
 
     def test_one_that_can_not_take_them(self, lines: _Lines, reader: Reader) -> None:
-        """A full disk, say. What was lost is told when there is room again, and not tried again and again."""
+        """For example, the disk is full. The log does not retry lost lines; it reports them when there is
+        room again.
+        """
         reader.error = OSError(errno.ENOSPC, "full")
         for _ in range(3):
             lines.handle(record(logging.ERROR, "lost"))
@@ -253,7 +255,7 @@ def test_after_a_line_that_there_was_no_room_for_the_next_begins_anew(
 
 
 def test_a_descriptor_that_somebody_made_non_blocking(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The thread waits for it, as for any other."""
+    """The thread waits for it, as for any other descriptor."""
     ours, theirs = os.pipe()
     os.set_blocking(theirs, False)
     while True:

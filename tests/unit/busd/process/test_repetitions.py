@@ -1,4 +1,4 @@
-"""busd.process.repetitions: a line that is caused again and again is logged once in a while."""
+"""busd.process.repetitions: the log has a repeated line only from time to time."""
 
 import logging
 from functools import partial

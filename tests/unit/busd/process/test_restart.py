@@ -1,4 +1,4 @@
-"""busd.process.restart: what the next busd is started with, and whether it could start."""
+"""busd.process.restart: the command and environment of the next busd, and the check that it can start."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""busd under a service manager: busd.process.sd_notify, and the socket that it passes."""
+"""busd under a service manager: busd.process.sd_notify, and the socket that the manager passes."""
 
 import os
 import socket
@@ -78,7 +78,7 @@ def test_a_status_is_one_line() -> None:
     assert status("3 peers,\n 7 topics\nREADY=0") == "STATUS=3 peers, 7 topics READY=0"
 
 
-# Socket activation
+# --- socket activation
 
 ACTIVATED = """
 import os, sys
@@ -96,7 +96,7 @@ except ValueError as error:
 
 
 def activate(descriptor: int) -> list[str]:
-    """What a daemon says that is passed this descriptor."""
+    """The output of a daemon that receives this descriptor."""
     ended = subprocess.run(
         [sys.executable, "-c", ACTIVATED, str(descriptor)],
         capture_output=True,

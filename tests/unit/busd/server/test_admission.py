@@ -1,4 +1,6 @@
-"""busd.server.admission: what a connection costs until its Hello, who keeps a place, who is told why not."""
+"""busd.server.admission: the cost of a connection until its Hello, the places in the queue, and reasons for
+refusals.
+"""
 
 import asyncio
 import errno
@@ -26,7 +28,7 @@ NO_PLACE = "busd has no place left for another connection that waits to be let i
 
 
 class Host:
-    """Lets everybody in, as far as a test says nothing else; keeps who came."""
+    """Lets everybody in unless a test changes that, and records each admission."""
 
     handshake_s = 60.0
 
@@ -57,7 +59,7 @@ class Host:
 
 
 class Door:
-    """An admission, its host, and those who come; use it as `with`."""
+    """An admission, its host, and its guests. Use it as `with`."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "busd.sock"
@@ -80,7 +82,7 @@ class Door:
             inside.close()
 
     def come(self, words: bytes = b"") -> socket.socket:
-        """One more connection, which has said that."""
+        """One more connection, which has sent `words`."""
         guest = self._stack.enter_context(socket.socket(socket.AF_UNIX))
         guest.setblocking(False)
         guest.connect(str(self.path))
@@ -103,7 +105,7 @@ def door(tmp_path: Path) -> Iterator[Door]:
 
 
 async def last_words(guest: socket.socket) -> list[Any]:
-    """All that the other side says, up to its end."""
+    """Everything that the other side sends until its end."""
     session, said = Session(Role.CLIENT), list[Any]()
     while size := await asyncio.get_running_loop().sock_recv_into(guest, session.reader.get_buffer()):
         said += session.received(size)
@@ -148,13 +150,13 @@ class TestHello:
             assert not door.host.failures
 
     async def test_who_does_not_say_it_in_time(self, door: Door) -> None:
-        """One timer serves all, and each has his own time."""
+        """One timer serves all connections, and each one has its own time limit."""
         door.host.handshake_s = 0.05
         with door:
             first = door.come()
             await until(
                 lambda: not door.admission.is_empty or door.host.failures
-            )  # it may be too late already
+            )  # on a slow machine, the time may be over already
             later = door.come(HELLO[:9])
             for guest in (first, later):
                 assert await fault(guest) == m.Fault(text="no Hello within 0.05 s")
@@ -174,7 +176,7 @@ class TestHello:
 
 
 class TestTurnedAway:
-    """Whoever is, hears why, also where there is more that nobody has read."""
+    """Each refused connection gets the reason, even if busd has not read all its data."""
 
     @pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n", b"\xff" * 5000, HELLO[:6] + bytes(100_000)])
     async def test_with_garbage(self, door: Door, garbage: bytes) -> None:
@@ -186,7 +188,7 @@ class TestTurnedAway:
     async def test_strangers_are_told_without_a_word_of_theirs(
         self, door: Door, caplog: pytest.LogCaptureFixture
     ) -> None:
-        """The log hears of each user once."""
+        """The log names each user once."""
         door.host.stranger = "you may not"
         with door:
             for _ in range(3):
@@ -199,7 +201,7 @@ class TestTurnedAway:
             assert await fault(door.come(HELLO)) == m.Fault(text="3 of 3")
 
     async def test_at_the_end_nobody_says_a_word(self, door: Door) -> None:
-        """The client knows that from the backlog of a busd that ends, and tries again."""
+        """The client treats this like the end of a busd with connections in its backlog, and tries again."""
         with door:
             guest = door.come()
             await until(lambda: not door.admission.is_empty)
@@ -254,7 +256,7 @@ class TestPlaces:
 
 
 class TestTurns:
-    """Of a user who comes too often."""
+    """A user with too many connections waits."""
 
     async def test_who_waits_is_let_in_when_it_is_time_and_in_order(self, door: Door) -> None:
         door.host.wait_ns = lambda said_ns: SECOND
@@ -284,7 +286,7 @@ class TestTurns:
             door.come(HELLO)
             await until(lambda: door.host.inside)
             assert len(asked) == 3
-            assert asked[1] == asked[2]  # when it said Hello
+            assert asked[1] == asked[2]  # both are the time of its Hello
 
     async def test_who_hangs_up_meanwhile_keeps_no_place(self, door: Door) -> None:
         door.host.wait_ns = lambda said_ns: SECOND
@@ -306,7 +308,7 @@ class TestCost:
             assert door.admission.accept_some(3) == 0
 
     async def test_one_that_gives_up_in_the_backlog_does_not_end_the_round(self, door: Door) -> None:
-        """The kernel says so in its place, and those behind it wait already."""
+        """The kernel reports the error in its place; the connections behind it wait already."""
 
         class Aborting:
             def __init__(self, listening: socket.socket) -> None:
@@ -330,7 +332,7 @@ class TestCost:
     async def test_all_together_take_a_quarter_of_the_time(
         self, door: Door, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """By a clock that shows 5 ms more of work at each look, and stands still else."""
+        """The clock shows 5 ms more work at each look."""
         work_ns = 0
 
         def work() -> int:
@@ -345,7 +347,8 @@ class TestCost:
             monkeypatch.setattr(door.admission, "_pause", pauses.append)
             for _ in range(4):
                 door.admission._come()
-        assert pauses == [0.02, 0.04]  # two times 5 ms are free; then a rest of four times as much
+        # Two times 5 ms are free; after that, the rest is four times as long as the work.
+        assert pauses == [0.02, 0.04]
 
     async def test_after_its_rest_it_goes_on(self, door: Door) -> None:
         with door:

@@ -1,4 +1,4 @@
-"""busd.server.alarm: the core is woken up when a timer is due, later if this process stood still."""
+"""busd.server.alarm: it wakes the core when a timer is due, and later if this process stood still."""
 
 import asyncio
 from collections.abc import Iterator
@@ -45,7 +45,7 @@ class World:
             action(now_ns)
 
     def wait(self, seconds: float) -> None:
-        """So much later, the loop makes its only call."""
+        """Let the time pass. Then the loop makes its only call."""
         self.now_ns += int(seconds * SECOND)
         ((handle, action),) = self.calls.items()
         del self.calls[handle]
@@ -97,7 +97,7 @@ def test_what_is_due_already_comes_at_once(world: World) -> None:
 
 
 def test_grace_is_given_once_for_each_timer(world: World) -> None:
-    """A machine that is always late must still see leases end."""
+    """Leases must also end on a machine that is always late."""
     alarm = Alarm(world.timers, world.wake)
     for _ in range(2):
         world.woken.clear()

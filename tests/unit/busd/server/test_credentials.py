@@ -1,4 +1,4 @@
-"""busd.server.credentials: who the kernel says is at the other end, and what a log calls him."""
+"""busd.server.credentials: the peer's identity from the kernel, and its name in a log."""
 
 import errno
 import os
@@ -26,7 +26,7 @@ def test_credentials_of_a_peer(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Outside(socket.socket):
-    """As the kernel shows a process of another pid namespace: its pid is 0."""
+    """A process of another pid namespace, as the kernel shows it: its pid is 0."""
 
     def getsockopt(self, level: int, option: int, size: int = 0) -> bytes:  # type: ignore[override]
         answer = super().getsockopt(level, option, size)
@@ -34,7 +34,7 @@ class Outside(socket.socket):
 
 
 class Earlier(Outside):
-    """And on a kernel that has no SO_PEERPIDFD."""
+    """The same on a kernel without SO_PEERPIDFD."""
 
     def getsockopt(self, level: int, option: int, size: int = 0) -> bytes:  # type: ignore[override]
         if option == 77:
@@ -43,7 +43,7 @@ class Earlier(Outside):
 
 
 def invisible(kind: type[socket.socket], count: int) -> list[Credentials]:
-    """What is seen of connections of this process in another pid namespace."""
+    """Credentials of connections of this process, as seen from another pid namespace."""
     seen = []
     with kind(socket.AF_UNIX) as listening:
         listening.bind("")
@@ -56,7 +56,7 @@ def invisible(kind: type[socket.socket], count: int) -> list[Credentials]:
 
 
 def has_process_files() -> bool:
-    """Whether the kernel has pidfs, which tells processes without a pid apart."""
+    """True if the kernel has pidfs, which can tell processes without a pid apart."""
     pidfd, poll = os.pidfd_open(os.getpid()), select.epoll()
     try:
         return os.fstat(pidfd).st_dev != os.fstat(poll.fileno()).st_dev
@@ -82,7 +82,7 @@ class TestAnotherPidNamespace:
         self, has_option: bool, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         pidfd = os.pidfd_open(os.getpid())
-        device = os.fstat(pidfd).st_dev  # without pidfs, that of files which share one inode
+        device = os.fstat(pidfd).st_dev  # without pidfs, many files with a single inode have this device
         os.close(pidfd)
         monkeypatch.setattr("busd.server.credentials._anonymous_device", lambda: device)
         before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
@@ -92,7 +92,9 @@ class TestAnotherPidNamespace:
 
 
 def test_more_groups_than_can_be_told() -> None:
-    """None, and not a part of them: a rule that denies one of the rest would not be seen to."""
+    """busd then assumes no groups. With only some of them, it could miss a rule that denies one of the
+    others.
+    """
 
     class Crowded(socket.socket):
         def getsockopt(self, level: int, option: int, size: int = 0) -> bytes:  # type: ignore[override]

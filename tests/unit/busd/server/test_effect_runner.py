@@ -1,4 +1,4 @@
-"""busd.server.effect_runner: what is sent to whom, in which order, and what goes to the server."""
+"""busd.server.effect_runner: the order of messages to connections, and the calls of the server."""
 
 import logging
 from typing import Any
@@ -15,14 +15,14 @@ from busd.server.effect_runner import EffectRunner
 
 
 class User:
-    """The account of a user: `used` of `limit` bytes of control frames wait for its processes."""
+    """The account of a user. `used` of `limit` bytes of control frames wait for its processes."""
 
     used = 0
     limit = 100
 
 
 class Connection:
-    """Stands for a connection; `calls` notes what happens to all of them, in order."""
+    """Replaces a connection. `calls` records the calls on all connections in order."""
 
     is_choked = False
     writing = WriteState.OPEN
@@ -79,7 +79,7 @@ class World:
         self.runner = EffectRunner(self.meter, self.peers, Host(self.calls))
 
     def carry_out(self, *effects: Effect) -> list[Any]:
-        """Returns what that led to."""
+        """Returns the resulting calls."""
         self.calls.clear()
         self.runner.carry_out([*effects])
         return self.calls.copy()
@@ -96,7 +96,7 @@ ONE, TWO = PeerId(1), PeerId(2)
 
 
 def test_who_asked_is_answered_after_the_others_were_told() -> None:
-    """A subscription that was made may count on every publisher having been told of it."""
+    """A new subscription may rely on every publisher having been told of it."""
     world = World(20)
     for asker in world.peers:
         world.runner.dirty.update(world.peers.values())
@@ -107,7 +107,7 @@ def test_who_asked_is_answered_after_the_others_were_told() -> None:
 
 
 def test_a_flush_is_paid_for() -> None:
-    """By each connection to which something is sent, also by the one whose message was handled."""
+    """Each connection that receives something pays, also the one with the handled message."""
     world = World()
     world.carry_out(Send(ONE, PING), Send(TWO, PING))
     world.flush(1)
@@ -184,7 +184,7 @@ def test_who_asks_for_the_end_is_answered_first() -> None:
 
 @pytest.mark.parametrize("writing", [WriteState.OPEN, WriteState.BLOCKED, WriteState.ENDED])
 def test_a_pause_is_for_those_who_are_there(writing: WriteState) -> None:
-    """What one that has gone has sent is read at once."""
+    """busd reads the rest of a connection that has gone at once."""
     world = World()
     world.peers[ONE].writing = writing
     has_gone = writing is WriteState.ENDED
@@ -197,7 +197,7 @@ def test_a_note_is_for_the_log(caplog: pytest.LogCaptureFixture) -> None:
 
 
 class TestTooManyFrames:
-    """Of a user's processes the one for which most wait is cut off."""
+    """Of a user's processes, busd cuts off the one with the most queued frames."""
 
     def test_after_all_effects(self) -> None:
         user = User()

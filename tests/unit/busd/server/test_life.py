@@ -1,4 +1,4 @@
-"""busd.server.life: every cell of the table, and what follows from the states."""
+"""busd.server.life: every cell of the table, and the effect of each state."""
 
 from itertools import product
 
@@ -15,7 +15,7 @@ EVENTS_TO: dict[LifeState, list[LifeEvent]] = {
     LifeState.STOPPED: [LifeEvent.STOP, LifeEvent.DRAIN],
     LifeState.HANDING_OVER: [LifeEvent.RESTART, LifeEvent.DRAIN],
 }
-"""How a life comes to each state."""
+"""The events that lead to each state."""
 
 FOLLOWING: dict[LifeState, tuple[LifeState | None, ...]] = {
     # after a stop, a restart, an interrupt, the last connection

@@ -48,7 +48,7 @@ def hear(process: Process) -> list[str]:
 
 
 def wave(process: Process) -> None:
-    """Let a process go on that waits for a line."""
+    """Let a process continue that waits for a line."""
     assert process.stdin is not None
     process.stdin.write("\n")
     process.stdin.flush()
@@ -56,7 +56,7 @@ def wave(process: Process) -> None:
 
 @pytest.fixture
 def daemon(path: Path) -> Iterator[Callable[[], Process]]:
-    """Starts processes that wait before they open `path`; none of them outlives the test."""
+    """Starts processes that wait before they open `path`. None of them outlives the test."""
     environ = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     with ExitStack() as running:
 
@@ -325,7 +325,7 @@ def test_the_default_folder_is_made(tmp_path: Path, environ: dict[str, str]) -> 
         assert listener.path == folder / "0.sock"
         assert mode(folder) == 0o700
     folder.rmdir()
-    # It stays the default folder where the path is given, as a client does that starts a daemon.
+    # The folder stays the default one if the path is given. A client that starts a daemon does this.
     with open_listener(folder / "7.sock", environ={**environ, "BUSD_SOCKET": "/x", "BUSD_DOMAIN": "x"}):
         assert mode(folder) == 0o700
 

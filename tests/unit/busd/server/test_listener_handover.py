@@ -1,4 +1,4 @@
-"""busd.server.listener: what one program leaves to the next one that its process runs."""
+"""busd.server.listener: the things that a program hands over to the next program in its process."""
 
 import os
 import socket
@@ -45,7 +45,7 @@ print(path.exists(), lock.exists(), look())
 
 
 def hand_over(path: Path, then: Path, meanwhile: str = "") -> list[list[str]]:
-    """What both say, line by line, word by word."""
+    """The output of both programs: lines of words."""
     done = subprocess.run(
         [sys.executable, "-c", FIRST, str(path), str(then), meanwhile, SECOND],
         capture_output=True,
@@ -62,7 +62,7 @@ def test_socket_and_lock_go_on(tmp_path: Path) -> None:
     path = tmp_path / "s"
     first, second, lock, inheritable, after = hand_over(path, path)
     pid, _ = first
-    assert second == [*first, "True", "2"]  # the same file, and nothing is open twice
+    assert second == [*first, "True", "2"]  # the same file, and no descriptor is open twice
     assert lock == [pid, "[]"]
     assert inheritable == ["[]"]
     assert after == ["False", "False", "0"]
@@ -77,10 +77,10 @@ def test_of_another_path_nothing_is_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("gone", ["s", "s.lock"])
 def test_what_is_not_in_place_any_more_is_made_anew(tmp_path: Path, gone: str) -> None:
-    """A cleaner of /tmp, for example."""
+    """For example, a program that cleans /tmp removed it."""
     path = tmp_path / "s"
     meanwhile = f"(path.parent / {gone!r}).unlink()"
-    if gone == "s.lock":  # then the old socket still answers, and is not busd's to replace
+    if gone == "s.lock":  # the old socket would still answer, and busd must not replace it
         meanwhile += "; path.unlink()"
     _, second, *_, after = hand_over(path, path, meanwhile)
     assert second[2:] == ["True", "2"]
@@ -88,7 +88,7 @@ def test_what_is_not_in_place_any_more_is_made_anew(tmp_path: Path, gone: str) -
 
 
 def test_another_process_s_is_not_taken(tmp_path: Path) -> None:
-    """The variable is for the process whose pid it has."""
+    """The variable has a pid, and is only for that process."""
     path = tmp_path / "s"
     with socket.socket(socket.AF_UNIX) as strange:
         environ = {"BUSD_HANDOVER": f"1 {strange.fileno()} {strange.fileno()}"}

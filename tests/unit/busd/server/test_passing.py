@@ -1,4 +1,4 @@
-"""busd.server.passing: runs that are passed on as they lie in the reader's buffer, and what that costs."""
+"""busd.server.passing: runs passed on as they lie in the reader's buffer, and the cost of that."""
 
 import asyncio
 import os
@@ -32,7 +32,7 @@ UID = os.getuid()
 
 
 class Peer:
-    """A process of a server's, at the other end of a pair of sockets."""
+    """A process of a server, at the other end of a socket pair."""
 
     _numbers = count(1)
 
@@ -48,7 +48,7 @@ class Peer:
         self._waiting: list[Any] = []
 
     async def get(self, wanted: Callable[[Any], bool]) -> Any:
-        """The next thing that is so; what came before it is gone."""
+        """The next item for which `wanted` is true. Items before it are dropped."""
         async with asyncio.timeout(WAIT_S):
             while True:
                 while self._waiting:
@@ -66,7 +66,7 @@ class Peer:
         return run.endpoint, run.source, run.first_seq, bytes(run.body)
 
     async def make(self, kind: type[Any], topic: str, **more: Any) -> int:
-        """A publisher or subscription of a node of its own; returns its number."""
+        """Make a publisher or subscription with its own node. Returns its number."""
         numbers = [next(Peer._numbers) for _ in range(2)]
         self.sock.send(
             m.encode_frame(m.DeclareType(**KIND))
@@ -80,7 +80,7 @@ class Peer:
 
 
 class Counted:
-    """A socket that notes what is asked of it."""
+    """A socket that records calls."""
 
     def __init__(self, sock: socket.socket, calls: list[str]) -> None:
         self._sock = sock
@@ -99,7 +99,7 @@ class Counted:
 
 
 class Pair:
-    """A publisher and the subscription that is its only one."""
+    """A publisher and its only subscription."""
 
     def __init__(self, talker: Peer, listener: Peer) -> None:
         self.talker = talker
@@ -132,7 +132,7 @@ async def server(tmp_path: Path) -> Any:
 
 
 async def test_some_runs_for_some_in_one_read(server: Server) -> None:
-    """Each gets its own, in order, whoever else is in the read."""
+    """Each subscription gets its own runs in order, whatever else is in the read."""
     talker, one, other = (Peer(server) for _ in range(3))
     first = await Pair(talker, one).declare("/first")
     second = await Pair(talker, other).declare("/second")
@@ -158,7 +158,7 @@ async def test_some_runs_for_some_in_one_read(server: Server) -> None:
 
 
 async def test_what_the_socket_does_not_take_waits_in_order(server: Server) -> None:
-    """Within the depth, and what was taken in part comes whole."""
+    """Such runs wait within the depth. A partly sent run is sent to its end."""
     talker, listener = Peer(server), Peer(server)
     pair = await Pair(talker, listener).declare("/topic")
     sent = 0
@@ -179,7 +179,7 @@ async def test_what_the_socket_does_not_take_waits_in_order(server: Server) -> N
 
 
 async def test_what_is_sent_is_paid_for(server: Server) -> None:
-    """So that who sends much has its turns, too; a short one costs the read and the frame."""
+    """So a process that sends much has its turns, too. A short run costs the read and the frame."""
     talker, listener = Peer(server), Peer(server)
     pair = await Pair(talker, listener).declare("/topic")
     party, paid = talker.connection.party, list[int]()
@@ -208,7 +208,7 @@ async def test_one_that_has_gone_harms_nobody(server: Server) -> None:
 
 
 async def test_one_that_the_core_has_yet_to_forget(server: Server) -> None:
-    """What a process had is taken out of the graph in pieces, and its connection is gone before."""
+    """The core removes the parts of a process from the graph in pieces. Its connection goes first."""
     talker, listener = Peer(server), Peer(server)
     pair = await Pair(talker, listener).declare("/topic")
     gone = server._peers.pop(listener.connection.id)

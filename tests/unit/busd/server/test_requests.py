@@ -1,4 +1,4 @@
-"""busd.server.requests: what one who asks for a restart or a reload is told."""
+"""busd.server.requests: the answers to a request for a restart or a reload."""
 
 import asyncio
 import logging
@@ -31,7 +31,7 @@ class Host:
 
 
 async def said(find_fault: Callable[[], Awaitable[str]] | None, host: Host) -> list[Message | str]:
-    """What follows the request for a restart."""
+    """The messages after a request for a restart."""
     Requests(host, find_fault, None).restart(ASKED)
     await until(lambda: host.said)
     return host.said
@@ -65,7 +65,7 @@ class TestRestart:
         assert await said(find_fault, host) == [Refused(request=7, text="busd is about to end")]
 
     async def test_one_at_a_time(self) -> None:
-        """A second one that comes while the reasons are checked is refused; a later one is not."""
+        """A second request during the check of the reasons is refused. A later one is not."""
         check = asyncio.Event()
 
         async def find_fault() -> str:
@@ -91,7 +91,7 @@ class TestReload:
     async def test_says_what_has_changed(self, text: str) -> None:
         host = Host()
         Requests(host, None, lambda: text).reload(PEER, 3)
-        assert host.said == []  # not within the effects that are being carried out
+        assert host.said == []  # not while effects are carried out
         await until(lambda: host.said)
         assert host.said == [Done(request=3, text=text)]
 

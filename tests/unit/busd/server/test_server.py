@@ -1,4 +1,4 @@
-"""busd.server.server: the order in which it ends, and what it does for connections that come and go."""
+"""busd.server.server: the steps of its end, and its care for connections that come and go."""
 
 import asyncio
 import os
@@ -27,14 +27,14 @@ def listener(tmp_path: Path) -> Iterator[Listener]:
 
 
 async def test_it_stops_listening_first(listener: Listener) -> None:
-    """Who connects to a busd that ends must find none, rather than one that says nothing."""
+    """A client of a busd that ends must find no socket, rather than a server that says nothing."""
     server = Server(listener, Broker())
     server.stop("a test")
     assert not listener.path.exists()
     with socket.socket(socket.AF_UNIX) as late, pytest.raises(FileNotFoundError):
         late.connect(str(listener.path))
     with open_listener(listener.path):
-        pass  # the next one need not wait for the process to end
+        pass  # the next busd need not wait for the process to end
     assert await server.stopped == "a test"
 
 
@@ -61,7 +61,9 @@ async def test_one_that_nobody_has_come_to_is_idle(listener: Listener) -> None:
 
 
 async def test_processes_without_a_pid_have_turns_of_their_own(listener: Listener) -> None:
-    """In another pid namespace all have the pid 0; the connections of one process share its turns."""
+    """In another pid namespace, all processes have the pid 0. The connections of one process share its
+    turns.
+    """
     server, ends = Server(listener, Broker()), []
     for key in (("pidfs", 1), ("pidfs", 1), ("pidfs", 2), ("connection", 1)):
         here, there = socket.socketpair()
@@ -78,7 +80,7 @@ async def test_processes_without_a_pid_have_turns_of_their_own(listener: Listene
 
 
 async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener) -> None:
-    """What all of busd does for one that matches a publisher, by socket; see `callcount`."""
+    """All calls of busd for a subscription that matches a publisher by socket. See `callcount`."""
     server = Server(listener, Broker(uid=os.getuid()))
     counts = list[int]()
     with RawPeer(listener.path) as talker, RawPeer(listener.path) as peer:
@@ -99,7 +101,7 @@ async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener)
 
 @pytest.fixture
 async def server(listener: Listener) -> AsyncIterator[Server]:
-    """One with a peer that goes on sending, so that its end is not over before the peer is closed."""
+    """A server with a peer that goes on sending, so its end is not over before the peer is closed."""
     server = Server(listener, Broker(Limits(drain_s=3600), uid=os.getuid()))
     with RawPeer(listener.path) as peer:
         polite = Hello(version=PROTOCOL_VERSION, capabilities=(LEAVING,), program="polite peer")
@@ -124,7 +126,7 @@ class TestEnd:
     async def test_a_restart_can_be_turned_into_an_end(
         self, way: str, server: Server, listener: Listener
     ) -> None:
-        """Whoever starts a busd then need not wait for this one."""
+        """A program that then starts a busd need not wait for this one."""
         server.restart("one")
         getattr(server, way)("two")
         assert not server.is_restarting
@@ -149,7 +151,7 @@ class TestEnd:
 
     @pytest.mark.parametrize("first", ["stop", "stop_now", "restart"])
     async def test_the_second_signal_waits_for_nobody(self, first: str, server: Server) -> None:
-        """After a restart has begun, the first one makes it an end."""
+        """If a restart has begun, the first signal turns it into an end."""
         getattr(server, first)("one")
         server.stop("two")
         assert not server.stopped.done()
@@ -171,7 +173,7 @@ class TestEnd:
                 await server.stopped
 
     async def test_nothing_is_due_any_more(self, server: Server) -> None:
-        """No lease ends, for one: busd listens to nobody much longer."""
+        """For example, no lease ends: busd soon stops reading."""
         due = list[int]()
         server._broker.timers.add(0, due.append)
         server._alarm.set()

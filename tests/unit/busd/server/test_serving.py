@@ -1,4 +1,6 @@
-"""busd.server.serving: who is read and handled when, what that costs, and who waits for those that left."""
+"""busd.server.serving: the order of reading and handling, its cost, and the wait for connections that have
+left.
+"""
 
 import asyncio
 import os
@@ -26,7 +28,7 @@ from raw_peer import RawPeer
 from semantics import until
 
 LONG_S = 3600
-"""Far longer than a test may take: who waits for that hangs."""
+"""Far longer than a test may take. A test that waits for this hangs."""
 
 
 @pytest.fixture
@@ -45,7 +47,7 @@ def peer_of(server: Server) -> RawPeer:
 
 
 class Deaf:
-    """Stands for a connection that is never read again."""
+    """Replaces a connection that is never read again."""
 
     id = PeerId(1)
     reading, writing = ReadState.OPEN, WriteState.OPEN
@@ -64,7 +66,7 @@ class Deaf:
 async def test_it_gives_way_where_more_comes_than_can_be_taken(
     is_swamped: bool, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And only there: what is taken passes as fast as it goes."""
+    """busd gives way only in this case. Otherwise, runs pass as fast as they come."""
     broker, yields = server._broker, list[None]()
     monkeypatch.setattr("os.sched_yield", lambda: yields.append(None))
 
@@ -81,14 +83,14 @@ async def test_it_gives_way_where_more_comes_than_can_be_taken(
 
     server.serving._handle(Deaf(), [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
 
-    assert len(yields) == is_swamped  # once for all that one read brought
+    assert len(yields) == is_swamped  # once for the whole read
 
 
 @pytest.mark.parametrize("has_gone", [True, False])
 async def test_questions_of_one_that_has_gone_are_not_answered(
     has_gone: bool, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An answer about the graph may be long. What else it has sent is for others, too."""
+    """An answer about the graph may be long. The rest of its messages also concerns others."""
     questions: list[m.Message] = [
         m.GetGraph(request=1),
         m.GetType(request=2, type_name="a", type_hash="b"),
@@ -106,7 +108,7 @@ async def test_questions_of_one_that_has_gone_are_not_answered(
 
 class TestCost:
     async def paid(self, server: Server, peer: RawPeer, raw: bytes) -> int:
-        """What the process pays for the read of `raw`, which has to come at once."""
+        """The cost of the read of `raw`, which must arrive at once."""
         (connection,) = server._connections
         await asyncio.sleep(0.01)
         connection.party.refill(time.monotonic_ns())
@@ -123,7 +125,7 @@ class TestCost:
             assert await self.paid(server, peer, 2 * frame) == 5 + 2 * 3
 
     async def test_of_a_read_that_makes_no_frame_whole(self, server: Server) -> None:
-        """Else the same bytes could be made to cost many reads."""
+        """Otherwise the same bytes could cost many reads."""
         with peer_of(server) as peer:
             await asyncio.to_thread(peer.hello)
             frame = m.encode_frame(m.DeclareType(type_name="a", type_hash="b", schema=bytes(40_000)))
@@ -131,7 +133,7 @@ class TestCost:
             assert await self.paid(server, peer, frame[100 : 100 + 3 * 8192]) == 5 + 7 + 3
 
     async def test_is_charged_to_the_one_for_whom_all_is_done(self, server: Server) -> None:
-        """A process whose message makes others end pays for that, too."""
+        """If a process's message ends others, it pays for that, too."""
         one, other = (server.serving._turns.party(name) for name in ("one", "other"))
         for party, payers in ((one, (one, other)), (other, (other, one))):
             before = [each.left for each in payers]
@@ -141,10 +143,10 @@ class TestCost:
 
 
 class TestBack:
-    """A process that connects again while its earlier connection is not ended."""
+    """A process that connects again before its earlier connection has ended."""
 
     async def come_back(self, server: Server, old: RawPeer, new: RawPeer) -> asyncio.Task[Any]:
-        """`old` is paused, and has hung up; `new` asks for a node and waits. Returns what waits."""
+        """`old` is paused, and has hung up. `new` asks for a node and waits. Returns the waiting task."""
         await asyncio.to_thread(old.hello)
         await asyncio.to_thread(old.node, "back")
         (connection,) = server._connections
@@ -160,7 +162,7 @@ class TestBack:
     async def test_it_waits_without_turns_for_what_is_held_of_it(
         self, server: Server, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """What it had is in the graph until busd reads the end of its earlier connection."""
+        """The old nodes and endpoints are in the graph until busd reads the end of the earlier connection."""
         serve, turns = server.serving._serve, 0
 
         def counted() -> None:
@@ -180,7 +182,7 @@ class TestBack:
             assert len(server._connections) == 1
 
     async def test_it_is_heard_out_when_busd_ends(self, server: Server) -> None:
-        """By then its earlier connection has ended, too: nobody has to wait as long as the end may take."""
+        """The earlier connection then ends, too. No connection waits for the whole time of the end."""
         with peer_of(server) as old, peer_of(server) as new:
             asked = await self.come_back(server, old, new)
             server.stop("a test")
@@ -190,7 +192,7 @@ class TestBack:
                 await server.stopped
 
     async def test_it_waits_until_all_that_it_had_is_removed(self, server: Server) -> None:
-        """That may take several turns."""
+        """This may take several turns."""
         with peer_of(server) as old, peer_of(server) as new:
             await asyncio.to_thread(old.hello)
             node = await asyncio.to_thread(old.node, "back")
@@ -237,7 +239,7 @@ class TestBack:
 
 
 async def test_one_that_the_core_has_cut_off_is_forgotten(server: Server) -> None:
-    """It sent something that it must not: the core itself takes out what it had."""
+    """It sent a forbidden message, so the core itself removes its nodes and endpoints."""
     with peer_of(server) as peer:
         await asyncio.to_thread(peer.hello)
         peer.send(m.DestroyNode(node=99))

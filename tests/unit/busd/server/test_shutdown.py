@@ -1,4 +1,4 @@
-"""busd.server.shutdown: who is heard out and when, what is sent, and how long all that may take."""
+"""busd.server.shutdown: the connections that busd reads to their ends, its messages, and the time limit."""
 
 import asyncio
 from types import SimpleNamespace
@@ -11,11 +11,11 @@ from busd.server import shutdown
 from busd.server.shutdown import Drain
 
 LONGEST_S = 1.0
-STEP_S = 1 / 32  # sums of it are exact
+STEP_S = 1 / 32  # its sums are exact
 
 
 class Connection:
-    """Stands for a connection, and for its stream."""
+    """Replaces a connection and its stream."""
 
     def __init__(self, world: "World", name: str) -> None:
         self.name = name
@@ -70,7 +70,7 @@ class World:
         return drain
 
     def wait(self, seconds: float = STEP_S) -> list[str]:
-        """Returns what happens when the timer comes, so much later."""
+        """Let the timer fire after this time. Returns the resulting calls."""
         self.calls.clear()
         self.now_s += seconds
         (action,) = self.timers
@@ -93,7 +93,7 @@ def test_without_connections_it_ends_at_once(world: World) -> None:
 
 
 def test_all_learn_of_it_and_nobody_is_closed_while_one_may_send(world: World) -> None:
-    """What that one sends may be for the others."""
+    """Messages of one connection may be for the others."""
     one, other = world.connect("one", "other")
     world.drain()
     assert world.calls == ["one learns: busd stops", "other learns: busd stops"]
@@ -116,7 +116,7 @@ def test_what_waits_is_sent_first(world: World) -> None:
 
 
 def test_half_of_the_time_is_for_those_who_send(world: World) -> None:
-    """Of one that goes on sending, what has come by then is taken."""
+    """If a connection goes on sending, busd takes the data that has arrived by then."""
     one, other = world.connect("one", "other")
     world.drain()
     other.reading = ReadState.ENDED

@@ -1,4 +1,4 @@
-"""busd.server.strangers: a file that takes long to close holds up nobody but a thread."""
+"""busd.server.strangers: a file that takes long to close blocks only a thread."""
 
 import array
 import contextlib
@@ -19,17 +19,17 @@ from raw_sharing import eventfd, memfd
 
 
 def files(number: int) -> list[int]:
-    """Descriptors of files that somebody else may own."""
+    """Descriptors of files that another process may own."""
     return [os.open(__file__, os.O_RDONLY) for _ in range(number)]
 
 
 def _open() -> int:
-    """How many descriptors this process has."""
+    """The number of descriptors that this process has open."""
     return len(list(Path("/proc/self/fd").iterdir()))
 
 
 class Owner:
-    """Of files: nothing is closed before `let_go`."""
+    """An owner of files. None of them is closed before `let_go`."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self._may = threading.Event()
@@ -54,7 +54,7 @@ def owner(monkeypatch: pytest.MonkeyPatch) -> Iterator[Owner]:
 
 @contextlib.contextmanager
 def nothing_left() -> Iterator[None]:
-    """Within, what is opened is closed."""
+    """Everything opened within is closed at the end."""
     before = _open()
     yield
     wait_until(lambda: _open() <= before)
@@ -130,7 +130,7 @@ class TestReceive:
 
     @pytest.mark.parametrize("messages", [0, 3, 50])
     def test_a_connection_that_ends_is_emptied(self, messages: int) -> None:
-        """By a thread where there is much."""
+        """If it holds much, a thread does this."""
         mine, other = socket.socketpair()
         with nothing_left(), other:
             ends = []
