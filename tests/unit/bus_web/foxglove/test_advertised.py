@@ -1,4 +1,4 @@
-"""Items that a client knows, and the news for it."""
+"""Announced items: their ids, and the next announcements for a client."""
 
 from bus_web.foxglove.advertised import Advertised, Entry
 

@@ -1,4 +1,4 @@
-"""busd.core.rate_limit: a number at once, a rate per second, at any times."""
+"""busd.core.rate_limit: a burst at once, then a rate per second."""
 
 from hypothesis import given
 from hypothesis import strategies as st
