@@ -25,7 +25,7 @@ class BridgeTables(msgspec.Struct, frozen=True):
     content: object = None
 
     def change(self, place: str, after: "BridgeTables") -> str:
-        """The text of the log if this, called `place` there, has become `after`."""
+        """Text for the log if this table, called `place`, has become `after`."""
         old, new = (one.content if isinstance(one.content, dict) else {} for one in (self, after))
         tables = [f"{place}.{name}" for name in old | new if old.get(name) != new.get(name)]
         return f"{', '.join(tables) or place}: changed, which a bridge reads when it starts"

@@ -1,4 +1,5 @@
-"""SIGHUP: the configuration is read again and put in force, or left as it was where something is wrong.
+"""SIGHUP: busd reads the configuration again and applies it. If something is wrong, the old one stays in
+force.
 
 Owns the configuration in force, the log's words for a change of it, and the meaning of SIGHUP to a busd that
 was started in a terminal. Must not know what the values do.
@@ -27,11 +28,11 @@ _log = logging.getLogger("busd")
 
 
 class Reloader:
-    """`path` is the file that `config` came from, or None. `apply` puts one in force."""
+    """`path` is the file that `config` came from, or None. `apply` applies a configuration."""
 
     def __init__(self, path: Path | None, config: Config, apply: Callable[[Config], None]) -> None:
         self.config = config
-        """What is in force."""
+        """The configuration in force."""
         self._path = path
         self._answers = Repetitions()
         self._apply = apply
@@ -40,7 +41,7 @@ class Reloader:
         """Read the file again; returns what has changed, which the log says too.
 
         `is_asked`: a program asked for it and gets the outcome as an answer; the log need not repeat it.
-        Raises ConfigurationError, and logs it, where something is wrong; then all stays as it was.
+        Raises ConfigurationError, and logs it, if something is wrong; then all stays as it was.
         """
         log = self._answers.log if is_asked else _log.log
         notify(reloading(monotonic_ns()))

@@ -32,7 +32,7 @@ MOST_PER_USER = 16_384
 MOST = 65_536
 """The same for all users together; the user with most loses first."""
 LOG_AGAIN_NS = 10_000_000_000
-"""How often the log says, at most, how many did not come back."""
+"""At most this often, the log says how many subscriptions did not come back."""
 
 _SOME = 64
 _PAUSE_NS = 1_000_000
@@ -42,7 +42,7 @@ Key = tuple[int, str, bytes]
 Missed = dict[bytes, tuple[int, int]]
 """As in the message Dropped."""
 Steps: TypeAlias = Generator[int, int, int]
-"""As Work of busd.core.work, with the present time in ns in the end."""
+"""Like Work of busd.core.work. Returns the present time in ns."""
 
 
 class _Source:
@@ -114,13 +114,13 @@ class Absentees:
         self._is_looking = False
         self._logged_ns: int | None = None
         self._unclaimed_in_all = self._given_up_in_all = 0
-        # Not yet in the log: how many did not come back, their waiting samples, the last of them; and for how
-        # many there was no room.
+        # Not yet in the log: subscriptions that did not come back, their waiting samples, the name of the
+        # last one; and subscriptions without room.
         self._lost = self._waited = self._given_up = 0
         self._last_name = ""
 
     def record(self) -> AbsentRecord:
-        """What is kept, and the totals of what was given up."""
+        """The records kept now, and the totals of dropped records."""
         return AbsentRecord(
             subscriptions=sum(map(len, self._kept.values())),
             unclaimed=self._unclaimed_in_all,
@@ -179,7 +179,7 @@ class Absentees:
         return now_ns
 
     def matched(self, publisher: Publisher, subscription: Subscription) -> None:
-        """The two may have been lost both: with the match comes what the subscription has missed."""
+        """Both ends may have been lost: with the match, the subscription learns what it has missed."""
         if subscription.id in self._open and publisher.id in subscription.matches:
             self._open[subscription.id].pop(publisher.gid, None)
 
@@ -197,7 +197,7 @@ class Absentees:
         return now_ns
 
     def lose(self, now_ns: int, subscription: Subscription) -> Steps:
-        """The process of a subscription ended without a goodbye: keep what is for it."""
+        """The process of a subscription ended without a goodbye: keep its accounts."""
         key = _key(subscription)
         if self._here.get(key) is not subscription:
             return now_ns  # it is back already, or was never made whole
@@ -229,7 +229,8 @@ class Absentees:
                 now_ns = yield _SOME
         if self._here.get(key) is subscription:
             self.forget(subscription)
-            if accounts and key not in self._kept.get(key[0], {}):  # else it had not yet heard of that
+            # Otherwise it has not learned of these yet.
+            if accounts and key not in self._kept.get(key[0], {}):
                 self._keep(now_ns, key, _Absentee(now_ns, subscription, accounts))
         return now_ns
 
@@ -353,7 +354,7 @@ class Absentees:
             self._check_at(now_ns + LOG_AGAIN_NS)
 
     def _log_absent(self, now_ns: int) -> None:
-        """One line of all since the last one, and not too often."""
+        """Log one line about all since the last line, and not too often."""
         is_soon = self._logged_ns is not None and now_ns - self._logged_ns < LOG_AGAIN_NS
         if is_soon or not (self._lost or self._given_up):
             return
@@ -378,7 +379,9 @@ def _key(subscription: Subscription) -> Key:
 
 
 def _count_missed(subscription: Subscription, gid: bytes, account: _Account, missed: Missed) -> None:
-    """Up to the publisher's last sample it has had all, or learns now what it has missed."""
+    """Up to the publisher's last sample, the subscription has all samples, or learns now which ones it has
+    missed.
+    """
     owed, source = account.owed, account.source
     received_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
     if owed.first_seq or source.last_seq > received_seq:

@@ -43,7 +43,7 @@ _SILENCE = Verdict(is_allowed=False)
 
 
 class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
-    """Allows, or denies, `actions` on topics to some: one of `uids`, `gids` and `is_for_all`.
+    """Allows, or denies, `actions` on topics. One of `uids`, `gids` and `is_for_all` says to which users.
 
     Raises ConfigurationError for a pattern that can never match.
     """
@@ -90,10 +90,10 @@ class Access:
         self._free = {own_uid, _ROOT, _UNKNOWN}
         self._remembered: dict[tuple[Subject, Action, str], Verdict] = {}
         self.looks = 0
-        """Rules that were looked at so far: what a question costs beyond the first like it."""
+        """Number of rules checked so far. A question that was asked before checks no rule."""
 
     def is_free(self, uid: int) -> bool:
-        """Whether no rule is asked for that user."""
+        """Whether no rule applies to that user."""
         return uid in self._free
 
     def may_connect(self, who: Subject) -> bool:

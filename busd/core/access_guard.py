@@ -1,7 +1,7 @@
-"""Holds what peers ask for against the rules of access, and reports what is denied.
+"""Checks requests of peers against the rules of access, and reports denials.
 
-Owns which denials were reported already. Must not know how the rules are matched (busd.core.access), nor what
-an observer sees (busd.core.graph_view).
+Owns the list of denials that were reported already. Must not know how the rules are matched
+(busd.core.access), nor what an observer sees (busd.core.graph_view).
 """
 
 import logging
@@ -23,7 +23,9 @@ _MOST_REPORTED = 1024
 
 
 class AccessGuard:
-    """`access` are the rules in force; `renew` brings others. `begin` has work done in a peer's turns."""
+    """`access` are the rules in force; `renew` replaces them. `begin` starts work that is done in a peer's
+    turns.
+    """
 
     def __init__(self, graph: Graph, access: Access, begin: Callable[[PeerId, Work], None]) -> None:
         self.access = access
@@ -61,8 +63,9 @@ class AccessGuard:
     def gid(self, peer: Peer, gid: bytes) -> bytes:
         """The gid that others see of an endpoint that calls itself `gid`.
 
-        Subscriptions know their publishers again by gid, and a guest can read the gids of others. So what a
-        guest claims is mixed with its uid: it can't be another user's, and is the same at each busd.
+        Subscriptions know their publishers again by gid, and a guest can read the gids of others. So busd
+        mixes the gid that a guest claims with its uid: it can't be another user's, and is the same at each
+        busd.
         """
         if not peer.is_guest:
             return gid

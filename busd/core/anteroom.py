@@ -1,4 +1,4 @@
-"""The places of connections that are not let in yet: which keep theirs, and which is let in next.
+"""Places of connections that are not let in yet: the next one to lose its place, and the next one to enter.
 
 A connection has a place from its accept until it is let in: first silent, then with its Hello said. The
 number of places is fixed. If more connections come, the user with most places loses one, in its process with
@@ -39,7 +39,7 @@ class _User(Generic[K]):
 
 
 class Anteroom(Generic[K]):
-    """`places`: for how many connections. A connection is whatever the caller takes as its key."""
+    """`places`: their number. A connection is whatever the caller takes as its key."""
 
     def __init__(self, places: int = PLACES) -> None:
         self._places = places
@@ -52,7 +52,7 @@ class Anteroom(Generic[K]):
 
     @property
     def is_overfull(self) -> bool:
-        """More have come than there are places."""
+        """Whether there are more connections than places."""
         return len(self._owners) > self._places
 
     def enter(self, now_ns: int, key: K, uid: int, owner: Hashable) -> None:

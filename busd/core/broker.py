@@ -8,7 +8,7 @@
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
 
-Each takes the work it does off `broker.meter`. If the meter is used up, the call stops within a step or two.
+Each call takes its work off `broker.meter`. If the meter is used up, the call stops within a step or two.
 `go_on` continues the requests of a peer, and the removal of its remains, before any other message of that
 peer is handled. Timers that are due stay due. With an unlimited meter all is done at once.
 
@@ -148,7 +148,7 @@ class Broker:
     ) -> list[Effect]:
         """Apply these from now on.
 
-        What is over a limit stays, except samples and history that are too many bytes. Topic rules and limits
+        Things over a limit stay, except samples and history that are too many bytes. Topic rules and limits
         of single messages hold for endpoints made from now on, a lease for processes that come from now on.
         """
         self.settings.change(now_ns, limits, rules, access, self._peers.values())
@@ -183,7 +183,7 @@ class Broker:
         return self._take_effects()
 
     def go_on(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """Go on with what was begun for a peer, present or gone."""
+        """Continue work that was begun for a peer, present or gone."""
         if (task := self.tasks.unfinished.pop(peer_id, None)) is not None:
             if peer_id in self._peers:
                 self._leases.note_alive(now_ns, task.peer)  # busd is late, not the peer
@@ -255,7 +255,7 @@ class Broker:
         return self._take_effects()
 
     def note_alive(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """The peer lives: it takes what it is sent, although the shell does not read it now."""
+        """The peer lives: it reads its messages, although the shell does not read from it now."""
         if peer := self._peers.get(peer_id):
             self._leases.note_alive(now_ns, peer)
         return self._take_effects()
@@ -274,7 +274,7 @@ class Broker:
         return None if due_ns == NEVER_NS else due_ns
 
     def tick(self, now_ns: int) -> list[Effect]:
-        """Carry out what is due, as far as the meter goes."""
+        """Carry out due actions, as far as the meter goes."""
         for action in self.timers.due(now_ns):
             action(now_ns)
             self.meter.left -= FRAME
@@ -311,7 +311,9 @@ class Broker:
                 raise error
 
     def _refuse(self, peer: Peer, message: Any, text: str, **reason: Any) -> None:
-        """Answer that it was not done. For a message without an answer (DeclareType) the log has said so."""
+        """Answer that the request was not carried out. For a message without an answer (DeclareType) the log
+        has said so.
+        """
         request = getattr(message, "request", None)
         if request is not None:
             self._out.append(Send(peer.id, m.Refused(request=request, text=text, **reason)))
@@ -361,7 +363,8 @@ class Broker:
                     f"sample {message.seq} of publisher {publisher.id} acknowledged, "
                     f"the last one is {publisher.next_seq - 1}"
                 )
-            # A replayed sample is below what counts as taken, and so may be one before a drop.
+            # A replayed sample has a lower number than the acknowledged ones, and so may a sample before a
+            # drop.
             release(match, message.seq, out.append)
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:

@@ -41,11 +41,11 @@ NOT_SENT = ""
 """In place of a reason: the publisher has not sent these samples to busd, and they are not lost."""
 
 News: TypeAlias = Run | Loss
-"""What a crowd has for its members."""
+"""A piece of news for the members of a crowd."""
 
 
 class Crowd:
-    """`queued` is the account of the process, which pays for what waits."""
+    """`queued` is the account of the process, which pays for the waiting runs."""
 
     __slots__ = ("_depth", "_losses", "is_due", "members", "waiting")
 
@@ -64,7 +64,7 @@ class Crowd:
         self._depth = max(self._depth, depth) if self._depth and depth else 0
 
     def leave(self, number: EndpointId) -> None:
-        """A subscription gets no more; does nothing if it is none of these."""
+        """A subscription gets no more; does nothing if it is not a member."""
         self.members.pop(number, None)
         if not self.members:
             self.waiting.clear()

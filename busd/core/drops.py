@@ -55,9 +55,9 @@ class Drops:
                     release(match, last_seq, self._emit)
 
     def expire(self, now_ns: int, subscription: Subscription) -> int:
-        """Drop what has outlived its lifespan of the oldest run that waits for the subscription.
+        """Drop expired samples of the oldest run in the subscription's queue.
 
-        Returns what that costs; 0 if nothing has.
+        Returns the cost; 0 if no sample has expired.
         """
         queue, before = subscription.queue, subscription.queue.count
         expire = partial(queue.drop_expired_of_head, now_ns)

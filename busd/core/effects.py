@@ -37,7 +37,7 @@ class Later(msgspec.Struct, frozen=True):
 
 
 class Disconnect(msgspec.Struct, frozen=True):
-    """Send what waits and cut the connection; the core has forgotten the peer already."""
+    """Send queued data and cut the connection; the core has forgotten the peer already."""
 
     peer: PeerId
     reason: str
@@ -64,7 +64,7 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Restart(msgspec.Struct, frozen=True):
-    """End the daemon in order and begin anew, if that can be done; answer `request` of `peer` whether."""
+    """End the daemon in order and begin anew, if possible; answer `request` of `peer` whether it is."""
 
     peer: PeerId
     request: int
@@ -72,7 +72,7 @@ class Restart(msgspec.Struct, frozen=True):
 
 
 class Reload(msgspec.Struct, frozen=True):
-    """Read the configuration again; answer `request` of `peer` what has changed, or what is wrong."""
+    """Read the configuration again; answer `request` of `peer` with the changes, or with the fault."""
 
     peer: PeerId
     request: int

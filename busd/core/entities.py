@@ -28,8 +28,9 @@ MessageType = tuple[str, str]
 """A type's name and hash."""
 
 _MOST_GONE = 128
-"""Publishers that have gone, of which a subscription's numbers are kept; more may come in `last_seqs`, until
-all its matches are made."""
+"""Limit of departed publishers whose numbers a subscription keeps. `last_seqs` may bring more, until all its
+matches are made.
+"""
 
 GRAPH = -1
 """In place of an endpoint's number: the graph."""
@@ -138,7 +139,7 @@ class Peer(Holder):
     has_gone: bool = False
     """Whether its connection is gone; its entities go, too."""
     withheld: int = 0
-    """The endpoint that is being made for it, or GRAPH: news of that wait until it is done. 0: nothing."""
+    """The endpoint that busd is making for it, or GRAPH. News about that waits until it is made. 0: none."""
     subject: Subject = field(init=False)
     """The process as rules of access see it."""
 
@@ -254,7 +255,7 @@ class Publisher(Endpoint):
     matches: "dict[EndpointId, Match]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     crowds: dict[PeerId, Crowd] = field(default_factory=dict)
-    """The same by process, if they are many or were; else empty."""
+    """The same by process, if they are or were many; otherwise empty."""
     ahead: "dict[EndpointId, Match]" = field(default_factory=dict)
     awaited: "dict[EndpointId, Match]" = field(default_factory=dict)
     ring: object | None = None
@@ -268,7 +269,9 @@ class Publisher(Endpoint):
     here."""
     credited: int = 0
     is_credit_ahead: bool = False
-    """Whether all have taken more than came through here: credit for it is given when it comes."""
+    """Whether all subscriptions have taken more than came through busd. Credit for that is given when it
+    comes.
+    """
     uncredited_bytes: int = 0
     stands_for: "_Bytes" = b""
     """The gid of a publisher on another bus; shown instead of this publisher's gid."""
@@ -327,9 +330,9 @@ class Publisher(Endpoint):
 
 
 class Owed(msgspec.Struct, gc=False):  # one for each match: the garbage collector ignores them
-    """From which number on a publisher's samples are for a subscription.
+    """The number from which a publisher's samples are for a subscription.
 
-    0: it reads the publisher's ring, which tells.
+    0: it reads the publisher's ring, which has the number.
     """
 
     first_seq: int
@@ -358,7 +361,7 @@ class Subscription(Endpoint):
     """Samples expected of matches that have ended, and of those sent to this subscription alone."""
     is_drop_report_due: bool = False
     takes_history: bool = False
-    """Late or not, it gets what a publisher keeps; from the others what is new."""
+    """Late or not, it gets the history of publishers that keep one, and the new samples of others."""
     local_only: bool = False
     """It matches publishers of nodes without an origin."""
     is_mirror: bool = False
@@ -390,12 +393,14 @@ class Subscription(Endpoint):
             owed.first_seq = min(owed.first_seq or first_seq, first_seq)
 
     def remember(self, publisher: Publisher, last_seq: int) -> None:
-        """All up to `last_seq` was had or routed: if the publisher sends it again, it is not routed again."""
+        """All samples up to `last_seq` were received or routed. If the publisher sends them again, busd does
+        not route them.
+        """
         self.last_seqs[publisher.gid] = max(last_seq, self.last_seqs.pop(publisher.gid, 0))
         self.forget_oldest()
 
     def forget_oldest(self) -> None:
-        """How many publishers are remembered that may come back."""
+        """Bound the number of remembered publishers that may come back."""
         while len(self.last_seqs) > _MOST_GONE:
             oldest = next(iter(self.last_seqs))
             del self.last_seqs[oldest]
@@ -552,8 +557,7 @@ class Match:
         publisher = self.publisher
         self.acked_seq = (self.began_seq if self.is_repeated else max(self.began_seq, publisher.next_seq)) - 1
         publisher.awaited[self.subscription.id] = self
-        # It has taken samples already that the publisher is yet to send here: no acknowledgement will come
-        # for them.
+        # It has taken samples that the publisher has yet to send here. No acknowledgement will come for them.
         publisher.is_credit_ahead |= self.began_seq > publisher.next_seq
 
     def excuse(self) -> bool:

@@ -1,4 +1,4 @@
-"""The graph: every node, endpoint, topic and match, with what changes for observers (`busd.core.changes`).
+"""The graph: every node, endpoint, topic and match, with the changes for observers (`busd.core.changes`).
 
 Owns the tables. Knows no rule of matching and sends nothing.
 """
@@ -126,7 +126,7 @@ class Graph:
         self.changes.matches_added.append(match_record(match))
 
     def reroute(self, match: Match) -> None:
-        """From the route shm to the route socket, by which it gets nothing yet."""
+        """Move the match from the route shm to the route socket; it gets nothing by socket yet."""
         before = match_record(match)
         match.on(MatchEvent.REROUTE)
         self.changes.matches_removed.append(before)

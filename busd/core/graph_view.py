@@ -23,10 +23,11 @@ class GraphView:
         self._peer = peer
         self._may_observe = may_observe
         self._endpoints: dict[int, int] = {}
-        """Those that are shown, with their nodes."""
+        """The shown endpoints, each with its node."""
         self._nodes: Counter[int] = Counter()
-        """Nodes that are shown, with how many of their endpoints are; one more for the observer's own
-        nodes."""
+        """The shown nodes, each with the number of its shown endpoints; one more for the observer's own
+        nodes.
+        """
 
     def fill(self) -> Work:
         """Look at the whole graph; `changed` takes up the changes made meanwhile."""

@@ -11,13 +11,13 @@ from bus.wire.layout import MAX_RUN_SAMPLES, RECORD_HEAD, RECORD_HEAD_BYTES, RUN
 from bus.wire.runs import Account, Run, RunQueue
 
 _PART = 64
-"""A run grows to this part of what its account may hold, at most: a full account drops whole runs."""
+"""A run grows to at most this part of its account's limit, because a full account drops whole runs."""
 _FEW_SAMPLES = 32
 """A run of more is kept as it is: to check it costs a step for each sample."""
 
 
 class GatheredRuns(RunQueue):
-    """As a RunQueue, of one publisher; `depth` samples (0: not bounded by number) in few runs."""
+    """A queue like RunQueue, for one publisher: `depth` samples (0: not bounded by number) in few runs."""
 
     __slots__ = ("_growing",)
 
@@ -72,7 +72,7 @@ class GatheredRuns(RunQueue):
 
 
 class PublisherHistory(GatheredRuns):
-    """What a transient local publisher keeps for late joiners."""
+    """The samples that a transient local publisher keeps for late joiners."""
 
     __slots__ = ()
 

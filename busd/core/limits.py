@@ -48,7 +48,9 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     connections: _Count = 256
     """Processes that have said Hello, connected at the same time."""
     connections_per_user: _Count = 224
-    """Processes of one user that have said Hello, and so many more heard in a second, for long."""
+    """Processes of one user that have said Hello. In the long run, also how many new ones busd lets in per
+    second.
+    """
     nodes_per_peer: _Count = 1024
     """Nodes of one process."""
     nodes_per_user: _Count = 8192
@@ -72,7 +74,9 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     descriptors_per_user: _Count = 20_000
     """Descriptors that busd holds of one user's processes."""
     declarations_per_s_per_peer: _Count = 1000
-    """Declarations and questions of one process in a second, for long; what it may declare, also at once."""
+    """Declarations and questions of one process in a second, in the long run. At once, it may make all
+    declarations that its other limits allow.
+    """
     declarations_per_s_per_user: _Count = 4000
     """Declarations and questions of one user's processes in a second, as those of one process."""
     schema_bytes: _Bytes = 256 * _KiB
@@ -98,7 +102,9 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     keep_all_window_messages: _Depth = 65_536
     """Messages that a keep-all publisher may be ahead of its slowest reliable subscription."""
     ring_bytes: _Bytes = 64 * _MiB
-    """Bytes that a publisher's ring in shared memory grows to for depth's sake; one message may need more."""
+    """Bytes that a publisher's ring in shared memory grows to, to hold the depth; one message may need
+    more.
+    """
     handshake_s: _Seconds = 5.0
     """Seconds in which a new connection must have said Hello."""
     lease_s: _Seconds = 10.0

@@ -89,7 +89,7 @@ TRANSITIONS: Mapping[MatchState, Mapping[MatchEvent, MatchState]] = {
     _State.ROUTED: {_Event.END: _State.ENDED},
     _State.ENDED: {},
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that a state's row lacks must not happen there."""
 
 SHARED = (MatchState.OFFERED, MatchState.ATTACHED)
 """The states on the route shm."""

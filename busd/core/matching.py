@@ -188,7 +188,9 @@ def end_match(
 
 
 def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
-    """Tell a lossless publisher the number that all it waits for have acknowledged, if it has grown."""
+    """Tell a lossless publisher the number that all awaited subscriptions have acknowledged, if it has
+    grown.
+    """
     last_seq = publisher.next_seq - 1
     seq: int = min(map(_ACKED_SEQ, publisher.awaited.values()), default=last_seq)
     publisher.is_credit_ahead = seq > last_seq

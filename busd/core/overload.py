@@ -53,7 +53,9 @@ class Overload:
                 self.bound_history(now_ns, publisher)
 
     def bound(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop what waits for the subscription's process while that, or its user, is over its quota."""
+        """Drop samples that wait for the subscription's process, while the process or its user is over its
+        quota.
+        """
         peer = subscription.node.peer
         if peer.queued.is_over or peer.user.queued.is_over:
             _relieve(peer, lambda one: one.queued, partial(self._drop_queued, now_ns, subscription))
@@ -90,7 +92,7 @@ class Overload:
         _drop_longest(account, histories, latest.history, drop)
 
     def _forget_rest(self, peer: Peer, queue: RunQueue) -> None:
-        """Free runs that were dropped all at once, in pieces: of hundreds of thousands that takes long."""
+        """Free dropped runs in pieces: to free hundreds of thousands takes long."""
         if queue.rest:
             rest, queue.rest = queue.rest, deque()
             self._begin(peer.id, _free(rest))
@@ -123,7 +125,7 @@ def _drop_longest(
     """`drop` from each, longest first, all but its newest run; then the newest, too, except the run of
     `spared`.
     """
-    # To look for the longest costs: with many queues some more goes at once.
+    # The search for the longest queues costs work. With many queues, busd drops some more at once.
     slack = account.limit // 16 if len(longest_first) > _MANY_QUEUES else 0
     for spare in (1, 0):
         for one in longest_first:

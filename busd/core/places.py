@@ -68,7 +68,7 @@ class Places:
         return self._count
 
     def keep(self, now_ns: int, match: Match) -> int:
-        """For how long the publisher is to keep the place of a lost subscription; their match ends now.
+        """How long the publisher must keep the place of a lost subscription. Their match ends now.
 
         0: it keeps none, as for a process that was silent for its lease already.
         """

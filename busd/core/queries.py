@@ -24,7 +24,9 @@ from busd.core.snapshot import take_snapshot
 from busd.core.work import LOOKS_PER_UNIT, RECORD, TELL, Meter, Work
 
 _ASKED_AT_ONCE = 16
-"""Endpoints that are held against new rules of access in one piece of work; fewer if there are many rules."""
+"""Endpoints that are checked against new rules of access in one piece of work; fewer if there are many
+rules.
+"""
 _RULES_AT_ONCE = 1024
 
 
@@ -123,7 +125,7 @@ class Queries:
         self._filling.pop(peer.id, None)
 
     def notify(self, change: m.GraphChanged, out: list[Effect]) -> int:
-        """Send each observer what it sees of the change; returns the work that this was."""
+        """Send each observer its view of the change; returns the cost."""
         for partial_view in self._filling.values():
             partial_view.changed(change)
         for peer, view in self._observers.items():
@@ -157,7 +159,7 @@ class Queries:
                 yield price + TELL * len(some) + guard.price(looks)
 
     def _view(self, peer: Peer) -> GraphView | None:
-        """What `peer` may see of the graph; None: everything."""
+        """The part of the graph that `peer` may see; None: everything."""
         if self._access_guard.access.is_free(peer.uid):
             return None
         return GraphView(self._graph, peer, partial(self._access_guard.may_observe, peer))

@@ -28,7 +28,7 @@ _HANDSHAKE_PART = 4
 _MISHAPS = 10
 """Lines in a burst about connections of a user that came to nothing; else one in a second."""
 _QUESTIONS_PART = 2
-"""The part of what a process may ask in a second that it may ask at once."""
+"""At once, a process may ask the questions of one second divided by this."""
 _DECLARATIONS_PER_ENDPOINT = 4
 _SIGNALS_PER_DECLARATION = 10
 _COMMANDS_PER_S, _COMMANDS_AT_ONCE = 1, 10
@@ -61,7 +61,7 @@ class Quotas:
         self.users: dict[int, User] = {}
 
     def reconfigure(self, limits: Limits) -> None:
-        """Go by these limits from now on. What is over one of them stays."""
+        """Go by these limits from now on. Things over a limit stay."""
         self.limits = limits
         for user in self.users.values():
             self._resize(user, "user")
@@ -99,7 +99,7 @@ class Quotas:
     def leave(self, peer: Peer) -> None:
         del peer.user.peers[peer.id]
 
-    # --- what they may
+    # --- permissions
 
     def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
         """Why one more process of a user can't be let in ("": it can), and whether the log has said so.
@@ -294,7 +294,8 @@ class Quotas:
         holder.queued.limit = limit("queued_bytes")
         holder.history.limit = limit("history_bytes")
         holder.control.limit = limit("control_bytes")
-        # To a new busd a process declares everything at once, and a program may make all it may have at once.
+        # A process declares everything at once to a new busd. A program may make everything that its limits
+        # allow at once.
         rate = limit("declarations_per_s")
         burst = rate + limit("nodes") + limit("matches") // _FEW
         holder.declarations.resize(rate, burst + _DECLARATIONS_PER_ENDPOINT * limit("endpoints"))
@@ -326,7 +327,7 @@ def _is_news(now_ns: int, holder: Holder, resource: str) -> bool:
 
 
 def _check(*asked: _Asked) -> None:
-    """Raise QuotaExceeded for the first for which there is no room."""
+    """Raise QuotaExceeded for the first resource without room."""
     for resource, holder, used, more, limit in asked:
         if used + more > limit:
             whose = "" if holder is None else f" of {_name(holder)}"
@@ -342,8 +343,8 @@ def _name(holder: Holder) -> str:
 
 
 def _descriptors(holder: Holder) -> int:
-    """How many busd holds of it. Those of its connections belong to the kernel and the shell, but count as
-    well.
+    """The number of descriptors that busd holds of it. Descriptors of connections belong to the kernel and
+    the shell, but count as well.
     """
     return len(holder.descriptors) + (len(holder.peers) if isinstance(holder, User) else 1)
 

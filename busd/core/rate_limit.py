@@ -8,7 +8,8 @@ _SECOND_NS = 1_000_000_000
 class TokenBucket:
     """`rate` tokens a second for long, and `burst` at once after a rest.
 
-    All it keeps is when the bucket will be full again; each token taken puts that off by 1 / `rate` seconds.
+    It only keeps the time when the bucket will be full again; each token taken puts that off by 1 / `rate`
+    seconds.
     """
 
     __slots__ = ("_burst_ns", "_full_ns", "_step_ns")
@@ -23,12 +24,12 @@ class TokenBucket:
         self._burst_ns = burst * self._step_ns
 
     def has(self, now_ns: int, tokens: int) -> bool:
-        """Whether there are as many `tokens`; more than the bucket holds are there when it is full."""
+        """Whether `tokens` tokens are there. If the bucket holds fewer, it must be full."""
         owed_ns = max(self._full_ns - now_ns, 0)
         return owed_ns + min(tokens * self._step_ns, self._burst_ns) <= self._burst_ns
 
     def take_if_there(self, now_ns: int, tokens: int) -> bool:
-        """`take` as many if they are there, as `has` says; returns whether they were."""
+        """Take `tokens` if they are there, as `has` says; returns whether they were."""
         full_ns = max(self._full_ns, now_ns)
         if full_ns - now_ns + min(tokens * self._step_ns, self._burst_ns) > self._burst_ns:
             return False

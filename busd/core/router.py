@@ -183,7 +183,7 @@ class Router:
             self._begin(peer, self._hand_over(publisher, crowd))
 
     def _hand_over(self, publisher: Publisher, crowd: Crowd) -> Work:
-        """Hand what waits for a crowd to its members, in turns of their process, a few at a time."""
+        """Hand the waiting runs of a crowd to its members, in turns of their process, a few at a time."""
         now_ns = yield 0
         while (news := next(crowd.news(), None)) is not None:
             end_seq = _end_seq(news)
@@ -212,7 +212,7 @@ class Router:
             self._lose(now_ns, match, news.reason, end_seq - first_seq, end_seq - 1)
 
     def settle(self, now_ns: int, match: Match) -> None:
-        """Hand a subscription what waits for it in a crowd: its match is about to end."""
+        """Hand a subscription its waiting runs in a crowd: its match is about to end."""
         publisher, number = match.publisher, match.subscription.id
         crowd = publisher.crowds.get(match.subscription.node.peer.id)
         if crowd is None or number not in crowd.members:
@@ -247,7 +247,7 @@ class Router:
     def trim(self, now_ns: int) -> None:
         """Bring the overfull queues within their bounds: oldest samples first, each counted.
 
-        Expired samples go first, but no more of them than must: a queue that is full costs no more for that.
+        Expired samples go first, but only as many as necessary, so a full queue costs no more.
         """
         for subscription in self._overfull:
             queue = subscription.queue
@@ -283,7 +283,8 @@ class Router:
             return  # the match has ended, or was never rerouted
         subscription = match.subscription
         if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
-            # A subscription would acknowledge what was never published, and be cut off for that.
+            # A subscription would acknowledge samples that were never published, and busd would cut it off
+            # for that.
             raise RemoteProtocolError(
                 f"publisher {publisher.id} sent sample {run.first_seq + run.count - 1} once more, "
                 f"the last one is {publisher.next_seq - 1}"
@@ -305,7 +306,9 @@ class Router:
         out.append(subscription.flush)
 
     def caught_up(self, now_ns: int, match: Match) -> None:
-        """The publisher has sent what the subscription has missed: from now on it gets what all get."""
+        """The publisher has sent all samples that the subscription missed. From now on, it gets the samples
+        for all.
+        """
         self.give_up_repeated(now_ns, match)
         match.begin_routing()
 
@@ -315,7 +318,7 @@ class Router:
             self._pass_over(now_ns, match, match.publisher.next_seq)
 
     def _pass_over(self, now_ns: int, match: Match, next_seq: int) -> None:
-        """The publisher has kept nothing before `next_seq` any more of what it is to send again."""
+        """The publisher no longer keeps the samples before `next_seq` that it should send again."""
         if (lost := next_seq - match.began_seq) > 0:
             match.began_seq = next_seq
             subscription = match.subscription

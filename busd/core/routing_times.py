@@ -1,4 +1,4 @@
-"""How long busd has runs in its hands: a histogram that costs next to nothing to fill.
+"""How long runs stay in busd: a histogram that costs next to nothing to fill.
 
 Owns the buckets. Must not know a clock: the shell measures, from a read off a publisher's socket until all
 its runs were handed on.
@@ -14,7 +14,7 @@ BOUNDS_US = tuple(4**step for step in range(1, _STEPS + 1))
 
 
 class RoutingTimes:
-    """Counts reads that brought runs by how long they took; and the runs."""
+    """Counts reads with runs, by the time that they took; and the runs."""
 
     __slots__ = ("_powers", "_runs", "_total_ns")
 

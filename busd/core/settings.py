@@ -1,5 +1,4 @@
-"""Settings that the operator can change while busd runs: limits, topic rules and access. How new values are
-applied.
+"""Settings that the operator can change while busd runs: limits, topic rules and access. Applies new values.
 
 Must not know their source.
 """

@@ -39,7 +39,7 @@ class Silences:
         self._peers = peers
         self._lives = lives
         self._evict = evict
-        self._looks: list[int] = []  # when the silent are looked for, the next time at the end
+        self._looks: list[int] = []  # times of the looks for silent processes, the next one at the end
         # of processes that fell silent or are heard again, through the matches whose publishers wait for them
         self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=2 * TELL)
 

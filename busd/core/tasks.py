@@ -42,7 +42,7 @@ class Tasks:
         self.unfinished: dict[PeerId, Task] = {}
         """Tasks of peers, present or gone: done before their next message is handled. Opaque to the shell."""
         self.feeds: dict[PeerId, deque[Task]] = {}
-        """What is done beside them, for peers that are present."""
+        """Work done beside them, for peers that are present."""
         self.withheld: dict[PeerId, list[Effect]] = {}
         """Effects that peers do not get yet, by peer; only for peers that have a task."""
         self._peers = peers
@@ -84,7 +84,7 @@ class Tasks:
             self._out.append(Later(peer_id))
 
     def feed(self, now_ns: int, peer_id: PeerId) -> None:
-        """Do some of what was begun for a peer beside its requests, which get half of its turn."""
+        """Do some of the work beside a peer's requests. The requests get half of its turn."""
         feeds, meter = self.feeds[peer_id], self._meter
         least = min(meter.left, BUDGET) // 2
         while feeds and meter.left > least:
@@ -118,7 +118,9 @@ class Tasks:
         peer.withheld = 0
 
     def withhold(self) -> None:
-        """Keep back what a peer must not get yet: news of an endpoint before all others know of it."""
+        """Keep back effects that a peer must not get yet: news of an endpoint before all others know of
+        it.
+        """
         self._out[:] = [effect for effect in self._out if not self._is_withheld(effect)]
 
     def _is_withheld(self, effect: Effect) -> bool:

@@ -1,4 +1,4 @@
-"""Actions for later: a heap of (due, number, action). Knows no clock; the shell asks what is due."""
+"""Actions for later: a heap of (due, number, action). Knows no clock; the shell asks for the due ones."""
 
 import heapq
 from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ class Timers:
         self.earliest_ns = self._heap[0][0]
 
     def due(self, now_ns: int) -> Iterator[Callable[[int], None]]:
-        """Takes out what is due at `now_ns`."""
+        """Takes out the actions that are due at `now_ns`."""
         while self._heap and self._heap[0][0] <= now_ns:
             action = heapq.heappop(self._heap)[2]
             self.earliest_ns = self._heap[0][0] if self._heap else NEVER_NS

@@ -1,6 +1,6 @@
 """The types that processes have declared, with their descriptions.
 
-Owns the tables and what each process and user holds of them. Must not know the users of a type.
+Owns the tables, and the accounts of each process and user for them. Must not know the users of a type.
 """
 
 from collections import Counter

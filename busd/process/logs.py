@@ -42,7 +42,7 @@ _FLUSH_S = 2.0
 """How long busd waits at its end for what is not written yet."""
 _TEXT = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"
 _FIELDS = ("peer", "left_out")
-"""What a record may have beside its message: the process (pid) it is about, and how many were left out."""
+"""Further fields of a record: the process (pid) it is about, and the number of lines left out."""
 
 
 def set_up(level: str, form: str, path: Path | None = None) -> None:
@@ -66,8 +66,8 @@ class _Lines(logging.Handler):
     """Gives lines to a thread, which calls `write` for each; and bounds them.
 
     Peers can cause short printable lines only, and not too many in a second. Errors always come through, and
-    so do debug lines, which were asked for; but no more lines wait than there is room for. What is
-    left out is counted, and so is what `write` raises OSError for.
+    so do debug lines, which were asked for; but no more lines wait than there is room for. Lines left out are
+    counted, and so are lines for which `write` raises OSError.
     """
 
     def __init__(self, write: Callable[[bytes], None]) -> None:
@@ -100,7 +100,7 @@ class _Lines(logging.Handler):
             self._changed.wait_for(lambda: not self._waiting and not self._is_writing, _FLUSH_S)
 
     def close(self) -> None:
-        """End the thread, when it has written what waits."""
+        """End the thread when it has written the queued lines."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""Log lines that a program can cause as often as it likes: each of them once in a while.
+"""Log lines that a program can cause as often as it likes: the log has each of them only from time to time.
 
 Owns when a line is a repetition. Must not know what the lines are about.
 """

@@ -19,7 +19,9 @@ _CHECK_S = 20.0
 
 
 def command_line(arguments: Sequence[str] | None) -> list[str]:
-    """What to run for the same again; `arguments` are busd's own, None: the arguments of this process."""
+    """The command line for the same busd again. `arguments` are busd's own; None: the arguments of this
+    process.
+    """
     if arguments is None:
         return [sys.executable, *sys.orig_argv[1:]]
     return [sys.executable, "-m", "busd", *arguments]

@@ -81,7 +81,7 @@ class _Newcomer:
         self.hello: Hello | None = None
 
     def listen(self) -> bool:
-        """Read what has come of its Hello; False if it has closed. Raises RemoteProtocolError."""
+        """Read the received part of its Hello; False if it has closed. Raises RemoteProtocolError."""
         try:
             while self.hello is None:
                 more = strangers.receive(self.sock, self.greeting.wanted)
@@ -145,7 +145,7 @@ class Admission:
         """Accept no more, and close connections that were not let in, without a word: another busd may serve
         them.
 
-        Their clients try again, as those do that a busd leaves in its backlog.
+        Their clients try again, like clients in the backlog of a busd that ends.
         """
         if self._is_closed:
             return
@@ -218,7 +218,7 @@ class Admission:
             self._listen_to(newcomer)
 
     def _listen_to(self, newcomer: _Newcomer) -> None:
-        """Read what has come of it, and act on that."""
+        """Read the received data of the connection, and act on it."""
         try:
             is_there = newcomer.listen()
         except RemoteProtocolError as error:
@@ -242,7 +242,7 @@ class Admission:
             self._epoll.modify(newcomer.number, _HELD)
 
     def _give_place(self, newcomer: _Newcomer, now_ns: int) -> bool:
-        """Give it a place; returns whether it still has that: where too many come, some lose theirs."""
+        """Give it a place; returns whether it still has it. If too many come, some lose theirs."""
         newcomer.number = newcomer.sock.fileno()
         self._by_number[newcomer.number] = newcomer
         self._epoll.register(newcomer.number, select.EPOLLIN | _HELD)
@@ -302,7 +302,9 @@ class Admission:
     # --- connections that are turned away
 
     def _give_up(self, newcomer: _Newcomer, reason: str, *, for_want_of_room: bool = False) -> None:
-        """It has sent something else than a Hello, or none in time, or there is no place for it."""
+        """Turn it away: it has sent something other than a Hello, or none in time, or there is no place for
+        it.
+        """
         self._take_out(newcomer)
         who = newcomer.who
         is_news, unlogged = self._host.count_failed_connection(who, for_want_of_room=for_want_of_room)

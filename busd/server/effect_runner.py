@@ -1,6 +1,7 @@
 """Carries out the effects of the core: messages and runs go to the sockets, in an order that peers rely on.
 
-Owns what is queued and not flushed yet. Decides nothing; matters of busd as a whole are for the server.
+Owns the list of connections that are not flushed yet. Decides nothing; matters of busd as a whole are for the
+server.
 """
 
 import logging
@@ -19,7 +20,7 @@ __all__ = ["EffectHost", "EffectRunner"]
 _log = logging.getLogger("busd")
 
 _WRITE = 4
-"""The cost of looking what to send, in the units of busd.core.work."""
+"""The cost of a look for data to send, in the units of busd.core.work."""
 
 
 class EffectHost(Protocol):
@@ -39,7 +40,7 @@ class EffectHost(Protocol):
 
 
 class EffectRunner:
-    """Carries out effects for `peers`; what is sent is taken off `meter`."""
+    """Carries out effects for `peers`; the cost of sending is taken off `meter`."""
 
     def __init__(self, meter: Meter, peers: MutableMapping[PeerId, PeerConnection], host: EffectHost) -> None:
         self.dirty: set[PeerConnection] = set()

@@ -78,7 +78,7 @@ TRANSITIONS: Mapping[LifeState, Mapping[LifeEvent, LifeState]] = {
         LifeEvent.INTERRUPT: LifeState.STOPPED,
     },
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that a state's row lacks must not happen there."""
 
 
 class LifeError(Exception):

@@ -1,9 +1,9 @@
 """One connection of the daemon, from its Hello to the end. Makes no routing decision.
 
 Descriptors that a peer sends are checked here, before the core sees them: no process must map memory that
-could shrink under it. For each peer busd holds one for each publisher (their number is limited), its doorbell
-and its readers' segment. Rings of publishers that have gone may still wait for a peer that does not read. So
-all descriptors together have a bound, and new connections always find room.
+could shrink under it. For each peer busd holds a descriptor for each publisher (their number is limited), for
+its doorbell and for its readers' segment. Rings of publishers that have gone may still wait for a peer that
+does not read. So all descriptors together have a bound, and new connections always find room.
 """
 
 import asyncio
@@ -50,15 +50,17 @@ _FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
 
 
 _SPARE = 32
-"""Descriptors for all but connections and what peers share."""
+"""Descriptors for everything except connections and the descriptors of peers."""
 
 
 _CHOKED_PART = 8
-"""Where more than this part of the control frames that may wait for a peer do wait, busd stops reading it;
-below half of that it reads on."""
+"""If more than this part of the control frames that may wait for a peer do wait, busd stops reading it. Below
+half of that it reads on.
+"""
 _LOOK_S = 1.0
-"""How often busd looks whether a peer that it does not read takes anything. One that does not is cut off: at
-once where more waits for it than may, else after `_STALL_PART` of the lease."""
+"""How often busd checks whether a peer that it does not read takes data. If not, busd cuts it off: at once if
+too much waits for it, otherwise after `_STALL_PART` of the lease.
+"""
 _STALL_PART = 0.75
 
 
@@ -168,7 +170,7 @@ class PeerConnection:
         self.stream.flush()
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """Queue a control frame. Where many wait, the peer is not read until it has taken most of them."""
+        """Queue a control frame. If many wait, the peer is not read until it has taken most of them."""
         if self.stream.writing in WRITE_OVER:
             return
         self.stream.outbox.put(frame, descriptors)
@@ -237,7 +239,7 @@ class PeerConnection:
             self._host.serving.resume(self)
 
     def relieve(self) -> None:
-        """Cut the peer off: it does not take what waits for it."""
+        """Cut the peer off: it does not take the data queued for it."""
         self._end(f"{self.account.used} bytes of control frames wait for it; it does not read")
 
     def refuse(self, reason: str) -> None:

@@ -72,7 +72,9 @@ class Server:
     # --- life
 
     def stop(self, reason: str) -> None:
-        """Stop listening, and close the connections when what was sent has come; see busd.server.shutdown."""
+        """Stop listening, and close the connections when all sent data has arrived; see
+        busd.server.shutdown.
+        """
         self._on(LifeEvent.STOP, reason)
 
     def stop_now(self, reason: str) -> None:

@@ -32,7 +32,7 @@ __all__ = ["Serving"]
 _READ = 5
 """The cost of reading a socket, in the units of busd.core.work."""
 _PART = 7
-"""What a read costs besides if it makes no frame whole: so the same bytes can be made to cost many reads."""
+"""The extra cost of a read that makes no frame whole: the same bytes can be made to cost many reads."""
 _BYTES_PER_UNIT = 8192
 """Bytes that are read then: for them, the system has to find memory first."""
 _QUESTIONS = frozenset({GetGraph, GetType, GetPeers, Observe})
@@ -109,12 +109,12 @@ class Serving:
             self._payer = None
 
     def resume(self, connection: PeerConnection) -> None:
-        """The connection is no longer held: go on with what was read before."""
+        """The connection is no longer held: go on with data read before."""
         if connection.items is not None and not connection.is_held:
             self.wait(connection)
 
     def before_write(self, connection: PeerConnection) -> None:
-        """The socket takes bytes again: drop first what has expired."""
+        """The socket takes bytes again: first drop expired samples."""
         connection.wrote()
         with self._metered(connection.party):
             self._effects.carry_out(self._broker.expire(monotonic_ns(), connection.id))
@@ -131,7 +131,7 @@ class Serving:
         self._line_up(connection.party, connection)
 
     def serve_later(self, peer: PeerId) -> None:
-        """Go on with what the core has begun for that peer, present or gone, in turns of its party."""
+        """Go on with the core's work for that peer, present or gone, in turns of its party."""
         if connection := self._peers.get(peer):
             self.wait(connection)
         else:
@@ -206,8 +206,7 @@ class Serving:
             self._alarm.set()
 
     def _serve_connection(self, connection: PeerConnection) -> None:
-        """First send what waits for it and go on with what was begun, then handle what was read, then
-        read."""
+        """First send its queued data and go on with begun work, then handle data read before, then read."""
         party = connection.party
         connection.stream.write_on()
         connection.wrote()
@@ -247,7 +246,9 @@ class Serving:
             self._trim(now_ns)
 
     def _trim(self, now_ns: int, last: PeerConnection | None = None) -> bool:
-        """Bound the queues that are too full, after what can be sent was sent; returns whether any was."""
+        """Bound the queues that are too full, after the sockets took what they could; returns whether there
+        were any.
+        """
         if not self._broker.is_overfull:
             return False
         self._effects.flush(last)
@@ -289,7 +290,7 @@ class Serving:
             if broker.timers.earliest_ns < self._alarm.due_ns:
                 self._alarm.set()
             if is_swamped:
-                os.sched_yield()  # more comes than is taken: let processes that wake up beside us run
+                os.sched_yield()  # more arrives than is taken: let processes that wake up beside us run
 
     @contextmanager
     def _metered(self, party: Party[_Job]) -> Iterator[None]:

@@ -1,7 +1,7 @@
 """The orderly end of the connections: samples from peers are routed, data that waits for them is sent.
 
-Owns the order and the bounds of time. Must not know what is sent. A peer that understands Leaving ends what
-it sends between two frames; of any other, busd takes what its socket holds. As long as any peer may still
+Owns the order and the bounds of time. Must not know what is sent. A peer that understands Leaving stops
+between two frames. From any other peer, busd takes the data in its socket. As long as any peer may still
 send, all are served: its samples may be for them.
 """
 

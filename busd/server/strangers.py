@@ -32,7 +32,7 @@ _ANCILLARY_BYTES = socket.CMSG_SPACE(_MOST_AT_ONCE * array("i").itemsize)
 _CLOSE_ON_EXEC = int(getattr(socket, "MSG_CMSG_CLOEXEC", 0))  # Linux
 _GET_SEALS = 1034  # Linux's number; the module fcntl has it there only
 _QUICK = ("anon_inode:", "pipe:", "/memfd:")
-"""How the kernel calls files that nobody else has a say in."""
+"""The kernel's names for files on which no other process has an influence."""
 _NO_LINGER = struct.pack("ii", 0, 0)
 _SCRAP_BYTES = 64 << 10
 _FEW = 2
@@ -97,7 +97,7 @@ class Strangers:
             self.hand_over(sock)
 
     def hand_over(self, files: Sequence[int] | socket.socket) -> None:
-        """Have a thread close these. Where too many wait for that, wait a moment for one."""
+        """Have a thread close these. If too many wait for that, wait a moment for one."""
         with self._changed:
             self.waiting += _count(files)
             self._queue.append(files)
@@ -162,7 +162,7 @@ class Strangers:
 
 
 def _is_strange(number: int) -> bool:
-    """Whether others may have a say in how long it takes to close that file."""
+    """Whether other processes can influence how long it takes to close that file."""
     try:
         kind = os.readlink(f"/proc/self/fd/{number}")  # noqa: PTH115
         if kind.startswith("/memfd:"):
