@@ -101,7 +101,8 @@ class ActionSupport:
                 f"__type_name__ of {action_type!r:.80} must have three parts, like "
                 f"'example_interfaces/action/Fibonacci'; it is {self.name!r}"
             )
-        # Of every action: no program sees them, and messages of the classes of rosidl take ten times as long.
+        # The same for every action: no program sees them, and messages of rosidl's classes would take ten
+        # times as long.
         self.status_array: Any = message_class("action_msgs/msg/GoalStatusArray")
         self.status: Any = message_class("action_msgs/msg/GoalStatus")
         if hasattr(action_type, "Impl"):  # made by rosidl, or as rosidl does it
@@ -139,7 +140,9 @@ class ActionSupport:
         return info
 
     def encoded_status(self, goals: Iterable[Goal]) -> bytes:
-        """A GoalStatusArray. All goals are told of at each change of one: the others are encoded already."""
+        """A GoalStatusArray. Each change of one goal sends the states of all; the others are encoded
+        already.
+        """
         for goal in (goals := tuple(goals)):
             if goal.told is None:
                 status = self.status(status=int(goal.status))

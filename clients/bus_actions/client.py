@@ -323,7 +323,7 @@ class ActionClient:
         else:
             self._counts["rejected"] += not isinstance(outcome, BusError)
             del self._goals[goal.id]
-            if isinstance(outcome, CallLost):  # perhaps it is accepted, and nobody here would ever know
+            if isinstance(outcome, CallLost):  # perhaps the server accepted it, unknown to this client
                 self._request_cancel(goal.id)
         if not sent.answer.done():
             sent.answer.set_result(outcome)
@@ -353,7 +353,7 @@ class ActionClient:
 
     async def _cancel(self, goal_id: bytes) -> Any:
         while isinstance(outcome := await self._ask_to_cancel(goal_id), CallLost):
-            pass  # asked for twice it is the same
+            pass  # a repeated request changes nothing
         if isinstance(outcome, ServiceUnavailable):
             raise ActionUnavailable(self.name, "its server has left before it answered")
         if isinstance(outcome, BusError):

@@ -176,7 +176,7 @@ class ClientEndpoints:
 
 
 async def _close(ends: ServerEndpoints | ClientEndpoints, names: tuple[str, ...]) -> None:
-    """Those that are there, one after another; raises what the first of them raised."""
+    """Close the existing endpoints, one after another; raises the first error."""
     made = [getattr(ends, name) for name in names if hasattr(ends, name)]
     failure: BusError | None = None
     for one in made:

@@ -1,6 +1,6 @@
-"""The states of a goal, and which event leads from which to which: ROS 2's state machine, as a table.
+"""The states of a goal, and the events between them: ROS 2's state machine, as a table.
 
-Owns: the table and the text of what it does not allow. Pure: no I/O, no clock, no messages.
+Owns: the table and the text for events that it does not allow. Pure: no I/O, no clock, no messages.
 
                    +-> EXECUTING --+--> SUCCEEDED
         ACCEPTED --+       |       +--> ABORTED
@@ -46,7 +46,7 @@ class GoalStatus(IntEnum):
 
     @property
     def is_end(self) -> bool:
-        """Whether nothing can follow."""
+        """Whether no other state can follow."""
         return self >= GoalStatus.SUCCEEDED
 
 
@@ -91,7 +91,7 @@ TRANSITIONS: Final[Mapping[GoalStatus, Mapping[GoalEvent, GoalStatus]]] = Mappin
         },
     }
 )
-"""State -> event -> next state; what is not here is not allowed."""
+"""State -> event -> next state; a missing event is not allowed."""
 
 
 def next_status(status: GoalStatus, event: GoalEvent) -> GoalStatus:

@@ -1,6 +1,6 @@
 """The goals of an action server: their states, the goals that a cancel request means, expiry of results.
 
-Owns: the goals by their ids and what bounds them. Pure: times are given in nanoseconds, nothing waits.
+Owns: the goals by their ids, and their bounds. Pure: times are given in nanoseconds, nothing waits.
 """
 
 from collections import OrderedDict
@@ -143,7 +143,7 @@ class GoalTable:
 
     @property
     def is_overfull(self) -> bool:
-        """Whether more results are kept than may be, until `expire`."""
+        """Whether too many results are kept, until `expire`."""
         return len(self._ended) > MOST_ENDED
 
     def active(self) -> list[Goal]:

@@ -103,7 +103,7 @@ class ServerGoal:
 
     @property
     def is_cancel_requested(self) -> bool:
-        """Whether a cancellation was accepted, and it has not ended yet."""
+        """Whether a cancellation was accepted and the goal has not ended yet."""
         return self._record.status is GoalStatus.CANCELING
 
     def publish_feedback(self, feedback: Any) -> None:
@@ -275,7 +275,7 @@ class ActionServer:
     def _is_early(
         self, function: Callable[[Any, RequestId], Any], request: Any, request_id: RequestId
     ) -> bool:
-        """Whether it came before `open` had returned; then it waits until that has."""
+        """Whether a request came before `open` returned. If so, it waits until `open` has returned."""
         is_early = self._ends is None and not self._is_stopped
         if is_early:
             self._early.append((function, request, request_id))
@@ -514,7 +514,7 @@ class ActionServer:
         self._counts["feedback"] += 1
 
     def _publish_status(self) -> None:
-        """Once this turn of the event loop is over: a goal that is accepted is mostly executed at once."""
+        """Publish after this turn of the event loop, because an accepted goal is mostly executed at once."""
         if not self._is_status_due:
             self._is_status_due = True
             asyncio.get_running_loop().call_soon(self._publish_status_now)
@@ -522,12 +522,12 @@ class ActionServer:
     def _publish_status_now(self) -> None:
         self._is_status_due = False
         if self._ends is not None:
-            with suppress(ConnectionClosed):  # the node has gone, and all who would read it were told
+            with suppress(ConnectionClosed):  # the node has gone, and all readers were told
                 self._ends.status.publish_encoded(self._support.encoded_status(self._table.shown()))
 
 
 def _end_of(goal: ServerGoal) -> GoalEvent:
-    """What a result means that comes without a word."""
+    """The end of a goal whose `execute` gives a Result and has not ended the goal itself."""
     if goal.is_cancel_requested:
         return GoalEvent.CANCELED
     return GoalEvent.ABORT if goal._is_given_up else GoalEvent.SUCCEED

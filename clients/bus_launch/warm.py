@@ -1,6 +1,6 @@
 """Nodes in Python, forked from one process that has imported busd's rclpy: a sixth of the work of a start.
 
-Owns: which programs are started so, that process, and what a node finds as if it had been started anew. Must
+Owns: the choice of programs, that process, and a node's surroundings, which look like a new process's. Must
 not know: events, output. The launch's side is `fork`; the process is `python -m bus_launch.warm FD`.
 
 The process between that process and a node ends at once, so the node becomes a child of the launch. If
@@ -124,7 +124,7 @@ class _Warm:
                 env=env,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,  # what is wrong with this Python, a node started anew will say
+                stderr=subprocess.DEVNULL,  # a node started anew will report any fault of this Python
                 pass_fds=[theirs.fileno()],
                 process_group=0,
             )
@@ -146,7 +146,7 @@ _lock: Final = threading.Lock()
 
 
 def _adopt(is_on: bool) -> None:
-    """Whether what loses its parent becomes a child of this process."""
+    """Set whether orphaned processes become children of this process."""
     import ctypes
 
     if ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, int(is_on), 0, 0, 0):

@@ -1,4 +1,4 @@
-"""Messages by the names of their types, for code that must not care what classes they have."""
+"""Messages by the names of their types, for code that must not depend on their classes."""
 
 from functools import cache
 from typing import Any

@@ -1,4 +1,4 @@
-"""A browser of the user's, started with a page."""
+"""Starts the user's browser with a page."""
 
 import threading
 import webbrowser
@@ -8,7 +8,7 @@ __all__ = ["open_browser"]
 
 
 def open_browser(address: str, complain: Callable[[str], object]) -> None:
-    """Returns at once; some browsers return when they are closed. `complain` is told that there is none."""
+    """Returns at once; some browsers return when they are closed. `complain` is called if there is none."""
 
     def show() -> None:
         if not webbrowser.open(address):

@@ -1,4 +1,4 @@
-"""Connections to the server, bounded in what they cost before they are let in, and whatever they send."""
+"""Connections to the server: their costs are bounded, before they are let in and whatever they send."""
 
 import asyncio
 from weakref import WeakSet
@@ -30,13 +30,13 @@ class Connections:
         self._strangers.pop(connection, None)
 
     def cut_off_those_who_ask(self) -> None:
-        """All that have no WebSocket yet: the end of a server would wait for them."""
+        """Cut off all connections without a WebSocket: the end of a server would wait for them."""
         for connection in self._open:
             if connection.state is State.CONNECTING:
                 connection.transport.abort()
 
     def connection_class(self) -> type[ServerConnection]:
-        """The class of connections that tell these of themselves."""
+        """The class of connections that report to these `Connections`."""
         these = self
 
         class Connection(ServerConnection):

@@ -39,7 +39,7 @@ class Counters:
         self.endpoint: GraphEndpoint
         self.statistics = _NOTHING
         self.aged: EndpointStatistics | None = None
-        """The newest in which ages were told, of late."""
+        """The newest recent statistics with ages."""
         self.meter = Meter()
         self.rates: tuple[float, ...] | None = None
         self.losses: list[tuple[int, int]] = []  # when, and how many in all: of the last seconds
@@ -114,7 +114,7 @@ class Group:
             if (rates := one.rates) is not None:
                 hz, bytes_per_s = (hz or 0.0) + rates[0], (bytes_per_s or 0.0) + rates[1]
         self.hz, self.bytes_per_s = hz, bytes_per_s
-        if hz is not None or self.history:  # what is not known yet is not nothing
+        if hz is not None or self.history:  # an unknown rate is not zero
             self.history.add(now_ns, hz or 0.0)
 
     def counted(self) -> dict[str, Any]:

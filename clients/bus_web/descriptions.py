@@ -1,4 +1,6 @@
-"""How types on the bus are described, by which a `Model` says where two of one name differ."""
+"""Descriptions of types on the bus. A `Model` uses them to show the difference between two types of one
+name.
+"""
 
 import asyncio
 
@@ -28,7 +30,9 @@ class Descriptions:
         return self._known.get(kind)
 
     async def ask(self) -> bool:
-        """Ask the bus for what is wanted; returns whether more is known now. Without busd, less is."""
+        """Ask the bus for the wanted descriptions; returns whether more are known now. Stops if busd does not
+        answer.
+        """
         before = len(self._wanted)
         for kind in [*self._wanted]:
             try:

@@ -1,4 +1,4 @@
-"""The page's files, read once. Whatever is not among them is not there: no path is looked up on the disk."""
+"""The page's files, read once. The server has no other paths, and looks up none on the disk."""
 
 from collections.abc import Mapping
 from pathlib import Path

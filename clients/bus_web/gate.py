@@ -1,8 +1,8 @@
 """Access check: by the request's name for this machine, the page that sent it, and a token.
 
-Pure: what a request says goes in, a decision comes out. A browser runs pages of any origin. Such a page may
-ask for addresses of this machine (then Origin names the page), or under a name that its owner points to this
-machine (then Host has that name); it knows no token. Other users of the machine know none either.
+Pure: a request goes in, a decision comes out. A browser runs pages of any origin. Such a page may ask for
+addresses of this machine (then Origin names the page), or under a name that its owner points to this machine
+(then Host has that name); it knows no token. Other users of the machine know none either.
 """
 
 import hmac
@@ -29,14 +29,14 @@ class Ask(NamedTuple):
 
 
 class Enter(NamedTuple):
-    """It may have what is at `path`; `host` is what it calls this machine."""
+    """It may have the content of `path`; `host` is its name for this machine."""
 
     path: str
     host: str
 
 
 class Redirect(NamedTuple):
-    """It has the token in its address: from here on it is to have it in a cookie."""
+    """It has the token in its address. From now on, a cookie must have the token."""
 
     location: str
     cookie: str

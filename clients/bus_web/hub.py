@@ -16,13 +16,13 @@ __all__ = ["Hub", "Watcher"]
 
 _LOOK_S = 1.0
 _REST_S = 0.2
-"""Between looks at a graph that changes and changes."""
+"""Rest between looks at a graph that changes all the time."""
 _ANSWER_S = 2.0
 """busd answers in milliseconds: after so long it is away."""
 
 
 class Watcher:
-    """Is told of looks. Its methods must not raise."""
+    """Is notified of looks. Its methods must not raise."""
 
     def looked(self, *, is_new: bool) -> None:
         """The model has a new look; `is_new`: with other nodes, endpoints or matches."""

@@ -44,10 +44,10 @@ class Kept:
         self.bytes = 0
         """How much is kept, of all topics."""
         self.dropped = 0
-        """How many went because there was no room."""
+        """How many messages were dropped because there was no room."""
 
     def put(self, topic: str, gid: bytes, one: One, depth: int) -> None:
-        """A publisher keeps so many, of which this is the newest."""
+        """Keep a message. Its publisher keeps `depth` messages, of which this is the newest."""
         queue = self._queues.setdefault((topic, gid), _Queue())
         self._topics.setdefault(topic, set()).add(gid)
         queue.messages.append(one)

@@ -35,7 +35,7 @@ class SharedBudget:
 
     @property
     def bytes(self) -> int:
-        """How much waits."""
+        """Bytes of the frames queued for all clients."""
         return sum([outbox.bytes for outbox in self._outboxes])
 
     def enter(self, outbox: "Outbox") -> None:
@@ -63,7 +63,7 @@ class SharedBudget:
 class Outbox:
     """Frames in the order in which they are to go. `most_bytes` may wait, or one larger frame.
 
-    `shared`: and of all outboxes together as many as that allows, until `close`.
+    `shared`: the limit for all outboxes together, until `close`.
     """
 
     def __init__(self, most_bytes: int = MOST_BYTES, shared: SharedBudget | None = None) -> None:
@@ -75,19 +75,19 @@ class Outbox:
         self._queues: dict[str, _Queue] = {}
         self._next = 0
         self.bytes = 0
-        """How much waits."""
+        """Bytes of queued frames."""
         self.notices = 0
-        """How many frames wait that are of no topic."""
+        """Number of queued frames without a topic."""
         self.notice_bytes = 0
         """The part of `bytes` that notices take."""
         self.dropped: Counter[str] = Counter()
-        """How many messages of each topic went, since the client was told last (`clear` it then)."""
+        """Messages of each topic that were dropped since the client was last told (`clear` it then)."""
 
     def __len__(self) -> int:
         return len(self._frames)
 
     def notify(self, data: bytes) -> None:
-        """What is of no topic is never dropped: the caller must check `notices` first."""
+        """A frame without a topic is never dropped: the caller must check `notices` first."""
         self.notices += 1
         self.notice_bytes += len(data)
         self._append("", data)
@@ -110,7 +110,7 @@ class Outbox:
             self._shared = None
 
     def take(self) -> bytes | None:
-        """The next to go; None if the outbox is empty."""
+        """The next frame to send; None if the outbox is empty."""
         if not self._frames:
             return None
         number, frame = self._frames.popitem(last=False)

@@ -1,4 +1,4 @@
-"""Lines of /rosout for one page: gathered, and told a few times a second."""
+"""Lines of /rosout for one page: gathered, and sent a few times a second."""
 
 import asyncio
 from collections import deque

@@ -5,7 +5,7 @@ from typing import Any
 __all__ = ["picture_of"]
 
 _MOST_SIDE = 240
-"""Pixels of the longer side of what is shown."""
+"""Pixels of the longer side of the shown picture."""
 _MOST_COMPRESSED = 512 << 10
 _MOST_PIXELS = 32 << 20
 """Limit for a compressed image: a browser needs four bytes for each pixel, however small the data is."""
@@ -81,7 +81,7 @@ def _sides(data: bytes) -> tuple[int, int]:
         if data[at : at + 1] != b"\xff" or len(data) < at + 9:
             break
         kind = data[at + 1]
-        if kind == 0xFF:  # which fills up
+        if kind == 0xFF:  # a fill byte
             at += 1
             continue
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):

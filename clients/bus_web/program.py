@@ -39,7 +39,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def run(node: Node, options: Options, bus: str, ready: Callable[[Addresses], None]) -> None:
-    """Serve until cancelled. `bus` is what the page calls the bus; `ready` is told the addresses.
+    """Serve until cancelled. `bus` is the page's name for the bus; `ready` is called with the addresses.
 
     Raises ListenError if the server can't listen at the place.
     """

@@ -1,4 +1,4 @@
-"""Rates out of counters that are told now and then. Pure: times come in as arguments."""
+"""Rates from counters that arrive now and then. Pure: times come in as arguments."""
 
 from collections import deque
 from operator import lt
@@ -7,17 +7,20 @@ __all__ = ["HISTORY_S", "Meter", "RateHistory"]
 
 _NS = 1_000_000_000
 _WINDOW_NS = 2 * _NS
-"""Over so long a rate is taken: half a second of 10 Hz has four or five messages, or six."""
+"""The time for which a rate is calculated: half a second of 10 Hz has four or five messages, or six."""
 _SILENCE_NS = 5 * _NS // 2
-"""Processes tell twice a second of what has changed, of a thousand endpoints every two seconds. One that
-has not told for longer, and for twice its usual pause, has nothing to tell."""
+"""Processes report changes twice a second; of a thousand endpoints, every two seconds. A process that has not
+reported for longer than this, and for twice its usual pause, has nothing to report.
+"""
 
 HISTORY_S = 60
 """How many seconds a history has, a value for each."""
 
 
 class Meter:
-    """Some counters of one endpoint that grow together, such as messages and bytes, told at the same time."""
+    """Some counters of one endpoint that grow together, such as messages and bytes, reported at the same
+    time.
+    """
 
     __slots__ = ("_rates", "_silent_ns", "_told")
 
@@ -44,7 +47,7 @@ class Meter:
             told.popleft()
 
     def rates(self, now_ns: int) -> tuple[float, ...] | None:
-        """Per second, of each counter; None until they were told twice."""
+        """Per second, of each counter; None until they were reported twice."""
         if self._rates is None:
             told = self._told
             if len(told) < 2:

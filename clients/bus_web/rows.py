@@ -1,4 +1,4 @@
-"""Rows that `bus top` and the page show: topics, nodes and endpoints with what they count. Pure."""
+"""Rows that `bus top` and the page show: topics, nodes and endpoints with their counters. Pure."""
 
 from collections.abc import Mapping
 
@@ -30,7 +30,7 @@ class Pair(msgspec.Struct, frozen=True):
 
 
 class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
-    """A publisher or a subscription, with what it counts."""
+    """A publisher or a subscription, with its counters."""
 
     id: int
     """The id in the graph."""
@@ -109,7 +109,7 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TopicRow(_Row, frozen=True, kw_only=True):
-    """A topic, with what its endpoints count together."""
+    """A topic, with the combined counters of its endpoints."""
 
     topic: str
     types: tuple[str, ...]
@@ -121,7 +121,7 @@ class TopicRow(_Row, frozen=True, kw_only=True):
 
 
 class NodeRow(_Row, frozen=True, kw_only=True):
-    """A node, with what its endpoints count together."""
+    """A node, with the combined counters of its endpoints."""
 
     node: str
     """Its full name."""

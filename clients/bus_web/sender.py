@@ -21,7 +21,8 @@ class Socket(Protocol):
 class Sender:
     """Frames wait in an `outbox` until `run` has sent them.
 
-    One that begins with a brace is JSON, and goes as a text; no binary frame of ours begins so.
+    A frame that begins with a brace is JSON, and is sent as text. No binary frame of ours begins with a
+    brace.
     """
 
     def __init__(self, socket: Socket, outbox: Outbox) -> None:
@@ -38,7 +39,7 @@ class Sender:
 
     @property
     def notice_bytes(self) -> int:
-        """How much of them waits."""
+        """Bytes of these frames."""
         return self._outbox.notice_bytes
 
     @property
@@ -47,13 +48,13 @@ class Sender:
         return self.notices >= _MOST_NOTICES or self.notice_bytes >= _MOST_NOTICE_BYTES
 
     def notify(self, frame: bytes) -> None:
-        """A frame that is of no topic."""
+        """Queue a frame without a topic."""
         self._outbox.notify(frame)
         self._is_drained.clear()
         self._is_filled.set()
 
     def put(self, topic: str, frame: bytes) -> None:
-        """A message of a topic; older ones are dropped if there is no room."""
+        """Queue a message of a topic; older ones are dropped if there is no room."""
         self._outbox.put(topic, frame)
         self._is_filled.set()
 
@@ -72,11 +73,11 @@ class Sender:
         return dropped
 
     async def drain(self) -> None:
-        """Wait until all frames that are of no topic have been sent."""
+        """Wait until all frames without a topic have been sent."""
         await self._is_drained.wait()
 
     async def run(self) -> None:
-        """Until cancelled. Raises what the socket raises when it ends."""
+        """Send until cancelled. Raises the socket's exception when it ends."""
         while True:
             frame = self._outbox.take()
             if frame is None:

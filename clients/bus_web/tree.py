@@ -1,7 +1,7 @@
 """A decoded message as JSON for the page: a tree with long parts folded. Pure.
 
-Objects, texts, numbers and truth values are as in JSON. What JSON has no word for is an object with one key
-that begins with `$`, as no field's name does:
+Objects, texts, numbers and truth values are as in JSON. A value that JSON does not have is an object with one
+key that begins with `$`, as no field's name does:
 
     {"$array": 36, "head": [0.1, ...]}     36 elements, of which these are the first
     {"$bytes": 4096, "head": "00ff.."}     as many octets, the first as hexadecimal digits

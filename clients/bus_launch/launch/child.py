@@ -185,7 +185,7 @@ class _Guard:
         self._write_line(f"-{group}\n")
 
     async def end(self) -> None:
-        """Have it end what is left; returns when nothing is."""
+        """Have it end the remaining processes; returns when there are none."""
         if self._process is None or running:
             return
         process, self._process = self._process, None

@@ -84,7 +84,7 @@ class Event:
 
 
 class LaunchDescriptionEntity:
-    """What a launch description is made of: `visit` does its work, and may return more entities."""
+    """A part of a launch description: `visit` does its work, and may return more entities."""
 
     def visit(self, context: "LaunchContext") -> "Sequence[LaunchDescriptionEntity] | None":
         raise NotImplementedError(f"{type(self).__name__} has no visit(context)")
@@ -93,13 +93,13 @@ class LaunchDescriptionEntity:
         return repr(self)
 
     def describe_sub_entities(self) -> "list[LaunchDescriptionEntity]":
-        """Those that it will visit in any case."""
+        """The entities that it will visit in any case."""
         return []
 
     def describe_conditional_sub_entities(
         self,
     ) -> "list[tuple[str, Iterable[LaunchDescriptionEntity]]]":
-        """Those that it may visit, and when, in words."""
+        """The entities that it may visit, and when, in words."""
         return []
 
     def get_asyncio_future(self) -> "asyncio.Future[Any] | None":
@@ -194,7 +194,8 @@ class LaunchContext:
     def __init__(self, *, argv: Iterable[str] | None = None, noninteractive: bool = False) -> None:
         self.__argv = [] if argv is None else list(argv)
         self.__noninteractive = noninteractive
-        # Who puts an event here has handled one, or waits until all are handled: the queue stays short.
+        # A caller that puts an event here has handled one, or waits until all are handled, so the queue stays
+        # short.
         self._event_queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._event_handlers: list[BaseEventHandler] = []
         self._completion_futures: set[asyncio.Future[Any]] = set()
@@ -355,7 +356,7 @@ class Condition:
         return self._predicate(context)
 
 
-# --- what programs know as `launch.utilities`
+# --- the public functions of `launch.utilities`
 
 
 def is_a(obj: object, entity_type: type) -> bool:

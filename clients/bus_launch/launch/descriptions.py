@@ -1,4 +1,4 @@
-"""What a program is started with; programs import it as `launch.descriptions`."""
+"""A program with its arguments and environment; programs import it as `launch.descriptions`."""
 
 import itertools
 import shlex
@@ -112,7 +112,7 @@ class Executable:
         self._final_cmd = [*self._final_prefix, *words]
         self._final_name = f"{name}-{next(_count)}"
         self._final_cwd = None if self._cwd is None else perform_substitutions(context, self._cwd)
-        # That of now: a group around it may be left before the process starts.
+        # The present environment: a group around the program may end before the process starts.
         start = dict(context.environment) if self._env is None else _performed(context, self._env)
         self._final_env = start | _performed(context, self._additional_env or [])
 

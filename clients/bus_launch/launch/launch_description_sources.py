@@ -123,7 +123,7 @@ def _located(error: Exception, path: str) -> Exception:
 
 
 class _Located(Exception):
-    """Another error, and where in a launch file it came."""
+    """Another error, with its place in a launch file."""
 
     def __init__(self, error: Exception, place: str) -> None:
         kind = "" if isinstance(error, RuntimeError | ValueError) else f"{type(error).__name__}: "

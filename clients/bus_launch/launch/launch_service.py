@@ -31,7 +31,7 @@ _ENDING: Final = (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)
 
 
 class LaunchService:
-    """Runs what `include_launch_description` brings; `run` returns 0, or 1 after an error."""
+    """Runs the included launch descriptions; `run` returns 0, or 1 after an error."""
 
     def __init__(
         self,

@@ -111,7 +111,7 @@ class LaunchConfig:
         for handler in self._screens.values():
             handler.setLevel(logging.CRITICAL + 1)
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())  # what is still to be written goes there
+        os.dup2(nowhere, sys.stdout.fileno())  # later output goes there
         os.close(nowhere)
         if self.on_closed_screen is not None:
             self.on_closed_screen()

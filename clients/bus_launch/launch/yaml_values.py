@@ -1,4 +1,4 @@
-"""Text as YAML reads it, for attributes and parameters; what is no YAML stays text."""
+"""Text as YAML reads it, for attributes and parameters; text that is not YAML stays text."""
 
 from typing import Any
 

@@ -22,9 +22,9 @@ class FileArguments:
         self._made: list[str] = []
 
     def make(self, context: LaunchContext, parameters: Iterable[Any], pattern: str) -> list[str]:
-        """The arguments for files and dicts, later ones last, as these hold.
+        """The arguments for files and dicts. Later ones come last, because they take precedence.
 
-        `pattern`: the nodes that dicts are for. Raises TypeError for a value that is none of a parameter,
+        `pattern`: the nodes that dicts are for. Raises TypeError for a value that no parameter can have,
         OSError for a file that can't be made.
         """
         words: list[str] = []

@@ -1,6 +1,6 @@
 """Parameters of a node, as launch files write them: made of dicts, values and substitutions.
 
-Pure: `normalized` looks at what was written, `evaluated` makes values of it in a launch.
+Pure: `normalized` checks the written form, `evaluated` makes values of it in a launch.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -72,7 +72,7 @@ def package_prefix(package: str) -> str:
 
 
 def find_share(package: str) -> str:
-    """The folder with what comes with a package; raises SubstitutionFailure with the nearest name."""
+    """The folder with a package's files; raises SubstitutionFailure with the nearest name."""
     from bus_ros import ament_index_python
 
     try:

@@ -68,7 +68,7 @@ class FindPackagePrefix(FindPackage):
 
 @expose_substitution("find-pkg-share")
 class FindPackageShare(FindPackage):
-    """The folder with what comes with a package, such as its launch files."""
+    """The folder with a package's files, such as launch files."""
 
     @classmethod
     def parse(cls, data: Sequence[Any]) -> _Parsed:

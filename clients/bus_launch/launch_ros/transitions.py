@@ -1,4 +1,5 @@
-"""Talks to a lifecycle node that a launch has started: asks for transitions, hears of those it made.
+"""Talks to a lifecycle node that a launch has started: requests transitions, and receives reports of the
+transitions made.
 
 On the bus, by the names that ROS 2 has: the service NODE/change_state and the topic NODE/transition_event.
 """

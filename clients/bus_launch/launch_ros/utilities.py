@@ -25,9 +25,9 @@ __all__ = [
 
 
 def normalize_parameters(parameters: Iterable[Any]) -> list[Any]:
-    """Of a node's list of files, dicts and Parameters, for `evaluate_parameters`.
+    """The normal form of a node's list of files, dicts and Parameters, for `evaluate_parameters`.
 
-    Raises TypeError for what is no such list, and for what can't be a parameter.
+    Raises TypeError for another value, and for an item that can't be a parameter.
     """
     if isinstance(parameters, str | Mapping) or not isinstance(parameters, Iterable):
         raise TypeError(f"Expecting list of parameters, got {parameters}")

@@ -1,4 +1,4 @@
-"""Tests of what a launch file starts; programs import it as `launch_testing`.
+"""Tests of the processes of a launch file; programs import it as `launch_testing`.
 
 A file with `generate_test_description()` and unittest's classes: `bus test FILE` runs it.
 

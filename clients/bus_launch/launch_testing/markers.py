@@ -12,12 +12,12 @@ _T = TypeVar("_T")
 
 
 def keep_alive(function: _T) -> _T:
-    """Of generate_test_description: tests go on when all processes have ended, as here they do anyway."""
+    """Decorates generate_test_description: tests go on when all processes have ended. Here they always do."""
     return function
 
 
 def retry_on_failure(*, times: int, delay: float | None = None) -> Callable[[Any], Any]:
-    """Of a test: `times` more attempts before it counts as failed, `delay` seconds apart."""
+    """Decorates a test: `times` more attempts before it counts as failed, `delay` seconds apart."""
 
     def mark(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)

@@ -155,7 +155,9 @@ def contains(text: str, expected: Any) -> bool:
 
 
 def matching(processes: ActiveProcInfoHandler, process: Any) -> LaunchDescriptionEntity:
-    """The action of a process; raises NoMatchingProcessException where none, or not one alone, is meant."""
+    """The action of a process; raises NoMatchingProcessException if no process, or more than one, is
+    meant.
+    """
     known = processes.processes()
     if isinstance(process, LaunchDescriptionEntity):
         if process in known:

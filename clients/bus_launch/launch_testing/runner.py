@@ -1,6 +1,7 @@
-"""Runs a test file: launches what it describes, runs its tests meanwhile and after, ends everything.
+"""Runs a test file: launches its description, runs its tests during the launch and after it, ends everything.
 
-The launch has this thread, for signals come there; the tests have another. Must not know: command lines.
+The launch has this thread, because signals arrive there; the tests have another. Must not know: command
+lines.
 """
 
 import inspect
@@ -22,7 +23,7 @@ __all__ = ["run_file"]
 
 
 def run_file(path: str, arguments: Mapping[str, str], *, verbosity: int = 1) -> bool:
-    """Whether all tests of a file passed. Raises what is wrong with the file."""
+    """Whether all tests of a file passed. Raises the file's error."""
     module = load_python_launch_file_as_module(path)
     make = getattr(module, "generate_test_description", None)
     if make is None:
@@ -102,7 +103,7 @@ class _Run:
         return self._test(self._after) and has_passed and was_ready and code == 0
 
     def _note(self, event: RunningProcessEvent) -> bool:
-        """It has no part in the launch: nothing is to be handled."""
+        """Takes no part in the launch: the event is not handled here."""
         if isinstance(event, ProcessIO):
             self._output.append(event)
         else:
@@ -124,7 +125,7 @@ class _Run:
 
 
 def _bind(test: unittest.TestCase, values: Mapping[str, Any]) -> None:
-    """Tests, setUp and the like take by name what they want of the launch."""
+    """Tests, setUp and the like name the objects of the launch that they want as arguments."""
     for name in (test._testMethodName, "setUp", "tearDown"):
         method = getattr(test, name)
         wanted = [one for one in inspect.signature(method).parameters if one in values]

@@ -52,7 +52,7 @@ class WaitForTopics:
         return set(self._messages) - self.topics_received()
 
     def shutdown(self) -> None:
-        """Hear no longer."""
+        """Stop receiving."""
         if self._thread is None:
             return
         self._executor.shutdown()

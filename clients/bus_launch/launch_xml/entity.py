@@ -10,7 +10,7 @@ __all__ = ["Entity"]
 
 
 class Entity(BaseEntity):
-    """Attributes are texts, which become what is asked for. `name-sep` cuts an attribute into a list."""
+    """Attributes are texts, converted to the requested types. `name-sep` cuts an attribute into a list."""
 
     def __init__(self, xml_element: Element, *, parent: "Entity | None" = None) -> None:
         self._element = xml_element

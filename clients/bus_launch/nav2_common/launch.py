@@ -102,7 +102,7 @@ class RewrittenYaml(_OfFile):
 
 
 class ReplaceString(_OfFile):
-    """The path of a copy of a file with other texts in it; of the file itself where `condition` is false."""
+    """The path of a copy of a file with other texts in it; of the file itself if `condition` is false."""
 
     def __init__(
         self, source_file: SomeSubstitutionsType, replacements: _Texts, condition: Condition | None = None
@@ -153,7 +153,7 @@ class LaunchConfigAsBool(Substitution):
 class ParseMultiRobotPose(Substitution):
     """Robots and their places: `one={x: 1.0, yaw: 1.57}; two={y: 2.0}`, as a dict of dicts.
 
-    Of a substitution by `perform`, as in newer releases; of an argument of the command line by `value`.
+    A substitution gives it by `perform`, as in newer releases; an argument of the command line, by `value`.
     """
 
     def __init__(self, robots_argument: str | Substitution) -> None:
@@ -195,7 +195,7 @@ def _value(text: str, *, numbers: bool) -> Any:
 
 
 def _with_values(data: Any, values: Mapping[str, Any], path: str) -> Any:
-    """The whole path goes before the key alone."""
+    """The whole path takes precedence over the key alone."""
     if isinstance(data, dict):
         made = {
             key: _with_values(one, values, f"{path}.{key}" if path else f"{key}") for key, one in data.items()

@@ -1,4 +1,4 @@
-"""Rotations as quaternions (x, y, z, w), places as vectors: what frames.h computes, in plain Python."""
+"""Rotations as quaternions (x, y, z, w), places as vectors: the computations of frames.h, in plain Python."""
 
 from math import acos, cos, sin, sqrt
 from typing import Final
@@ -62,7 +62,7 @@ def inverted(of: Transform) -> Transform:
 
 
 def composed(outer: Transform, inner: Transform) -> Transform:
-    """What does `inner` first, and then `outer`."""
+    """The rotation that does `inner` first, and then `outer`."""
     (x, y, z), (by_x, by_y, by_z) = rotate(outer[1], inner[0]), outer[0]
     return (x + by_x, y + by_y, z + by_z), normal(multiply(outer[1], inner[1]))
 

@@ -1,4 +1,4 @@
-"""What tf2 says of frames, in its own words: why there is no transform, and lists of all frames. Pure."""
+"""tf2's texts about frames: reasons why there is no transform, and lists of all frames. Pure."""
 
 from collections.abc import Iterable
 
@@ -82,7 +82,7 @@ def all_frames_as_yaml(rows: Iterable[Row], *, is_empty: bool) -> str:
 
 
 def all_frames_as_dot(rows: Iterable[Row], names: Iterable[str], now_ns: int) -> str:
-    """A graph for Graphviz; `now_ns`: 0 leaves out what depends on it."""
+    """A graph for Graphviz; `now_ns`: 0 leaves out values that depend on it."""
     lines = ["digraph G {\n"]
     parents: dict[str, str | None] = {}
     for name, parent, authority, count, latest_ns, oldest_ns in rows:

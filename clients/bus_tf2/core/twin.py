@@ -31,7 +31,7 @@ MAX_DEPTH: Final = 1000
 MAX_SAMPLES: Final = 100_000
 """Limit of samples for one frame; the oldest are dropped first."""
 
-# What a transform is refused for: a set of bits.
+# Reasons to refuse a transform: a set of bits.
 IS_NAN, IS_DENORMALIZED, IS_OLD = 1, 2, 4
 # Reasons why a look-up has no answer.
 UNKNOWN, LOOP, UNCONNECTED, NO_DATA, ONE_VALUE, FUTURE, PAST = range(1, 8)
@@ -62,7 +62,7 @@ class _Frame:
         self.authority: str | None = None
         self.samples: list[_Sample] = []
         self.is_child = False
-        """Somebody has told its place: it has a history, which may be empty."""
+        """Its place was set at least once: it has a history, which may be empty."""
         self.is_static = False
 
     def latest_ns(self) -> int:
@@ -124,7 +124,7 @@ class _Frame:
 
 
 class FrameTree:
-    """Frames of which each is at a place in its parent's coordinates. Times are nanoseconds.
+    """Frames, each at a place in its parent's coordinates. Times are nanoseconds.
 
     Thread-safe: each call is one whole operation.
     """
@@ -153,7 +153,9 @@ class FrameTree:
         is_static: bool,
         /,
     ) -> int:
-        """Take a transform in, of `child` in `parent`. Returns 0, or the bits of what it is refused for."""
+        """Take a transform in, of `child` in `parent`. Returns 0, or the bits of the reasons why it is
+        refused.
+        """
         length = dot((qx, qy, qz, qw), (qx, qy, qz, qw))
         refused = IS_NAN if any(map(math.isnan, (x, y, z, length))) else 0
         if not (length >= _SMALLEST and math.isfinite(length)):

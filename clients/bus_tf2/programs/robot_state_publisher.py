@@ -111,7 +111,9 @@ class RobotStatePublisher(Node):
                 self._moving.sendTransform(found)
 
     def _is_due(self, state: Any) -> bool:
-        """Whether one of the joints was sent so long ago that it is to be again; then it counts as sent."""
+        """Whether one of the joints must be sent again, because it was sent too long ago; then it counts as
+        sent.
+        """
         now_ns = self.get_clock().now().nanoseconds
         if self._last_heard_ns > now_ns:
             self.get_logger().warning("Moved backwards in time, re-publishing joint transforms!")

@@ -50,7 +50,7 @@ _OLD_QUATERNION = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 class Wish(NamedTuple):
-    """What a command line asks for."""
+    """The request of a command line."""
 
     frame_id: str
     child_frame_id: str

@@ -2,7 +2,7 @@
 
     tf2_echo source_frame target_frame [rate]
 
-Owns: what is printed of a transform (`lines`, pure), and how often.
+Owns: the lines for a transform (`lines`, pure), and how often they are printed.
 """
 
 import sys
@@ -37,7 +37,7 @@ options:
 
 
 class Wish(NamedTuple):
-    """What a command line asks for. `time_s`: None for the latest."""
+    """The request of a command line. `time_s`: None for the latest."""
 
     source: str
     target: str

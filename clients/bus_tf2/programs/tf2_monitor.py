@@ -1,6 +1,6 @@
 """`bus run tf2_ros tf2_monitor`: how late transforms are, and how often they come.
 
-Owns: what is counted (`Counts`, pure), what is printed of it, and how often.
+Owns: the counts (`Counts`, pure), the output, and how often it is printed.
 """
 
 import sys
@@ -27,8 +27,9 @@ _ROUNDS = 20
 
 
 class Counts:
-    """Delays of the last thousand transforms of each frame, and when the last thousand messages came. "
-    "Seconds."""
+    """Delays of the last thousand transforms of each frame, and the times of the last thousand messages, in
+    seconds.
+    """
 
     def __init__(self) -> None:
         self.delays: dict[str, deque[float]] = {}

@@ -48,7 +48,7 @@ def run(words: Sequence[str]) -> int:
 
 
 def as_dot(frames: Mapping[str, Mapping[str, Any]], now_s: float) -> str:
-    """A graph for Graphviz, out of what `all_frames_as_yaml` says."""
+    """A graph for Graphviz, made of the text of `all_frames_as_yaml`."""
     if not frames:
         return 'digraph G { "No tf data received" }'
     lines = ["digraph G {"]

@@ -1,6 +1,6 @@
 """BufferCore: from messages into the numeric core and back, with tf2's exceptions and texts.
 
-Owns: reading and making TransformStamped, which error is which exception, warnings on stderr. Must not know:
+Owns: reading and making TransformStamped, the exception for each error, warnings on stderr. Must not know:
 topics, nodes, waiting.
 """
 
@@ -54,8 +54,8 @@ class BufferCore:
         self.__tree = FrameTree(min(max(cache_ns, 0), _MOST_NS))
 
     def set_transform(self, transform: Any, authority: str) -> None:
-        """Take in a TransformStamped that `authority` tells. One that can't be right is ignored, with a line
-        on stderr.
+        """Take in a TransformStamped that `authority` tells. A transform that can't be right is ignored, with
+        a line on stderr.
         """
         self.__insert(transform, authority, is_static=False)
 

@@ -23,7 +23,7 @@ class LookupException(TransformException):
 
 
 class ExtrapolationException(TransformException):
-    """The time is outside of what is kept."""
+    """The time is outside of the kept times."""
 
 
 class InvalidArgumentException(TransformException):

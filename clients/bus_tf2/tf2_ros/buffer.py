@@ -72,7 +72,7 @@ class Buffer(BufferCore, BufferInterface):
         return self.lookup_transform_core(target_frame, source_frame, time)
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Any) -> Any:
-        """The same once it is there; errors that waiting does not mend are never raised."""
+        """The same once it is there. Raises no error of a look-up, even if waiting does not help."""
         await self.wait_for_transform_async(target_frame, source_frame, time)
         return self.lookup_transform_core(target_frame, source_frame, time)
 

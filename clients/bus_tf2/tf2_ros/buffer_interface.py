@@ -25,7 +25,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class TypeException(Exception):
-    """Nobody has registered the type."""
+    """The type is not registered."""
 
     def __init__(self, errstr: str) -> None:
         super().__init__(errstr)
@@ -107,7 +107,7 @@ def convert(a: Any, b_type: Any) -> Any:
 
 
 class BufferInterface:
-    """The base of what looks transforms up; a derived class has the four methods that raise here."""
+    """The base of classes that look transforms up. A derived class has the four methods that raise here."""
 
     def __init__(self) -> None:
         self.registration = TransformRegistration()
@@ -122,7 +122,7 @@ class BufferInterface:
         """An object with a header, in the coordinates of `target_frame`, at its own time.
 
         Its type is registered, for messages by importing tf2_geometry_msgs or tf2_sensor_msgs. `new_type`:
-        the type of what is returned. Raises TypeException, and what a look-up raises.
+        the type of the result. Raises TypeException, and the errors of a look-up.
         """
         function = self.registration.get(type(object_stamped))
         header = object_stamped.header

@@ -1,4 +1,4 @@
-"""Sends transforms that hold for all times on `/tf_static`."""
+"""Sends transforms that are valid at all times on `/tf_static`."""
 
 from typing import Any
 

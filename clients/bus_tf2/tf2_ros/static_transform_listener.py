@@ -1,4 +1,4 @@
-"""A listener that hears static transforms alone."""
+"""A listener that receives only static transforms."""
 
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile

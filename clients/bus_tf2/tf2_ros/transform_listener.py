@@ -1,6 +1,6 @@
 """Fills a buffer with the transforms that come on `/tf` and `/tf_static`.
 
-Owns: the subscriptions and, where asked for, a thread that spins them. Must not know: look-ups.
+Owns: the subscriptions and, if requested, a thread that spins them. Must not know: look-ups.
 """
 
 import threading

@@ -1,4 +1,4 @@
-"""A ball that a pointer turns: what is shown on a screen turns with it."""
+"""A ball that a pointer turns: the picture on a screen turns with it."""
 
 import math
 from collections.abc import Sequence

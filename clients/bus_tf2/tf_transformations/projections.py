@@ -1,4 +1,4 @@
-"""Homogeneous matrices that flatten space or a part of it, and what a matrix was made of."""
+"""Homogeneous matrices that flatten space or a part of it, and the parts that a matrix was made of."""
 
 import math
 from typing import Any

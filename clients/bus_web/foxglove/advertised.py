@@ -17,7 +17,7 @@ class Entry(NamedTuple, Generic[K, T]):
     kind: K
     """Its type, or its types."""
     format: T
-    """How its messages are told."""
+    """The format in which its messages are announced."""
 
 
 class Advertised(Generic[K, T]):
@@ -45,14 +45,14 @@ class Advertised(Generic[K, T]):
         return [name for name in now if name not in self._entries]
 
     def add(self, name: str, kind: K, format: T) -> int:
-        """Returns the id by which it is told."""
+        """Returns its id for the client."""
         id = next(self._numbers)
         self._entries[name] = Entry(id, kind, format)
         self._names[id] = name
         return id
 
     def remove(self, name: str) -> int:
-        """Returns its id, which is to be told."""
+        """Returns its id, which must be sent to the client."""
         id = self._entries.pop(name).id
         del self._names[id]
         return id

@@ -15,7 +15,7 @@ from bus_web.shared_subscriptions import TypeKind
 __all__ = ["Channels"]
 
 _PORTION = 256 << 10
-"""Bytes of descriptions that are told at once."""
+"""Bytes of descriptions that are sent at once."""
 
 
 class Channels:

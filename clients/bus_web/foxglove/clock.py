@@ -9,22 +9,22 @@ CLOCK, _TYPE = "/clock", "rosgraph_msgs/msg/Clock"
 
 
 class Clock:
-    """What `/clock` says, as long as it is there."""
+    """The time of `/clock`, as long as the topic exists."""
 
     def __init__(self) -> None:
         self.is_there = False
         self.now_ns = 0
-        """0 until it has said something."""
+        """0 until a message has come."""
 
     def follow(self, graph: Graph, *, keep: bool) -> bool:
-        """Returns whether it has come or gone; `keep`: it does not go."""
+        """Look for a publisher; returns whether the clock has come or gone. `keep`: it does not go."""
         was_there = self.is_there
         is_published = any(one.type_name == _TYPE for one in graph.publishers_of(CLOCK))
         self.is_there = is_published or (keep and was_there)
         return self.is_there != was_there
 
     def update(self, heard: Heard) -> bool:
-        """Returns whether it said a time."""
+        """Take the time of a message; returns whether it had one."""
         try:
             stamp = heard.message.clock
             self.now_ns = max(0, stamp.sec) * 1_000_000_000 + stamp.nanosec

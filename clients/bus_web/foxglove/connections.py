@@ -1,4 +1,4 @@
-"""Publishers, subscribers and servers as sent to a client: first all, then the changes. Pure."""
+"""Publishers, subscribers and servers in the form for a client: first all, then the changes. Pure."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any

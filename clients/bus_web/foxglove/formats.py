@@ -1,4 +1,4 @@
-"""How types of the bus are told to clients: as ROS 2 describes them, with messages in CDR."""
+"""Types of the bus for clients: described as in ROS 2, with messages in CDR."""
 
 import asyncio
 from typing import Any, NamedTuple
@@ -100,7 +100,7 @@ class Formats:
 
 
 def describe_channel(id: int, topic: str, codec: Codec) -> dict[str, Any]:
-    """A channel, as clients are told of it."""
+    """A channel, as announced to clients."""
     return {"id": id, "topic": topic, **_schema(codec)}
 
 

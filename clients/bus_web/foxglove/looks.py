@@ -6,7 +6,7 @@ __all__ = ["Looks"]
 
 
 class Looks:
-    """As long as there is a reason, the `listener` hears what comes on a topic."""
+    """As long as there is a reason, the `listener` receives the messages of a topic."""
 
     def __init__(self, subscriptions: SharedSubscriptions, listener: Listener) -> None:
         self._subscriptions = subscriptions

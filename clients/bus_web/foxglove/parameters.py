@@ -23,7 +23,7 @@ _AT_ONCE = 8
 
 
 class Parameters:
-    """Those of all nodes, for one client."""
+    """The parameters of all nodes, for one client."""
 
     def __init__(self, hub: Hub, client: Client) -> None:
         self._hub = hub
@@ -33,7 +33,7 @@ class Parameters:
         self._follows_all = False
 
     async def get(self, said: protocol.GetParameters) -> None:
-        """Tell the client the values; of nodes that do not answer, that they don't."""
+        """Send the client the values, and an error for each node that does not answer."""
         wanted = self._by_node(said.names) if said.names else dict.fromkeys(self._nodes())
         found = await asyncio.gather(*(self._values(node, names) for node, names in wanted.items()))
         values = [one for those in found for one in those]
@@ -41,7 +41,7 @@ class Parameters:
         self._client.answer(protocol.parameter_values(values, said.id), too_slow)
 
     async def set(self, said: protocol.SetParameters) -> None:
-        """Set them, and tell what is refused; then, if the client wants to know, the values."""
+        """Set them, and report refusals. Then send the values if the client wants them."""
         named = {one.name: one for one in said.parameters}
         wanted = self._by_node(named)
         await asyncio.gather(
@@ -51,13 +51,13 @@ class Parameters:
             await self.get(protocol.GetParameters([*named] or ["."], said.id))
 
     def follow(self, names: Iterable[str]) -> None:
-        """Tell changes of these; without names, of all."""
+        """Send changes of these parameters from now on; without names, of all."""
         names = list(names)
         self._follows_all |= not names
         self._followed.update(names[: 10_000 - len(self._followed)])
 
     def unfollow(self, names: Iterable[str]) -> None:
-        """No longer of these; without names, of none."""
+        """Stop sending changes of these parameters; without names, of all."""
         names = list(names)
         if not names:
             self._follows_all = False
@@ -90,7 +90,7 @@ class Parameters:
         return sorted(name for name in names if graph.servers_of(f"{name}/{SERVICES['ListParameters']}"))
 
     def _by_node(self, names: Iterable[str]) -> dict[str, list[str]]:
-        """The names by nodes that have parameters; the client is told of the first that is of none."""
+        """The names by node. The client is told of the first name that belongs to no node with parameters."""
         nodes = set(self._nodes())
         found: dict[str, list[str]] = {}
         strange: list[str] = []

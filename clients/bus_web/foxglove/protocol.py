@@ -49,12 +49,12 @@ SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 
 Id = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Word = Annotated[str, msgspec.Meta(max_length=1000)]
-"""A name, or what a client calls a question."""
+"""A name, or a client's id of a question."""
 Words = Annotated[list[Word], msgspec.Meta(max_length=10_000)]
 MOST_TEXT = 1 << 20
-"""Characters that a client may say at once: it may subscribe to thousands of topics."""
+"""Limit of characters in one text of a client: it may subscribe to thousands of topics."""
 _MOST_STATUS = 500
-"""Characters of a status: it may quote what a client said."""
+"""Characters of a status: it may quote a client's text."""
 _PUBLISH, _CALL = 1, 2
 _MESSAGE, _TIME, _RESPONSE = 1, 2, 3
 
@@ -64,7 +64,7 @@ class Misunderstood(Exception):
 
 
 class Level(IntEnum):
-    """Of a status."""
+    """Level of a status."""
 
     INFO = 0
     WARNING = 1
@@ -79,19 +79,19 @@ class Subscription(msgspec.Struct):
 
 
 class Subscribe(msgspec.Struct, tag="subscribe", tag_field="op"):
-    """Messages of these channels are to come."""
+    """The client wants messages of these channels."""
 
     subscriptions: list[Subscription]
 
 
 class Unsubscribe(msgspec.Struct, tag="unsubscribe", tag_field="op"):
-    """They are to come no more."""
+    """The client no longer wants messages of these channels."""
 
     subscription_ids: list[Id] = msgspec.field(name="subscriptionIds")
 
 
 class ClientChannel(msgspec.Struct):
-    """On which a client publishes; `id` is its choice."""
+    """A channel on which a client publishes; `id` is its choice."""
 
     id: Id
     topic: str
@@ -108,7 +108,7 @@ class Advertise(msgspec.Struct, tag="advertise", tag_field="op"):
 
 
 class Unadvertise(msgspec.Struct, tag="unadvertise", tag_field="op"):
-    """No longer."""
+    """The client no longer publishes on these."""
 
     channel_ids: list[Id] = msgspec.field(name="channelIds")
 
@@ -129,34 +129,34 @@ class GetParameters(msgspec.Struct, tag="getParameters", tag_field="op"):
 
 
 class SetParameters(msgspec.Struct, tag="setParameters", tag_field="op"):
-    """With an `id`, the values are to be told after that."""
+    """With an `id`, the client wants the values afterwards."""
 
     parameters: Annotated[list[Parameter], msgspec.Meta(max_length=10_000)]
     id: Word | None = None
 
 
 class SubscribeParameterUpdates(msgspec.Struct, tag="subscribeParameterUpdates", tag_field="op"):
-    """Values of these are to be told when they change."""
+    """The client wants the values of these when they change."""
 
     names: Words = msgspec.field(name="parameterNames")
 
 
 class UnsubscribeParameterUpdates(msgspec.Struct, tag="unsubscribeParameterUpdates", tag_field="op"):
-    """No longer."""
+    """The client no longer wants the values of these."""
 
     names: Words = msgspec.field(name="parameterNames")
 
 
 class SubscribeConnectionGraph(msgspec.Struct, tag="subscribeConnectionGraph", tag_field="op"):
-    """Who publishes, subscribes and serves is to be told, now and when it changes."""
+    """The client wants publishers, subscribers and servers, now and when they change."""
 
 
 class UnsubscribeConnectionGraph(msgspec.Struct, tag="unsubscribeConnectionGraph", tag_field="op"):
-    """No longer."""
+    """The client no longer wants them."""
 
 
 class FetchAsset(msgspec.Struct, tag="fetchAsset", tag_field="op"):
-    """A file is wanted; none are served here."""
+    """The client wants a file; this server has none."""
 
     uri: str = ""
     request_id: Id = msgspec.field(name="requestId", default=0)
@@ -198,7 +198,7 @@ _encode = msgspec.json.encode
 
 
 def read(frame: str | bytes) -> Said:
-    """What a client says. Raises Misunderstood."""
+    """Decode a frame of a client. Raises Misunderstood."""
     if isinstance(frame, str):
         if len(frame) > MOST_TEXT:
             raise Misunderstood(f"a text has {MOST_TEXT} characters at most; this one has {len(frame)}")
@@ -248,7 +248,7 @@ def first_of(faults: Sequence[str]) -> str:
 
 
 def message(subscription: int, time_ns: int, parts: Iterable[Any]) -> bytes:
-    """A message, of which the encoded `parts` follow each other."""
+    """The frame of a message; the encoded `parts` follow each other."""
     return b"".join((struct.pack("<BIQ", _MESSAGE, subscription, time_ns), *parts))
 
 
@@ -264,18 +264,18 @@ def response(call: Call, encoding: str, parts: Iterable[Any]) -> bytes:
 
 
 def call_failure(call: Call, message: str) -> bytes:
-    """Why there is no answer."""
+    """The frame with the reason why there is no answer."""
     words = message[:_MOST_STATUS]
     return text("serviceCallFailure", serviceId=call.service_id, callId=call.call_id, message=words)
 
 
 def parameter_values(parameters: Iterable[Parameter], id: str | None = None) -> bytes:
-    """Values of parameters; with the `id` of the question."""
+    """The frame with values of parameters, and with the `id` of the question."""
     more: Mapping[str, str] = {} if id is None else {"id": id}
     return text("parameterValues", parameters=list(parameters), **more)
 
 
 def asset_missing(request_id: int, error: str) -> bytes:
-    """There is no such file."""
+    """The frame that says that there is no such file."""
     name = error.encode()
     return struct.pack("<BIBI", 4, request_id, 1, len(name)) + name

@@ -1,4 +1,4 @@
-"""What a client publishes: its channels, each a publisher."""
+"""A client's own channels, each with a publisher."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -32,7 +32,7 @@ class Publishing:
         self._channels: dict[int, tuple[Publisher[Any], Codec]] = {}
 
     async def advertise(self, channels: Iterable[ClientChannel]) -> None:
-        """The client is about to publish; it is told what can't be."""
+        """The client is about to publish; it is told of channels that are not possible."""
         faults = []
         for one in channels:
             try:
@@ -48,7 +48,7 @@ class Publishing:
             self._client.say(Level.ERROR, protocol.first_of(faults))
 
     async def unadvertise(self, ids: Iterable[int]) -> None:
-        """No longer."""
+        """The client no longer publishes on these."""
         for id in ids:
             if (known := self._channels.pop(id, None)) is not None:
                 await known[0].close()

@@ -48,14 +48,14 @@ class Permissions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ServerInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """The server as its clients are told of it."""
+    """The server, as announced to its clients."""
 
     bus: str
     id: str
     permissions: Permissions
 
     def told(self, *, has_clock: bool) -> bytes:
-        """The message, with what can be had."""
+        """The message, with the capabilities."""
         may_be = {
             "connectionGraph": True,
             "parameters": True,
@@ -126,7 +126,7 @@ class Session(Watcher):
         self._tasks = Tasks()
 
     async def run(self) -> None:
-        """Raises what the socket raises when it ends."""
+        """Raises the socket's exception when it ends."""
         self._introduce()
         tasks: list[asyncio.Task[None]] = []
         try:
@@ -193,10 +193,10 @@ class Session(Watcher):
         if not self._client.is_behind:
             self._client.say(Level.WARNING, f"{topic}: {text}", f"fault {topic}")
 
-    # --- what the client is told
+    # --- to the client
 
     async def _advertise(self) -> None:
-        """The graph, whenever that is new and the client has read what it was told before."""
+        """Send the graph whenever it is new and the client has read the frames before."""
         while True:
             await self._news.wait()
             await self._client.drain()
@@ -240,7 +240,7 @@ class Session(Watcher):
             "slow",
         )
 
-    # --- what the client says
+    # --- from the client
 
     async def _listen(self) -> None:
         while True:

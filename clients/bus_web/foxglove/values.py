@@ -25,7 +25,7 @@ def join(node: str, parameter: str) -> str:
 
 
 def split(name: str) -> tuple[str, str] | None:
-    """The node and its parameter; None for what names none."""
+    """The node and its parameter; None for a text that names none."""
     node, dot, parameter = name.partition(".")
     return (node, parameter) if dot and parameter and node.startswith("/") else None
 

@@ -28,7 +28,7 @@ _VALUES: Final = (
     ("respawn_delay", float, False),
     ("respawn_max_retries", int, False),
 )
-"""Other arguments, the types of their attributes, and whether a text with substitutions will do."""
+"""Other arguments, the types of their attributes, and whether text with substitutions is allowed."""
 
 
 @expose_action("executable")
@@ -129,7 +129,7 @@ class ExecuteProcess(ExecuteLocal):
 def _variables(
     entities: Iterable[Entity], parser: Parser
 ) -> dict[tuple[Substitution, ...], list[Substitution]]:
-    """Of `<env name= value=>`."""
+    """The variables of `<env name= value=>`."""
     made: dict[tuple[Substitution, ...], list[Substitution]] = {}
     for one in entities:
         made[tuple(parser.parse_substitution(one.get_attr("name")))] = parser.parse_substitution(

@@ -125,7 +125,7 @@ class ExecuteLocal(Action):
 
     @property
     def return_code(self) -> int | None:
-        """None while it runs, and before."""
+        """The exit code; None before the end."""
         return None if self.__run is None else self.__run.return_code
 
     def get_sub_entities(self) -> list[LaunchDescriptionEntity]:
@@ -171,7 +171,7 @@ class ExecuteLocal(Action):
         if context.is_shutdown:
             return None
         assert self.__details is not None
-        # Now, for an error at the end would keep the process.
+        # Evaluated now: an error at the end would keep the process running.
         patience_s = seconds(context, self.__sigterm_timeout), seconds(context, self.__sigkill_timeout)
         if "emulate_tty" in context.launch_configurations:
             value = str(context.launch_configurations["emulate_tty"])

@@ -78,7 +78,7 @@ class ProcessRun:
         self._state = ProcessState.STARTING
         self._process: Process | None = None
         self.return_code: int | None = None
-        """None while it runs, and before."""
+        """The exit code; None before the end."""
         self._end_requested = asyncio.Event()
         """Wakes the wait for the next start."""
         loop = asyncio.get_running_loop()

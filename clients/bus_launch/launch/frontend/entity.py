@@ -7,7 +7,7 @@ __all__ = ["Entity", "coerce", "is_list_of_entities", "name_of", "refuse_unknown
 
 
 class Entity:
-    """What a tag's parse function reads: its attributes and the elements in it."""
+    """An element as its tag's parse function reads it: its attributes and the elements in it."""
 
     @property
     def type_name(self) -> str:
@@ -48,7 +48,7 @@ def is_list_of_entities(data_type: Any) -> bool:
 
 
 def name_of(data_type: Any) -> str:
-    """As a message about it says it."""
+    """The element's name in messages."""
     if data_type is None:
         return "a scalar or a list of scalars"
     return data_type.__name__ if isinstance(data_type, type) else str(data_type)
@@ -100,7 +100,7 @@ def _by_yaml(text: str) -> Any:
 
 
 def refuse_unknown(what: str, unknown: Iterable[str], tag: str, known: Iterable[str]) -> None:
-    """`what` were never read: raise ValueError that names them, and the likely meaning of the first."""
+    """`what` were never read: raise ValueError with their names, and with the likely meaning of the first."""
     names = sorted(unknown)
     if names:
         listed = "{" + ", ".join(f"'{name}'" for name in names) + "}"

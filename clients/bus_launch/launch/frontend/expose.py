@@ -1,4 +1,4 @@
-"""Which class makes of a tag an action, and of `$(name ...)` a substitution."""
+"""The classes that make actions of tags, and substitutions of `$(name ...)`."""
 
 from collections.abc import Callable, Iterable
 from typing import Any, Final, TypeVar
@@ -34,7 +34,7 @@ def expose_substitution(name: str) -> Callable[[_T], _T]:
 
 
 def expose_description(made: type[_T]) -> type[_T]:
-    """Decorates the class of what a whole file makes."""
+    """Decorates the class of objects made from a whole file."""
     _descriptions.append(made)
     return made
 

@@ -44,7 +44,7 @@ def parse_if_substitutions(value: object) -> object:
 
 
 def parse(text: str, make: Make) -> list[Substitution]:
-    """As `parse_substitution`, with what `make` makes of a name and its arguments."""
+    """Like `parse_substitution`; `make` makes the substitution of a name and its arguments."""
     reader = _Reader(text, make)
     found, _ = reader.read("")
     return found or [TextSubstitution(text="")]

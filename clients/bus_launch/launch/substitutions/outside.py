@@ -1,4 +1,4 @@
-"""Substitutions for what is outside: environment, files, programs, Python expressions."""
+"""Substitutions for things outside the launch: environment, files, programs, Python expressions."""
 
 import shlex
 import shutil
@@ -64,7 +64,7 @@ class EnvironmentVariable(Substitution):
 
 @expose_substitution("file-content")
 class FileContent(Substitution):
-    """What a file holds."""
+    """The content of a file."""
 
     def __init__(self, path: SomeSubstitutionsType) -> None:
         super().__init__()
@@ -118,7 +118,7 @@ class FindExecutable(Substitution):
 
 @expose_substitution("command")
 class Command(Substitution):
-    """What a program prints. `on_stderr`: fail, warn, ignore or capture what it prints on stderr."""
+    """The output of a program. `on_stderr`: fail, warn, ignore or capture its output on stderr."""
 
     def __init__(self, command: SomeSubstitutionsType, *, on_stderr: SomeSubstitutionsType = "fail") -> None:
         super().__init__()

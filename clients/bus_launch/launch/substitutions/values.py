@@ -1,4 +1,4 @@
-"""Substitutions for what the launch itself knows: configurations, its files, texts put together."""
+"""Substitutions for the launch's own values: configurations, its files, texts put together."""
 
 import os
 import secrets
@@ -91,7 +91,7 @@ def _default(value: Any) -> list[Substitution]:
 
 
 class LocalSubstitution(Substitution):
-    """`context.locals.EXPRESSION`, for what an event handler visits: `event.returncode`."""
+    """`context.locals.EXPRESSION`, for entities that an event handler visits: `event.returncode`."""
 
     def __init__(self, expression: str, description: str | None = None) -> None:
         super().__init__()

@@ -22,7 +22,9 @@ __all__ = ["LifecycleNode", "LifecycleTransition"]
 
 @expose_action("lifecycle_node")
 class LifecycleNode(Node):
-    """A node with a lifecycle: it makes the transitions of ChangeState events, and tells of those it made."""
+    """A node with a lifecycle: it makes the transitions of ChangeState events, and reports the transitions
+    made.
+    """
 
     def __init__(
         self,

@@ -75,7 +75,7 @@ def _add_shared(context: LaunchContext, one: Any) -> None:
 
 @expose_action("set_parameter")
 class SetParameter(Action):
-    """Nodes have this parameter; their own values for it come later, and hold."""
+    """Nodes have this parameter; their own values come later, and take precedence."""
 
     def __init__(self, name: SomeSubstitutionsType, value: Any, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -167,7 +167,7 @@ class SetRemap(Action):
 
 
 class SetROSLogDir(Action):
-    """Where log files are written from now on."""
+    """The folder of log files from now on."""
 
     def __init__(self, new_log_dir: SomeSubstitutionsType, **kwargs: Any) -> None:
         super().__init__(**kwargs)
