@@ -109,9 +109,7 @@ class TestOrder:
 
     @by_shared_memory
     def test_one_by_socket_that_comes_while_messages_are_on_their_way(self) -> None:
-        """A sample published after the subscription exists is for it, even before the publisher knows
-        of it.
-        """
+        """New samples are for an existing subscription, even if the publisher does not know it yet."""
         pair = Pair("shm")
         far = pair.world.client()
         pair.publish(2)
@@ -331,10 +329,8 @@ class TestKeepAll:
     def test_one_that_was_refused_and_waits_later_goes_on_though_all_was_taken_meanwhile(
         self, route: str, has_news: bool
     ) -> None:
-        """`publish` may find no room in one turn of the loop, and the program waits for room in a later one.
-        No task may be left then to wake it. `has_news`: at that moment, there may be readers that the
-        publisher does not know yet.
-        """
+        """`publish` finds no room in one turn of the loop, and the caller waits in a later one. No task is
+        left then to wake it. `has_news`: there may be readers that the publisher does not know yet."""
         pair = Pair(route, KEEP_ALL)
         pair.talker._is_receiving = has_news
         pair.talker.publish(pair.publisher, 10_000, PADDING)
@@ -433,9 +429,7 @@ class TestBrokerThatDies:
 
     @by_shared_memory
     def test_what_waited_for_one_that_has_left_is_no_surprise_to_the_next_broker(self) -> None:
-        """The declaration tells the next broker. Otherwise the number would seem to go back, which would end
-        the connection.
-        """
+        """The declaration tells it. Otherwise the number would seem to go back, which ends the connection."""
         world = ClientWorld()
         talker, far = world.client(shares=True), world.client()
         subscription = far.subscription(LAST_10)
