@@ -1,7 +1,7 @@
-"""Programs written for ROS 2, on busd: `rclpy`, classes made of definitions, and how they are started.
+"""Programs written for ROS 2, on busd: `rclpy`, message classes made from definitions, starting programs.
 
-Beside these stand the small libraries that nodes import, a folder each. `import_hook` has the names by which
-programs import all of them; nothing is imported from here itself.
+Each of the other folders is a small library that nodes import. `import_hook` has the names by which programs
+import all of these modules. This package itself exports nothing.
 
     program: import rclpy, std_msgs.msg
         |
@@ -13,10 +13,10 @@ Invariants:
 
 - Names that can be imported already stay as they are: a machine with ROS 2 keeps its own modules, unless
   BUS_RCLPY_FORCE is set.
-- A program of ROS 2 runs unchanged. Names, errors and texts are those of ROS 2; docs/rclpy.md lists all
-  names, and docs/rclpy-differences.md what differs.
-- The event loop is used under its guard only (`engine.py`). User code never runs in the loop.
-- A package here imports the ones below only; import-linter has the layers.
+- A program of ROS 2 runs unchanged. Names, errors and texts are the same as in ROS 2. docs/rclpy.md lists all
+  names, docs/rclpy-differences.md the differences.
+- The event loop is used only under its guard (`engine.py`). User code never runs in the loop.
+- A package here imports only the packages below it; import-linter has the layers.
 
 Read first: `import_hook.py`, then `engine.py`; docs/architecture.md, "rclpy".
 

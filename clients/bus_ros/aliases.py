@@ -1,7 +1,7 @@
-"""Modules of rclpy that only have names of another one: a table, and how they are made when imported.
+"""Modules of rclpy that only re-export the names of other modules: a table, and the finder that makes them.
 
-Owns: the table, and the finder that makes `bus_ros.rclpy.qos_event` and the like. Must not know: what the
-names are, and under which name programs import rclpy.
+Owns: the table, and the finder that makes `bus_ros.rclpy.qos_event` and the like. Must not know: the meaning
+of the names, and the name under which programs import rclpy.
 """
 
 import sys
@@ -51,11 +51,11 @@ MODULES: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "validate_node_name": ("validate_topic_name", ("validate_node_name",)),
     "validate_parameter_name": ("validate_topic_name", ("validate_parameter_name",)),
 }
-"""Of each: the module that has the names, and the names."""
+"""For each alias module: the module that defines the names, and the names."""
 
 
 def install() -> None:
-    """Let Python find these modules."""
+    """Install the finder: Python can then import these modules."""
     if _Finder not in sys.meta_path:
         sys.meta_path.append(_Finder)
 

@@ -1,7 +1,7 @@
-"""What the CMakeLists.txt of an ament_cmake package installs that is Python: programs, and what they import.
+"""Python parts that the CMakeLists.txt of an ament_cmake package installs: programs and imported modules.
 
-Owns: as much of CMake's language as such files use. Conditions are taken as true, and functions that a
-project defines are not known. Must not know: where packages are looked for, or how a program is started.
+Owns: the part of CMake's language that such files use. Conditions count as true, and functions that a project
+defines are unknown. Must not know: the search for packages, the start of programs.
 """
 
 import re
@@ -34,18 +34,18 @@ _MOST_DEEP = 8
 
 
 class Installed(NamedTuple):
-    """The Python that a package installs."""
+    """The Python parts that a package installs."""
 
     programs: dict[str, Path]
-    """The files of its programs, by the name that each is installed as."""
+    """The files of its programs, by their installed names."""
     compiled: set[str]
-    """Its programs in other languages, which the build makes."""
+    """Its programs in other languages, which need a build."""
     python_folders: tuple[str, ...]
-    """Where the Python packages and modules that it installs are imported from."""
+    """The folders from which its installed Python packages and modules are imported."""
 
 
 def read(folder: Path, package: str) -> Installed | None:
-    """What the package in `folder` installs; None where it has no CMakeLists.txt that can be read."""
+    """The Python parts that the package in `folder` installs; None without a readable CMakeLists.txt."""
     reader = _Reader(package)
     return reader.found if reader.read(folder) else None
 
@@ -98,7 +98,7 @@ class _Reader:
             self._install(first, rest, folder)
         elif name == "ament_python_install_package":
             place = rest[rest.index("PACKAGE_DIR") + 1] if "PACKAGE_DIR" in rest[:-1] else first
-            if Path(place).name == first:  # else it is imported by another name than its folder has
+            if Path(place).name == first:  # else its import name differs from its folder
                 self._folders[str((folder / place).parent)] = None
         elif name == "ament_python_install_module":
             self._folders[str((folder / first).parent)] = None
@@ -106,7 +106,7 @@ class _Reader:
     def _install(self, kind: str, words: list[str], folder: Path) -> None:
         end = next((at for at, word in enumerate(words) if word in _WORDS), len(words))
         options = words[end:]
-        # With TARGETS there may be several; the programs' own comes after RUNTIME, or is the only one.
+        # With TARGETS there may be several; the one for programs comes after RUNTIME, or is the only one.
         if kind == "TARGETS" and "RUNTIME" in options:
             options = options[options.index("RUNTIME") :]
         place = _after("DESTINATION", options)
@@ -121,7 +121,7 @@ class _Reader:
             self.found.programs[renamed or path.name] = path
 
     def _expand(self, text: str, is_quoted: bool) -> list[str]:
-        """The words that an argument stands for: variables are replaced, and what is unquoted is a list."""
+        """The words of an argument: variables are replaced, and an unquoted text is split as a list."""
         for _ in range(_MOST_DEEP):
             text, changed = _VARIABLE.subn(lambda found: self._variables.get(found[1], ""), text)
             if not changed:
@@ -131,7 +131,7 @@ class _Reader:
 
 
 def _commands(text: str) -> Iterator[tuple[str, list[tuple[str, bool]]]]:
-    """The commands of a file: names in lower case, and arguments, each with whether it is quoted."""
+    """The commands of a file: lower-case names and arguments, each with a flag for quotes."""
     name, depth = "", 0
     arguments: list[tuple[str, bool]] = []
     for token in _TOKEN.finditer(text):

@@ -3,7 +3,7 @@
     speed > 1.5 AND header.frame_id = %0
     NOT (id BETWEEN 3 AND %1) OR name LIKE 'cam%'
 
-Fields are named with dots; `%0` ... `%99` stand for parameters. Owns the grammar and what it means. Must not
+Fields are named with dots; `%0` ... `%99` stand for parameters. Owns the grammar and its meaning. Must not
 know subscriptions.
 """
 
@@ -38,13 +38,14 @@ MAX_PARAMETERS: Final = 100
 
 
 class FilterError(ValueError):
-    """An expression that can't be used; the text says where."""
+    """An invalid expression; the text says where."""
 
 
 def compile_filter(expression: str, parameters: Sequence[str], example: object) -> Callable[[Any], bool]:
-    """Whether a message passes. `example` is any message of the type: fields that it lacks are errors.
+    """A function that returns whether a message passes the filter.
 
-    Raises FilterError. What can't be compared, a text with a number, does not pass.
+    `example` is any message of the type: a field that it lacks is an error. Raises FilterError. A message
+    does not pass if the compared values can't be compared, for example a text and a number.
     """
     if len(expression) > MAX_LENGTH or len(parameters) > MAX_PARAMETERS:
         raise FilterError(
@@ -62,7 +63,7 @@ def compile_filter(expression: str, parameters: Sequence[str], example: object) 
 
 
 class _Parser:
-    """One expression, read once from left to right."""
+    """A parser for one expression, which it reads once from left to right."""
 
     def __init__(self, expression: str, parameters: Sequence[str], example: object) -> None:
         self._parameters = parameters
@@ -185,7 +186,7 @@ def _number(text: str) -> int | float:
 
 
 def _literal(parameter: str) -> Any:
-    """Of a parameter, which is a text: `'abc'`, `3`, `1.5`, TRUE, or any other text as it is."""
+    """The value of a parameter's text: `'abc'`, `3`, `1.5`, TRUE, or any other text as it is."""
     text = parameter.strip()
     if len(text) >= 2 and text[0] == text[-1] == "'":
         return text[1:-1]
@@ -198,7 +199,7 @@ def _literal(parameter: str) -> Any:
 
 
 def _is_like(value: object, pattern: object) -> bool:
-    """`%` and `*` stand for any letters, `_` and `?` for one."""
+    """Whether a value matches a LIKE pattern: `%` and `*` stand for any letters, `_` and `?` for one."""
     if not isinstance(value, str) or not isinstance(pattern, str):
         return False
     parts = (".*" if letter in "%*" else "." if letter in "_?" else re.escape(letter) for letter in pattern)

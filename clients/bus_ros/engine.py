@@ -1,12 +1,12 @@
-"""What moves the facade: one event loop for the process, run by whichever thread has to wait.
+"""The engine of the facade: one event loop for the process, run by a waiting thread.
 
-A thread that spins runs the loop itself, so that a message costs no change of threads. While that thread is
-in a callback of the user's, no thread runs the loop; where that lasts, or no thread spins at all, the keeper,
-a thread in the background (`bus_ros.keeper`), runs it: discovery and delivery go on. Owns the loop and the
-waiting, and keeps what all executors share; must not know nodes or callbacks.
+A spinning thread runs the loop itself, so that a message needs no change of threads. While that thread is in
+a user's callback, no thread runs the loop. If the callback lasts long, or no thread spins at all, the keeper
+(`bus_ros.keeper`), a thread in the background, runs the loop: discovery and delivery go on. Owns the loop and
+the waiting, and the state that all executors share. Must not know nodes or callbacks.
 
-A thread that waits is woken by `Waiter.set`, for what it waits for is there, or by `Waiter.release`, to look
-again. `Engine.settle` and `nudge` have the keeper run the loop; `GuardedLoop.wake` ends the loop's wait.
+`Waiter.set` wakes a waiting thread because its event has happened; `Waiter.release` wakes it to look again.
+`Engine.settle` and `nudge` make the keeper run the loop; `GuardedLoop.wake` ends the loop's wait.
 """
 
 import asyncio
@@ -32,13 +32,13 @@ _TURN_S = 1.0
 
 
 class Sleeper(Protocol):
-    """A wait that a context ends."""
+    """A waiting object that the end of a context wakes."""
 
     def wake_up(self) -> None: ...
 
 
 class Lifetime(Protocol):
-    """A context as those see it that wait for its end."""
+    """A context, as an interface for objects that wait for its end."""
 
     @property
     def is_valid(self) -> bool: ...
@@ -56,13 +56,13 @@ class Engine:
         self._hears_signals = False
         self.loop.on_signal = self._wake_main
         self._runner: Waiter | Engine | None = None  # runs the loop; the engine stands for the keeper
-        self._blocked: deque[Waiter] = deque()  # these wait while another thread runs it
+        self._blocked: deque[Waiter] = deque()  # waiting while another thread runs the loop
         self._turns = 0
         self._turns_seen = -1  # by the keeper
         self.held = 0
-        """Callback groups that are held: executors look at groups while there are any."""
+        """The number of held callback groups: executors check groups while it is not zero."""
         self.passed_over: set[Sleeper] = set()
-        """Executors that left something in line because of its group."""
+        """Executors that left an entity in their queue because its group is held."""
         self.failure: ForkError | None = None
         self._keeper = Keeper(self.loop, self._keep)
         self._keeper.start()
@@ -76,17 +76,18 @@ class Engine:
     ) -> T:
         """Run a coroutine function on the loop to its end, from any thread without the guard.
 
-        Returns its result. It is called here, for an interrupt must not come between a coroutine and its run.
+        Returns its result. The function is called here: no interrupt can come between making the coroutine
+        and running it.
 
-        Raises TimeoutError, also where `context` is shut down meanwhile, and KeyboardInterrupt in the main
-        thread; then the coroutine is cancelled.
+        Raises TimeoutError, also if `context` is shut down meanwhile, and KeyboardInterrupt in the main
+        thread. Both cancel the coroutine.
         """
         deadline_ns = deadline_after(timeout_s)
         with self.loop:
             waiter = Waiter(self, context)
             task = self.loop.create_task(function())
             task.add_done_callback(waiter.set)
-            waiter.wait(deadline_ns, is_eager=True)  # calls like this come in series: a node's endpoints
+            waiter.wait(deadline_ns, is_eager=True)  # such calls come in series: a node's endpoints
             is_done = task.done()
             if not is_done:
                 task.cancel()
@@ -105,7 +106,7 @@ class Engine:
         return result
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
-        """As `call`, for what leaves the loop nothing to do."""
+        """As `call`, for a function that leaves no work for the loop."""
         if self.loop.is_mine():
             function(*arguments)
         else:
@@ -116,15 +117,15 @@ class Engine:
         return get_ident() == self._main_thread
 
     def settle(self) -> None:
-        """Under the guard: have the keeper run the loop now, where there is work and no thread runs it.
+        """Under the guard: make the keeper run the loop now, if there is work and no thread runs it.
 
-        What the loop has put off can wait for the next run: the caller's, if it is a callback.
+        Deferred work of the loop can wait for the next run: by the caller, if it is a callback.
         """
         if self._runner is None and self.loop.is_due:
             self.nudge()
 
     def interrupt(self) -> None:
-        """In a signal's handler: the main thread raises KeyboardInterrupt when it gives the guard away."""
+        """In a signal's handler: the main thread raises KeyboardInterrupt when it releases the guard."""
         self.loop.is_interrupted = True
         waiter = self._main_waiter
         if waiter is not None:
@@ -132,7 +133,7 @@ class Engine:
             waiter.release()
 
     def _wake_main(self) -> None:
-        """Wake the main thread, for Python to run the handler: a signal may come just before its wait."""
+        """Wake the main thread, which runs the signal's handler: a signal may come just before its wait."""
         if self._main_waiter is not None:
             self._main_waiter.release()
 
@@ -141,7 +142,7 @@ class Engine:
         return self._main_waiter is not None or self.loop.is_busy(frame)
 
     def nudge(self) -> None:
-        """Have the keeper run the loop at once; also in a signal's handler."""
+        """Make the keeper run the loop at once; also in a signal's handler."""
         self._keeper.nudge()
 
     def close(self) -> None:
@@ -159,7 +160,7 @@ class Engine:
             self.loop.run_until_complete(_cancel_all(asyncio.all_tasks(self.loop)))
             self.loop.close()
 
-    # --- for threads that wait, under the guard
+    # --- for waiting threads, under the guard
 
     def wait(
         self,
@@ -169,7 +170,7 @@ class Engine:
         is_eager: bool = False,
         takes_at_once: bool = False,
     ) -> bool:
-        """See `Waiter.wait`. `takes_at_once`: it takes whatever comes, before anything else is done."""
+        """See `Waiter.wait`. `takes_at_once`: the thread takes each message before any other work is done."""
         if self.failure is not None:
             raise again(self.failure)
         loop = self.loop
@@ -207,10 +208,10 @@ class Engine:
                 self._keeper.wake()
 
     def sleep(self, waiter: "Waiter", sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
-        """Wait without the loop for what `sleep` brings (`Reader.wait`), which wakes up in fewer steps.
+        """Wait without the loop for the result of `sleep` (`Reader.wait`), which wakes up in fewer steps.
 
-        None where the loop has something to do, where the waiter is set, or another thread runs the loop:
-        then `wait` sees to it.
+        Returns None if the loop has work, if the waiter is set, or if another thread runs the loop. Then the
+        caller uses `wait`.
         """
         is_main = get_ident() == self._main_thread
         if self._runner is not None or self.failure is not None or (is_main and not self._hears_signals):
@@ -247,7 +248,7 @@ class Engine:
                 self.nudge()
         timeout_s = (deadline_ns - monotonic_ns()) / 1e9 if deadline_ns else None
         if timeout_s is not None and timeout_s <= 0:
-            self.loop.call_soon(waiter.release)  # when the turn that it gets in any case is over
+            self.loop.call_soon(waiter.release)  # after the turn that the loop gets in any case
             timeout_s = _TURN_S
         self.loop.release()
         try:
@@ -258,19 +259,19 @@ class Engine:
                 self._blocked.remove(waiter)
 
     def _pass_on(self) -> None:
-        """Have a thread that waits run the loop."""
+        """Let a waiting thread run the loop."""
         if self._runner is None and self._blocked:
             self._blocked.popleft().release()
 
     def _notify(self, waiter: "Waiter") -> None:
-        """It is set: have its thread look."""
+        """The waiter is set: make its thread look."""
         if self._runner is waiter:
             self.loop.wake()
         else:
             waiter.release()
 
     def _keep(self, is_urgent: bool) -> bool:
-        """The keeper's turn: run the loop if no thread did since the last turn, or at once.
+        """The keeper's turn: run the loop if no thread did since the last turn, or at once if `is_urgent`.
 
         Returns whether the keeper may sleep: a thread has run the loop all the time.
         """
@@ -292,14 +293,14 @@ async def _cancel_all(tasks: set[asyncio.Task[Any]]) -> None:
 
 
 class Waiter:
-    """A thread's wait for something, or for the end of `context`. All under the guard, but for `release`."""
+    """A thread's wait for an event, or for the end of `context`. All under the guard, except `release`."""
 
     __slots__ = ("__weakref__", "_engine", "_lock", "is_set", "shut")
 
     def __init__(self, engine: Engine, context: Lifetime | None = None) -> None:
         self.is_set = False
         self.shut = [*_SHUT]
-        """Empty while its thread runs the loop, and takes each message as it comes."""
+        """Empty while its thread runs the loop and takes each message as it comes."""
         self._engine = engine
         self._lock = Lock()
         self._lock.acquire()
@@ -308,22 +309,22 @@ class Waiter:
             self.is_set = not context.ok()
 
     def set(self, _: object = None) -> None:
-        """What is waited for is there."""
+        """The awaited event has happened."""
         if not self.is_set:
             self.is_set = True
             engine = self._engine
-            if engine._runner is not self or engine.loop.is_waiting:  # else it looks after this turn
+            if engine._runner is not self or engine.loop.is_waiting:  # else its thread looks after this turn
                 engine._notify(self)
 
     def wake_up(self) -> None:
         self.set()
 
     def wait(self, deadline_ns: int = 0, *, is_eager: bool = False) -> bool:
-        """Wait until it is set; False at the deadline (0: none), and where the main thread is interrupted.
+        """Wait until it is set; False at the deadline (0: none), and if the main thread is interrupted.
 
-        The loop gets a turn in any case, also where the deadline is over.
+        The loop gets a turn in any case, also after the deadline.
 
-        `is_eager`: the thread waits again and again, and had better run the loop itself.
+        `is_eager`: the thread waits again and again, so it should run the loop itself.
         """
         return self._engine.wait(self, deadline_ns, is_eager=is_eager)
 
@@ -332,13 +333,13 @@ class Waiter:
         self._lock.acquire(True, -1 if timeout_s is None else timeout_s)
 
     def release(self) -> None:
-        """Let it look again; from anywhere."""
+        """Make the thread look again; from any thread."""
         with suppress(RuntimeError):  # it is not blocked, and will look
             self._lock.release()
 
 
 def deadline_after(timeout_s: float | None) -> int:
-    """On the monotonic clock; 0 = none, for None and below zero."""
+    """A deadline on the monotonic clock, in ns; 0 means none, for None and for a negative timeout."""
     return 0 if timeout_s is None or timeout_s < 0 else monotonic_ns() + round(timeout_s * 1e9)
 
 
@@ -357,7 +358,7 @@ def engine() -> Engine:
 
 
 def current() -> Engine | None:
-    """The engine, if there is one already."""
+    """The engine, if it exists already."""
     return _engine
 
 
@@ -374,7 +375,7 @@ def _forked() -> None:
     ended, _engine, _making = _engine, None, Lock()
     if ended is not None:
         ended.loop.forget_signals()
-        ended.loop.guard._at_fork_reinit()  # a thread may have held it that the child has not
+        ended.loop.guard._at_fork_reinit()  # a thread that is not in the child may have held it
         ended.failure = ForkError("rclpy was used before a fork; call rclpy.init() in the child process")
 
 

@@ -1,4 +1,4 @@
-"""Entities: whatever of a node can have calls for an executor to make."""
+"""Entities: the parts of a node that can have calls for an executor to make."""
 
 from collections import deque
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class Group(Protocol):
 
 
 class Line(Protocol):
-    """An executor as its entities see it."""
+    """The interface of an executor for its entities."""
 
     handed: set[Any]
     last_handed: Any
@@ -43,10 +43,10 @@ class Line(Protocol):
 
 
 class Owner(Protocol):
-    """A node as its entities see it."""
+    """The interface of a node for its entities."""
 
     waiting: "list[Entity]"
-    """Those that may have something to take, while no executor works for it."""
+    """Entities that may have something to take, while the node has no executor."""
 
     @property
     def own_executor(self) -> Line | None: ...
@@ -69,14 +69,14 @@ class Entity:
     is_async = False
     """Its work may return a coroutine, which holds the group until it ends."""
     is_single = False
-    """After one `take` there is nothing more to take for now."""
+    """After one `take`, nothing more can be taken for now."""
     is_timer = False
 
     def __init__(self, node: Owner, callback_group: Group | None) -> None:
         self.node = node
         self.callback_group = callback_group
         self.held_group = callback_group
-        """The group that a call holds, so that others of it do not run meanwhile, or None."""
+        """The group that a call holds, or None: other callbacks of it do not run meanwhile."""
         self.is_exclusive: bool = callback_group is not None and callback_group.is_exclusive
         self.is_queued = False  # at an executor, or at its node
         self.order = next(_orders)
@@ -85,21 +85,21 @@ class Entity:
             callback_group.add_entity(self)
 
     def take(self, most: int) -> Work | None:
-        """The next call, of up to `most` messages where it is for messages; None where there is nothing."""
+        """The next call, with up to `most` messages if it is a call for messages; None if there is none."""
         raise NotImplementedError
 
     def leave(self) -> None:
-        """Hand nothing to an executor any more, but wait until it takes."""
+        """Hand nothing to an executor from now on; wait until it takes."""
 
     def notify(self) -> None:
-        """There may be something to take."""
+        """Tell the executor, or else the node, that there may be something to take."""
         if not self.is_queued and not self.is_destroyed:
             self.is_queued = True
             executor = self.node.own_executor
             if executor is None:
                 self.node.waiting.append(self)
                 return
-            executor.ready.append(self)  # as Executor.enqueue: after a sleep each call more is slow
+            executor.ready.append(self)  # as Executor.enqueue, inlined: a call is slow after a sleep
             waiter = executor.waiter
             if not waiter.is_set:
                 waiter.set()

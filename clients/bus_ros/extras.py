@@ -1,4 +1,4 @@
-"""Modules that not every machine has, imported when they are first needed."""
+"""Optional modules, imported at their first use."""
 
 from importlib import import_module
 from typing import Any
@@ -11,7 +11,7 @@ _PACKAGES = {"cv2": ("OpenCV", "opencv-python-headless"), "numpy": ("NumPy", "nu
 
 
 def extra(module: str, who: str) -> Any:
-    """The module, or ModuleNotFoundError with a text that says what to install for `who`."""
+    """The module, or ModuleNotFoundError with a text that says how to install it for `who`."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

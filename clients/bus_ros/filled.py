@@ -1,4 +1,4 @@
-"""Modules that have no file: a function puts their names in when they are imported."""
+"""Modules without a file: a function fills in their names at the import."""
 
 from collections.abc import Callable
 from importlib.machinery import ModuleSpec
@@ -9,7 +9,7 @@ __all__ = ["Filled", "spec_of"]
 
 
 class Filled:
-    """Loads a module by `fill`."""
+    """A loader that fills a module by `fill`."""
 
     def __init__(self, fill: Callable[[ModuleType], None]) -> None:
         self._fill = fill
@@ -22,5 +22,5 @@ class Filled:
 
 
 def spec_of(name: str, loader: Any, *, is_package: bool) -> ModuleSpec:
-    """What a finder returns. Loaders are no subclasses of the abstract one, which takes 40 ms to import."""
+    """The spec that a finder returns. Loaders do not subclass the abstract one: its import takes 40 ms."""
     return ModuleSpec(name, loader, is_package=is_package)

@@ -1,14 +1,14 @@
 """Makes `import rclpy` and `from std_msgs.msg import String` work without ROS 2; importing it is enough.
 
-Owns: the names that ROS 2 has and where they lead, and how a module of message classes behaves. Must not
-know: what is behind these modules, which are imported only when a program asks for them.
+Owns: ROS 2's names and the modules that they lead to, and the behaviour of modules of message classes. Must
+not know: the content of these modules. They are imported only when a program asks for them.
 
-Only what can't be imported is filled in, so that a machine with ROS 2 goes on as it is; `install(force=True)`
-(or BUS_RCLPY_FORCE=1 in the environment) puts ours before what is there.
+It fills in only modules that can't be imported: a machine with ROS 2 works as before. `install(force=True)`
+(or BUS_RCLPY_FORCE=1 in the environment) puts busd's modules in front of installed ones.
 
     rclpy, rclpy.*; launch, tf2_ros, ...     the same modules as bus_ros.rclpy, bus_ros.rclpy.*; see _SAME
     <pkg>.msg, .srv, .action                 classes made of the definitions that bus.types.definitions finds
-    <pkg>                                    an empty package, where there is no real one
+    <pkg>                                    an empty package, if there is no real one
     rosidl_runtime_py, rosidl_parser
 """
 
@@ -50,13 +50,13 @@ _SAME: Final = {
     "tf_transformations": "bus_tf2.tf_transformations",
     "turtle_tf2_py": "bus_tf2.turtle_tf2_py",
 }
-"""Packages whose modules, all of them, are those of one of ours."""
+"""Packages with exactly the modules of one of busd's packages."""
 
 _PARTS_OF: Final = dict.fromkeys(
     ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml", "nav2_common"),
     "launch",
 )
-"""Packages that are of use only with ours of another name: a genuine one does not know them."""
+"""Packages that work only with one of busd's under another name: a genuine one does not know them."""
 
 _ALIASES: Final = {
     **dict.fromkeys(
@@ -95,7 +95,7 @@ _PACKAGES: Final = {
     "rosidl_runtime_py": "bus_ros.rosidl.runtime",
     "tf2_tools": "",
 }
-"""Packages, and the module whose names they have."""
+"""Packages, each with the module that has its names."""
 
 _MISSING: Final = frozenset(
     (
@@ -105,13 +105,13 @@ _MISSING: Final = frozenset(
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
     )
 )
-"""Of ROS 2, and not here."""
+"""Packages of ROS 2 that busd does not have."""
 
 
 def install(*, force: bool = False) -> None:
-    """Put the finders where Python looks for modules; more than once does nothing more.
+    """Add the finders to Python's import system; a further call only changes `force`.
 
-    `force`: ours before what can be imported. Modules that are imported already stay as they are.
+    `force`: busd's modules come before installed ones. Modules that are imported already stay as they are.
     """
     _last.is_forced = _first.is_forced = force
     for finder in (_first, _last):
@@ -122,9 +122,9 @@ def install(*, force: bool = False) -> None:
 
 
 class _First:
-    """Asked before all others: for all that is ours where that is forced, else for what a folder hides.
+    """The finder before all others: for all of busd's modules if forced, else for modules hidden by folders.
 
-    A folder of definitions, or one with launch files, is for Python a package with nothing in it.
+    A folder of definitions, or one with launch files, is an empty package for Python.
     """
 
     is_forced = False
@@ -137,14 +137,14 @@ class _First:
             is_ours = root in _SAME or root in _PACKAGES or rest.partition(".")[0] in _KINDS
             return _spec(name) if is_ours else None
         if rest and _is_same(root):
-            return _spec(name)  # its __path__ would have others load the same file a second time
+            return _spec(name)  # otherwise its __path__ would make others load the same file again
         if root == "bus" or (rest not in _KINDS if rest else root not in _SAME):
             return None
         return _spec(name) if _is_folder(PathFinder.find_spec(name, path)) else None
 
 
 class _Last:
-    """Asked when no other finder has the module."""
+    """The finder after all others, for modules that no other finder has."""
 
     is_forced = False
 
@@ -163,11 +163,11 @@ _last: Final = _Last()
 
 def _spec(name: str) -> ModuleSpec | None:
     root, _, rest = name.partition(".")
-    if root == "bus" or root in sys.stdlib_module_names:  # as msvcrt, which `subprocess` looks for
+    if root == "bus" or root in sys.stdlib_module_names:  # such as msvcrt, which `subprocess` tries to import
         return None
     if root in _SAME:
         if rest and not _is_same(root):
-            return None  # a part that the real one hasn't
+            return None  # a part that the real package does not have
         if root in _PARTS_OF and not _leads_to_ours(_PARTS_OF[root]):
             return None
         return _alias(name, _ALIASES.get(name) or _SAME[root] + name.removeprefix(root)) or _class_file(name)
@@ -182,7 +182,7 @@ def _spec(name: str) -> ModuleSpec | None:
     from bus.types import definitions
 
     if not hasattr(definitions, "names"):
-        return None  # it is being imported, and what it imports looks for a module that isn't there
+        return None  # it is being imported, and its imports include a missing module
     if not rest:
         is_known = root.isidentifier() and definitions.names(None, root)
         return spec_of(name, Filled(_fill_empty), is_package=True) if is_known else None
@@ -199,12 +199,12 @@ def _spec(name: str) -> ModuleSpec | None:
 
 
 def _is_same(root: str) -> bool:
-    """Whether the package of that name is ours, and imported."""
+    """Whether the package of that name is busd's, and imported."""
     return root in _SAME and root in sys.modules and sys.modules[root] is sys.modules.get(_SAME[root])
 
 
 def _leads_to_ours(root: str) -> bool:
-    """Whether importing a package gives ours."""
+    """Whether importing a package gives busd's."""
     if root in sys.modules:
         return _is_same(root)
     found = PathFinder.find_spec(root)
@@ -212,7 +212,7 @@ def _leads_to_ours(root: str) -> bool:
 
 
 def _is_folder(found: ModuleSpec | None) -> bool:
-    """Whether a package is a mere folder, without a file of its own."""
+    """Whether a package is a plain folder without a file that belongs to it."""
     return found is not None and found.origin is None
 
 
@@ -221,7 +221,7 @@ def _is_ours(name: str) -> bool:
 
 
 def _refuse(name: str) -> None:
-    """Raise an error that says why a part of ROS 2 is not here; return where `name` is none."""
+    """Raise an error that says why a part of ROS 2 is missing; return if `name` is not such a part."""
     root, _, rest = name.partition(".")
     if root in _SAME:
         if not rest or not _is_same(root):
@@ -245,7 +245,7 @@ def _refuse(name: str) -> None:
 
 
 class _Alias:
-    """Loads a module that is there under another name: both names are the same module."""
+    """Loads an existing module under another name: both names are the same module."""
 
     def __init__(self, target: str) -> None:
         self._target = target
@@ -257,11 +257,11 @@ class _Alias:
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        module.__spec__ = self._spec  # which the import has changed
+        module.__spec__ = self._spec  # the import has changed it
 
 
 def _alias(name: str, target: str) -> ModuleSpec | None:
-    from importlib.util import find_spec  # late: most programs that import messages need none
+    from importlib.util import find_spec  # late: most programs that import messages do not need it
 
     if target not in sys.modules and find_spec(target) is None:
         return None
@@ -281,9 +281,9 @@ def _class_file(name: str) -> ModuleSpec | None:
 
 
 def _fill_empty(module: ModuleType) -> None:
-    """Its parts come when they are imported, or asked for: `import std_msgs; std_msgs.msg.Bool`.
+    """Make an empty package; its parts come at import or on access: `import std_msgs; std_msgs.msg.Bool`.
 
-    In ROS 2 a part is there once anything has imported it, and rclpy imports those of many packages.
+    In ROS 2 a part exists once any module has imported it, and rclpy imports the parts of many packages.
     """
     vars(module).update(__getattr__=partial(_part, module.__name__))
 
@@ -301,7 +301,7 @@ def _fill_package(source: str, module: ModuleType) -> None:
 
 
 def _fill_types(package: str, kind: str, known: list[str], module: ModuleType) -> None:
-    """Classes are made when a program asks for them: most packages have many more than it needs."""
+    """Fill a module with classes, each made at its first use: most packages have many that are never used."""
     vars(module).update(
         __all__=known,
         __dir__=lambda: sorted({*vars(module), *known}),
@@ -339,7 +339,7 @@ def _no_type(module: ModuleType, known: list[str], name: str) -> NoReturn:
 
 
 def _is_import(frame: FrameType) -> bool:
-    """Whether it stands in `from ... import ...`, whose error is ImportError."""
+    """Whether the frame executes `from ... import ...`: its error is ImportError."""
     from opcode import opmap
 
     return frame.f_lasti >= 0 and frame.f_code.co_code[frame.f_lasti] == opmap.get("IMPORT_FROM")

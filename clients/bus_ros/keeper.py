@@ -1,7 +1,7 @@
-"""The keeper: a thread in the background that runs the event loop of the facade while no other thread does.
+"""The keeper: a thread in the background that runs the event loop of the facade if no other thread does.
 
-Owns the thread, and when it looks whether it has to run the loop. Must not know what runs the loop otherwise:
-that is `bus_ros.engine`'s.
+Owns the thread, and the times at which it checks whether to run the loop. Must not know the other ways to run
+the loop: they belong to `bus_ros.engine`.
 """
 
 from collections.abc import Callable
@@ -10,16 +10,16 @@ from enum import Enum
 from threading import Lock, Thread
 
 _TICK_S = 0.02
-"""For so long, or twice, a thread may be away from the loop before the keeper runs it."""
+"""The keeper runs the loop after a thread has been away from it for this time, or up to twice as long."""
 
 
 class KeeperState(Enum):
-    """How long the keeper waits until its next turn."""
+    """The keeper's wait until its next turn."""
 
     TICKING = "ticking"
     """For a tick."""
     ASLEEP = "asleep"
-    """Until it is woken: a thread runs the loop for long."""
+    """Until it is woken: a thread runs the loop for a long time."""
     CLOSED = "closed"
     """For ever: its thread ends."""
 
@@ -27,9 +27,9 @@ class KeeperState(Enum):
 class Keeper:
     """`turn`, called under `guard` at each tick, runs the loop if that is necessary.
 
-    It is given whether to do so at once, and returns whether the keeper may sleep until `wake`.
+    Its argument says whether to run the loop at once. It returns whether the keeper may sleep until `wake`.
 
-    `state` is changed under the guard only. The thread starts with `start`.
+    `state` is changed only under the guard. The thread starts with `start`.
     """
 
     def __init__(self, guard: AbstractContextManager[None], turn: Callable[[bool], bool]) -> None:
@@ -45,7 +45,7 @@ class Keeper:
         self._thread.start()
 
     def nudge(self) -> None:
-        """Have the loop run at once; also in a signal's handler."""
+        """Make the loop run at once; also in a signal's handler."""
         self._is_urgent = True
         self._ring()
 
@@ -75,7 +75,7 @@ class Keeper:
     def _take_turn(self) -> bool:
         is_urgent, self._is_urgent = self._is_urgent, False
         may_sleep = self._turn(is_urgent)
-        self._is_urgent = False  # what was urgent meanwhile is done
+        self._is_urgent = False  # urgent requests made meanwhile are done
         return may_sleep
 
     def _ring(self) -> None:

@@ -1,7 +1,7 @@
 """Finds packages and their programs: ament and colcon prefixes, and installed distributions.
 
-Reads file names and small text files only, so that a look-up costs a few milliseconds. Must not know how a
-program is started, or what a tool prints.
+Reads only file names and small text files: a search takes a few milliseconds. Must not know the start of a
+program, or the output of a tool.
 """
 
 import os
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 INDEX = Path("share", "ament_index", "resource_index", "packages")
-"""Below a prefix: a file for each package."""
+"""A path relative to a prefix: it has a file for each package."""
 
 _BUILT_IN = {
     "joint_state_publisher": {"joint_state_publisher": "bus_tf2.programs.joint_state_publisher:main"},
@@ -55,20 +55,20 @@ _BUILT_IN = {
         for name in ("draw_square", "mimic", "turtle_teleop_key", "turtlesim_node")
     },
 }
-"""Programs that come with busd, where no installed package has them: entry points, by package and name."""
+"""Programs that come with busd, used if no installed package has them: entry points, by package and name."""
 
 _NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]*[A-Za-z0-9])?")
 _COLCON = (".colcon_install_layout", "local_setup.sh", "setup.sh")
 
 
 class Prefix(NamedTuple):
-    """A folder that packages are installed under."""
+    """A folder under which packages are installed."""
 
     path: Path
     is_sourced: bool = True
-    """False: a workspace that was built but whose set-up was not sourced; programs need its paths added."""
+    """False: a workspace that was built, but its set-up was not sourced; programs need its paths added."""
     is_ours: bool = False
-    """It is the prefix of this Python, where much lies that is no package."""
+    """It is the prefix of this Python, where many folders are not packages."""
 
 
 class Executable(NamedTuple):
@@ -81,11 +81,11 @@ class Executable(NamedTuple):
     entry_point: str | None = None
     """`module:function` of a console script; None: the file at `path` is the program."""
     python_folders: tuple[str, ...] = ()
-    """Where its package's modules are imported from, of one that runs from its source."""
+    """If the program runs from its source: the folders from which its package's modules are imported."""
 
 
 def prefixes() -> list[Prefix]:
-    """Where packages may be: $AMENT_PREFIX_PATH, the workspace around the current folder, this Python."""
+    """Possible prefixes: $AMENT_PREFIX_PATH, the workspace around the current folder, this Python."""
     sourced = map(Path, filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)))
     found = {_real(path): Prefix(path) for path in sourced}
     for path in _workspace_prefixes():
@@ -96,7 +96,7 @@ def prefixes() -> list[Prefix]:
 
 
 def _real(path: Path) -> Path:
-    """The path without links; as it is, where those go round in a circle."""
+    """The path without links; unchanged if the links form a circle."""
     try:
         return path.resolve()
     except (OSError, RuntimeError):
@@ -104,7 +104,7 @@ def _real(path: Path) -> Path:
 
 
 def find_prefix(package: str) -> Prefix | None:
-    """The prefix that a package, or the distribution of that name, is installed under."""
+    """The prefix under which a package, or the distribution of that name, is installed."""
     if _NAME.fullmatch(package) is None:
         return None
     metadata = None
@@ -115,11 +115,11 @@ def find_prefix(package: str) -> Prefix | None:
 
 
 def executables(package: str) -> list[Executable] | None:
-    """The programs of a package, sorted by name; None where there is no such package.
+    """The programs of a package, sorted by name; None if there is no such package.
 
-    Those in `lib/PACKAGE` of the first prefix that has the package, and the console scripts of the
-    distribution with its name. Of two with one name in different folders both are given. Where there is no
-    such package, those that come with busd under its name.
+    They are the programs in `lib/PACKAGE` of the first prefix that has the package, and the console scripts
+    of the distribution with its name. If folders below `lib/PACKAGE` have programs of the same name, all are
+    returned. If there is no such package, the programs that come with busd under its name are returned.
     """
     prefix = find_prefix(package)
     if prefix is None:
@@ -133,7 +133,7 @@ def executables(package: str) -> list[Executable] | None:
 
 
 def built_in() -> list[str]:
-    """The packages whose programs come with busd."""
+    """The names in the table of programs that come with busd."""
     return list(_BUILT_IN)
 
 
@@ -150,7 +150,7 @@ def _built_in(package: str) -> list[Executable] | None:
 
 
 def manifest(package: str) -> Path | None:
-    """The package.xml of a package; None where it has none."""
+    """The package.xml of a package; None if it has none."""
     prefix = find_prefix(package)
     if prefix is None:
         return None
@@ -168,7 +168,7 @@ def editable_folder(package: str) -> Path | None:
 
 
 def names() -> list[str]:
-    """All packages that are known to an ament index, or have a package.xml, sorted."""
+    """All packages that an ament index knows, or that have a package.xml, sorted."""
     found = {stem for stem, metadata in _distributions() if _editable_folder(metadata)}
     for prefix in prefixes():
         found.update(path.name for path in _listed(prefix.path / INDEX))
@@ -177,16 +177,14 @@ def names() -> list[str]:
 
 
 def nearest(name: str) -> str | None:
-    """The package or distribution whose name is most like `name`."""
+    """The package or distribution with the most similar name."""
     from bus.base import suggest
 
     return suggest.nearest(name, [*names(), *_BUILT_IN, *(stem for stem, _ in _distributions())])
 
 
 def source_folder(package: str) -> Path | None:
-    """Where a package lies that need be neither built nor installed: beside, below or around the current
-    folder.
-    """
+    """The source folder of a package beside, below or around the current folder; it need not be built."""
     if _NAME.fullmatch(package) is None:
         return None
     here = Path.cwd()
@@ -201,8 +199,9 @@ def source_folder(package: str) -> Path | None:
 
 
 def source_programs(folder: Path) -> tuple[list[Executable], set[str]] | None:
-    """The Python programs of a package that CMake would build, to be run from its source, and the names of
-    those that must be compiled; None where it is no such package.
+    """The Python programs of a CMake package, to run from source, and the names of programs to be compiled.
+
+    Returns None if it is no such package.
     """
     from bus_ros import cmakelists  # late: few packages need it
 
@@ -218,8 +217,9 @@ def source_programs(folder: Path) -> tuple[list[Executable], set[str]] | None:
 
 
 def python_folders(prefix: Prefix) -> list[str]:
-    """The folders with Python packages under a prefix, for this version of Python, and those that links of
-    `colcon build --symlink-install` in there lead to.
+    """The folders with Python packages under a prefix, for this version of Python.
+
+    Includes the targets of links that `colcon build --symlink-install` has made there.
     """
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     sites = [
@@ -233,7 +233,7 @@ def python_folders(prefix: Prefix) -> list[str]:
 
 
 def _workspace_prefixes() -> list[Path]:
-    """Of the nearest folder upwards whose `install` was made by colcon: that, and one for each package."""
+    """The nearest `install` folder upwards that colcon made, and the prefix of each isolated package."""
     here = Path.cwd()
     for folder in (here, *here.parents):
         install = folder / "install"
@@ -269,7 +269,7 @@ def _console_scripts(package: str, metadata: Path) -> Iterator[Executable]:
     try:
         lines = (metadata / "entry_points.txt").read_text("utf-8").splitlines()
     except OSError:
-        return  # it has none
+        return  # the distribution has no entry points
     section = ""
     for line in map(str.strip, lines):
         if line.startswith("["):
@@ -294,7 +294,7 @@ def _metadata_of(distribution: str) -> Path | None:
 
 
 def _distributions() -> tuple[tuple[str, Path], ...]:
-    """Names, as folders have them, and metadata folders of all that this Python can import."""
+    """Names, as in folder names, and metadata folders of all distributions that this Python can import."""
     return _distributions_in(tuple(sys.path))
 
 
@@ -307,7 +307,7 @@ def _distributions_in(folders: tuple[str, ...]) -> tuple[tuple[str, Path], ...]:
 
 
 def _editable_folder(metadata: Path) -> Path | None:
-    folder = metadata.parent  # there, with the older kind of metadata
+    folder = metadata.parent  # for metadata of the older kind
     origin = metadata / "direct_url.json"
     if origin.is_file():
         from json import loads

@@ -1,8 +1,8 @@
 """Runs a program as Python, or the shell, would.
 
-Scripts, modules and console scripts run in this process, with ROS 2's modules filled in where they are
-missing; other programs are children. Owns what a program must find changed in this interpreter: `sys.argv`,
-`sys.path`, `__main__`, tracebacks, exit codes. Must not know command lines or where packages are.
+Scripts, modules and console scripts run in this process, with ROS 2's modules filled in if they are missing;
+other programs are children. Owns the changes to this interpreter that a program expects: `sys.argv`,
+`sys.path`, `__main__`, tracebacks, exit codes. Must not know command lines or the folders of packages.
 """
 
 # pathlib would add milliseconds to the start of each script:
@@ -32,9 +32,9 @@ _SI_USER = 0
 
 
 def fill_in(*, force: bool) -> None:
-    """Put ROS 2's modules where they can't be imported; with `force` in front of real ones."""
+    """Make ROS 2's modules importable if they are missing; with `force`, ahead of real ones."""
     if force:
-        os.environ["BUS_RCLPY_FORCE"] = "1"  # for the programs that this one starts
+        os.environ["BUS_RCLPY_FORCE"] = "1"  # for child processes
     from bus_ros.import_hook import install
 
     install(force=force)
@@ -43,7 +43,7 @@ def fill_in(*, force: bool) -> None:
 def run_script(path: str, arguments: Sequence[str], *, of_package: bool = False) -> NoReturn:
     """`python path arguments`; `path` may also be a folder or archive with a `__main__.py`.
 
-    `of_package`: where it fails, say so as ros2 run does. Raises OSError where the file can't be read,
+    `of_package`: on failure, print the line that ros2 run prints. Raises OSError if the file can't be read,
     before anything is run.
     """
     full = os.path.join(os.getcwd(), path)
@@ -69,7 +69,7 @@ def run_script(path: str, arguments: Sequence[str], *, of_package: bool = False)
 def run_module(name: str, arguments: Sequence[str]) -> NoReturn:
     """`python -m name arguments`."""
     _set_first_path(os.getcwd())
-    sys.argv = ["-m", *arguments]  # runpy puts the module's file there
+    sys.argv = ["-m", *arguments]  # runpy replaces it by the module's file
     _run(lambda: _run_as_main(name, alter_argv=True))
 
 
@@ -81,10 +81,11 @@ def run_entry_point(target: str, path: str, arguments: Sequence[str], *, of_pack
     _new_main(__file__=path)
 
     def call() -> Any:
-        is_ours = module.startswith("bus_")  # it begins only when it is called
+        is_ours = module.startswith("bus_")  # busd's own programs begin only at the call
         if not is_ours:
             heed_interrupts()
-        # Of a failing import statement Python shows no frame of the import system; of import_module it does.
+        # Python shows no frames of the import system for a failing import statement, but does for
+        # import_module.
         __import__(module)
         found: Any = sys.modules[module]
         for name in function.split("."):
@@ -99,16 +100,16 @@ def run_entry_point(target: str, path: str, arguments: Sequence[str], *, of_pack
 def run_child(command: Sequence[str], *, of_package: bool = False) -> int:
     """Run a program to its end as a child, with our environment and terminal; returns its exit code.
 
-    Where SIGINT, SIGTERM or SIGHUP ended it, that is minus the signal's number, for the caller to die by it;
-    for other signals it is 128 more than the number, as in a shell. Signals that are sent to this process
-    reach it too. Raises OSError where the program can't be executed.
+    If SIGINT, SIGTERM or SIGHUP ended it, the code is minus the signal's number: the caller can then die by
+    the same signal. For other signals it is 128 plus the number, as in a shell. Signals sent to this process
+    reach the child too. Raises OSError if the program can't be executed.
     """
     import signal
 
     signals = {signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
-        # Python ignores SIGPIPE; programs don't expect that.
+        # Python ignores SIGPIPE, but programs expect the default.
         child = os.posix_spawnp(
             command[0], list(command), os.environ, setsigmask=mask, setsigdef=[signal.SIGPIPE, signal.SIGXFSZ]
         )
@@ -127,7 +128,7 @@ def run_child(command: Sequence[str], *, of_package: bool = False) -> int:
         _say_failure(code)
     if code >= 0 or -code in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         return code
-    return 128 - code  # to die by it would leave a core of our own
+    return 128 - code  # dying by the signal would write a core file of this process
 
 
 def is_python(path: str) -> bool:
@@ -143,12 +144,14 @@ def is_python(path: str) -> bool:
 
 
 def add_paths(folders: Sequence[str]) -> None:
-    """Make the packages in `folders` importable, and those that their .pth files lead to (as editable
-    installs have them): here and in children."""
+    """Make the packages in `folders` importable, here and in children.
+
+    The targets of .pth files in them, as editable installs have them, become importable, too.
+    """
     import site
 
     first, *before = sys.path
-    sys.path[:] = before  # the first is the folder of `bus`, not that of the program
+    sys.path[:] = before  # the first is the folder of `bus`, not the program's
     for folder in folders:
         site.addsitedir(folder)
     added = [path for path in sys.path if path not in before]
@@ -160,7 +163,7 @@ def add_paths(folders: Sequence[str]) -> None:
 def _set_first_path(folder: str) -> None:
     if not sys.flags.safe_path:
         sys.path[0] = folder
-    elif not os.environ.get("PYTHONSAFEPATH"):  # our own program has -P, not the user's
+    elif not os.environ.get("PYTHONSAFEPATH"):  # -P is set for our own program, not the user's
         sys.path.insert(0, folder)
 
 
@@ -180,13 +183,13 @@ def _run_as_main(name: str, *, alter_argv: bool) -> None:
 
 
 def _run(body: Callable[[], Any], *, of_package: bool = False) -> NoReturn:
-    """Run a program's body and end as Python would, but for the errors that stand for a wish to end."""
+    """Run a program's body and end as Python would, but show an error of the start in one line."""
     try:
         code = body()
     except SystemExit as end:
         code = end.code
     except KeyboardInterrupt:
-        # The hook that keeps silent does this too, but a second Ctrl-C as it begins would be shown.
+        # The silent exception hook does this too, but would show a second Ctrl-C that comes as it begins.
         die_at_interrupt()
         raise
     except BaseException as error:
@@ -223,7 +226,7 @@ def _cut_hook(trace: TracebackType | None) -> None:
 
 
 def _say_failure(code: int) -> None:
-    """As ros2 run does, but for Ctrl-C. `code` is negative for a signal."""
+    """Print the failure as ros2 run does, except for Ctrl-C. A signal has a negative `code`."""
     if not code or code == -2:
         return
     sys.stdout.flush()

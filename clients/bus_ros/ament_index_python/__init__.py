@@ -1,7 +1,7 @@
-"""`ament_index_python` on the bus: where packages are installed, and what they say of themselves.
+"""`ament_index_python` on the bus: the folders of installed packages, and the resources that they register.
 
 `packages.py` has packages, `resources.py` the resources that they register, `search_paths.py` the prefixes.
-Names, errors and order of the search are ROS 2's: the first prefix that has a resource counts.
+Names, errors and order of the search are the same as in ROS 2: the first prefix that has a resource counts.
 
 Read first: `packages.py`. Tests: `tests/unit/bus_ros/ament_index_python/`.
 """

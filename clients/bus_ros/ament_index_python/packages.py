@@ -1,8 +1,13 @@
-"""Where packages are installed.
+"""The folders of packages: prefixes and share folders.
 
-Owns: the search. A package is found below a prefix (`search_paths`); where its source is, for one that was
-installed with `pip install --editable` or lies, not installed, around the current folder; and among what
-comes with busd: share folders, and programs. Must not know what packages are for.
+Owns: the search. It looks for a package in this order:
+
+- below the prefixes (`search_paths`)
+- in the source folder of a package installed with `pip install --editable`
+- in the source folder of a package that is not installed, around the current folder
+- in the share folders and programs that come with busd
+
+Must not know: the use of packages.
 """
 
 import re
@@ -25,7 +30,7 @@ __all__ = [
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]+")
 _SHIPPED: Final = Path(str(bus.__file__)).parent
-"""The prefix of the share folders that come with busd: definitions, and launch files of turtles."""
+"""The prefix of the share folders that come with busd: definitions, and launch files for turtles."""
 
 
 class PackageNotFoundError(KeyError):
@@ -36,7 +41,7 @@ class PackageNotFoundError(KeyError):
 
 
 def get_packages_with_prefixes() -> dict[str, str]:
-    """Names of the packages that are installed, or come with busd, and the prefix of each."""
+    """The names of all packages that are installed or come with busd, and the prefix of each."""
     found: dict[str, str] = {}
     for prefix in get_search_paths():
         for folder, only in ((Path(prefix, packages.INDEX), ""), (Path(prefix, "share"), "package.xml")):
@@ -53,14 +58,14 @@ def get_packages_with_prefixes() -> dict[str, str]:
 
 
 def get_package_prefix(package_name: str) -> str:
-    """The prefix of a package. Raises PackageNotFoundError, and ValueError for what is no name."""
+    """The prefix of a package. Raises PackageNotFoundError, and ValueError if the name is not valid."""
     return _find(package_name)[0]
 
 
 def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:
-    """The folder with what comes with a package, such as its launch files; raises as `get_package_prefix`.
+    """The share folder of a package, with its launch files, for example; raises as `get_package_prefix`.
 
-    Warns where there is no such folder, unless `print_warning` is false.
+    Warns if the folder does not exist, unless `print_warning` is false.
     """
     return str(_share(package_name, print_warning, "directory"))
 
@@ -78,7 +83,7 @@ def _share(name: str, is_warned: bool, what: str) -> Path:
 
 
 def _find(name: str) -> tuple[str, Path]:
-    """The prefix of a package, and where its share folder is."""
+    """The prefix of a package, and the path of its share folder."""
     if not _NAME.fullmatch(name):
         raise ValueError(f"'{name}' is not a valid package name")
     paths = get_search_paths()

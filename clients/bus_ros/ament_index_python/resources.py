@@ -1,4 +1,4 @@
-"""The ament index: resources of any type by name, in the first prefix that has them."""
+"""The ament index: resources of any type by name, from the first prefix that has them."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,18 +18,18 @@ __all__ = [
 
 
 class InvalidResourceTypeNameError(ValueError):
-    """A type of resources whose name leads to another folder."""
+    """The name of a resource type contains a slash, so it would lead to another folder."""
 
 
 class InvalidResourceNameError(ValueError):
-    """A resource whose name leads to another folder."""
+    """The name of a resource contains a slash, so it would lead to another folder."""
 
 
 def get_resource(resource_type: str, resource_name: str) -> tuple[str, str]:
-    """What stands in a resource, and its prefix; raises LookupError where there is none.
+    """The content of a resource, and its prefix; raises LookupError if there is none.
 
-    Names that are empty raise AssertionError, those with a slash InvalidResourceTypeNameError or
-    InvalidResourceNameError, here and in all calls below.
+    Here and in all functions below, an empty name raises AssertionError. A name with a slash raises
+    InvalidResourceTypeNameError or InvalidResourceNameError.
     """
     prefix = has_resource(resource_type, resource_name)
     if not prefix:
@@ -62,7 +62,7 @@ def get_resources(resource_type: str) -> dict[str, str]:
 
 
 def get_resource_types() -> set[str]:
-    """The types of which there are resources."""
+    """The names of all types that have a resource folder."""
     return {path.name for _, folder in _folders() for path in _listed(folder) if path.is_dir()}
 
 
@@ -72,7 +72,7 @@ def _folders() -> Iterator[tuple[str, Path]]:
 
 
 def _listed(folder: Path) -> list[Path]:
-    """What a folder has that is not hidden; nothing, where there is no such folder."""
+    """The entries of a folder that are not hidden; an empty list if the folder does not exist."""
     return [path for path in folder.iterdir() if not path.name.startswith(".")] if folder.is_dir() else []
 
 

@@ -1,4 +1,4 @@
-"""Where is searched."""
+"""The prefixes to search."""
 
 from bus_ros import packages
 
@@ -6,9 +6,9 @@ __all__ = ["get_search_paths"]
 
 
 def get_search_paths() -> list[str]:
-    """The prefixes that are there, the first to be used first.
+    """The existing prefixes, in order of the search.
 
-    Those of $AMENT_PREFIX_PATH, those of the built workspace around the current folder, and that of this
-    Python: unlike in ROS 2, there is always one.
+    First come the prefixes of $AMENT_PREFIX_PATH, then the built workspace around the current folder, then
+    the prefix of this Python. So there is always one, unlike in ROS 2.
     """
     return list(dict.fromkeys(str(one.path) for one in packages.prefixes() if one.path.is_dir()))
