@@ -1,7 +1,7 @@
 """The types by which msgspec checks and decodes payloads, as the generated functions expect them.
 
-Owns: one annotation for each shape: a message is a tuple of its fields, or a small struct where it is a map.
-Must not know: CDR.
+Owns: one annotation for each shape. A message is a tuple of its fields, or a small struct if the payload has
+a map. Must not know: CDR.
 """
 
 from collections.abc import Mapping
@@ -25,12 +25,12 @@ _KINDS: Final[dict[str, Any]] = {
 
 
 def field_name(index: int) -> str:
-    """What the struct that stands for a map calls a field."""
+    """The name of a field in the struct that represents a map."""
     return f"f{index}"
 
 
 def json_annotation(description: Mapping[str, Any], node: Any) -> Any:
-    """The type of what a JSON text stands for that has a value of the type `node` of the schema."""
+    """The annotation for JSON texts with values of the type `node` of the schema."""
     root = "busd/msg/Value"
     fields = [{"name": "value", "type": node, "required": True}]
     value = {"array": True, "fields": fields}
@@ -39,7 +39,9 @@ def json_annotation(description: Mapping[str, Any], node: Any) -> Any:
 
 
 class Annotations:
-    """Annotations of the shapes of one schema. With `views` bytes are views of the payload, texts Raw."""
+    """Annotations of the shapes of one schema. With `views`, bytes are views of the payload, and texts are
+    Raw.
+    """
 
     def __init__(self, description: Mapping[str, Any], views: bool) -> None:
         self._description = description
@@ -58,7 +60,7 @@ class Annotations:
             case Sequence(item, size, most):
                 return _limited(_generic(list, self.of(item)), size, most)
             case Optional(item, can_be_absent):
-                # msgspec takes no union of Raw and others.
+                # msgspec does not accept a union of Raw and other types.
                 inner = (self._plain if item == Primitive("string") else self).of(item)
                 return inner | UnsetType if can_be_absent else inner | None
             case Dict(key, value):

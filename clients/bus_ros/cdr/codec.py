@@ -1,6 +1,6 @@
-"""One type as CDR has it: its definition, and messages both ways.
+"""The codec of one type: its definition, and the conversion of messages in both directions.
 
-Owns: `Codec`, one for each type in a process. What does the work is made when it is first needed.
+Owns: `Codec`, one for each type in a process. Its functions are generated at their first use.
 """
 
 import struct
@@ -27,7 +27,7 @@ _WRONG: Final = (struct.error, ValueError, TypeError, OverflowError, RecursionEr
 
 
 class CdrError(BusError, ValueError):
-    """Bytes that are no message of the type."""
+    """Bytes that are not a message of the type."""
 
 
 class Codec:
@@ -41,17 +41,17 @@ class Codec:
     """
 
     type_name: str
-    """As ROS 2 can call it: `sensor_msgs/msg/Imu`. Types of one's own may get another name than here."""
+    """The name in ROS 2: `sensor_msgs/msg/Imu`. Your own types may get a different name than on the bus."""
     type_hash: str
-    """RIHS01 of `definition`: the schema's own, where ROS 2 can describe the type."""
+    """RIHS01 of `definition`: the schema's own hash, if ROS 2 can describe the type."""
     definition: str
-    """The text of the type and of all that it needs, as bag files have it ("ros2msg")."""
+    """The text of the type and of all types that it needs, as bag files have it ("ros2msg")."""
     as_json: tuple[str, ...]
-    """The fields that ROS 2 can't describe, such as `local/msg/Wheel.extra`: texts of JSON here."""
+    """The fields that ROS 2 can't describe, such as `local/msg/Wheel.extra`: JSON texts in CDR."""
 
     def __init__(self, schema: MessageSchema) -> None:
         description = schema.description
-        build(description)  # raises for what is malformed or too large
+        build(description)  # raises if the description is malformed or too large
         described = describe(description)
         self.type_name = described.schema["root"]
         self.type_hash = schema_hash(described.schema)
@@ -69,8 +69,8 @@ class Codec:
     def encode(self, payload: Buffer) -> list[Buffer]:
         """The parts of a CDR message: little-endian XCDR1, its encapsulation first.
 
-        Long fields of bytes and text are parts of their own, views of the payload. Raises CdrError for a
-        payload that is no message of the type, or has a number that CDR can't hold.
+        Each long field of bytes or text is a separate part, a view of the payload. Raises CdrError if the
+        payload is not a message of the type, or has a number that CDR can't hold.
         """
         try:
             return [self._encode_short(payload)] if len(payload) < LONG else self._encode_long(payload)
@@ -78,9 +78,9 @@ class Codec:
             raise CdrError(f"no payload of {self._shape.name}: {error}") from None
 
     def encode_many(self, payloads: Iterable[Buffer]) -> list[bytes]:
-        """CDR messages in one piece each, in less time than one by one. For what is short.
+        """CDR messages in one piece each, faster than one `encode` for each; for short messages.
 
-        Raises CdrError, as `encode` does, where one of them is no message of the type.
+        Raises CdrError, as `encode` does, if one of them is not a message of the type.
         """
         try:
             return list(map(self._encode_short, payloads))
@@ -90,9 +90,9 @@ class Codec:
     def decode(self, data: Buffer) -> bytes:
         """The MessagePack payload of a CDR message, as `publish_encoded` takes it.
 
-        Takes both byte orders, XCDR1 and XCDR2, plain and delimited. What is behind the last field is not
-        looked at: ROS 2 pads there, and where its serialize_message expects more than there is, it leaves the
-        rest. Raises CdrError for what is malformed.
+        Accepts both byte orders, XCDR1 and XCDR2, plain and delimited. Bytes behind the last field are
+        ignored: ROS 2 pads there, and if its serialize_message reserves too many bytes, it leaves the rest.
+        Raises CdrError if the message is malformed.
         """
         body: Buffer
         if len(data) < LONG:
@@ -130,7 +130,7 @@ _codecs: Final[dict[bytes, Codec]] = {}
 def codec_of(schema: MessageSchema) -> Codec:
     """The codec of a type, made once.
 
-    Raises ConfigurationError for a type that can't be written as CDR (a `wstring`), and for a schema that is
+    Raises ConfigurationError if the type can't be written as CDR (a `wstring`), and if the schema is
     malformed or too large.
     """
     if (known := _codecs.get(schema.encoded)) is None:
@@ -141,8 +141,8 @@ def codec_of(schema: MessageSchema) -> Codec:
 
 
 def schema_of_definition(type_name: str, definition: str) -> MessageSchema:
-    """The type that a bag file describes: the text of the type, and of all that it needs.
+    """The schema of a type in a bag file: from the text of the type and of all types that it needs.
 
-    Raises ConfigurationError for a text that is malformed, or names a type that isn't there.
+    Raises ConfigurationError if the text is malformed, or names a missing type.
     """
     return MessageSchema.of(parse(type_name, definition))

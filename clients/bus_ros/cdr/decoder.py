@@ -1,9 +1,10 @@
-"""From CDR to MessagePack payloads: a function for each type and encapsulation, made as source and compiled.
+"""From CDR to MessagePack payloads: a function for each type and encapsulation, generated and compiled.
 
-Owns: both byte orders, XCDR1, XCDR2 plain and delimited. Must not know: definitions, the other way.
+Owns: both byte orders, XCDR1, XCDR2 plain and delimited. Must not know: definitions, the other direction.
 
-What comes from elsewhere is not trusted: a count is compared with the bytes that are left before anything is
-made of it. `p` is the position, `end` where the message (or a delimited part of it) ends.
+The bytes come from other processes, so the functions do not trust them: they compare a count with the number
+of remaining bytes before they make any element. In generated source, `p` is the position, and `end` is the
+end of the message (or of a delimited part of it).
 """
 
 from collections.abc import Callable, Mapping
@@ -33,18 +34,18 @@ from bus_ros.cdr.source import Source
 __all__ = ["REPRESENTATIONS", "Representation", "decoder"]
 
 _MOST_IN_RUN: Final = 64
-"""Numbers of an array of a fixed size that are read with what stands beside it."""
+"""Longest array of fixed size that one unpack call reads together with its neighbours."""
 
 
 class Representation(NamedTuple):
-    """How a CDR message is encoded, as its first two bytes say."""
+    """The encoding of a CDR message, from its first two bytes."""
 
     order: str
-    """Of the bytes, as the module struct calls it."""
+    """The byte order, in the notation of the module struct."""
     is_second: bool = False
-    """XCDR2: nothing is aligned to more than 4, and what has no fixed size says its length."""
+    """XCDR2: alignment is 4 bytes at most, and a value without a fixed size begins with its length."""
     is_delimited: bool = False
-    """Each message says its length, too."""
+    """Each message begins with its length, too."""
 
 
 REPRESENTATIONS: Final = {
@@ -60,10 +61,10 @@ REPRESENTATIONS: Final = {
 def decoder(
     description: Mapping[str, Any], shape: Message, representation: Representation
 ) -> Callable[[Buffer], Any]:
-    """A function that gives what stands for a message in MessagePack.
+    """A function that converts a message to the objects that stand for it in MessagePack.
 
-    It takes the bytes behind the encapsulation, and raises ValueError, struct.error, OverflowError or
-    TypeError for what is no message of the type.
+    It takes the bytes behind the encapsulation. It raises ValueError, struct.error, OverflowError or
+    TypeError if they are not a message of the type.
     """
     writer = _Writer(description, representation)
     writer.root(shape)
@@ -78,7 +79,7 @@ class _Writer:
         self._order, self._is_second, self._is_delimited = representation
         self._alignment = 4 if self._is_second else 8
         self._offset: int | None = 0
-        """Of what is read next, modulo 8; None: only `p` says."""
+        """The offset of the next read, modulo 8; None: it is known only at run time, from `p`."""
         self._codes: list[tuple[str, int]] = []
         self._values: list[str] = []
         self._end = "end"
@@ -95,7 +96,7 @@ class _Writer:
     # Runs.
 
     def _add(self, code: str, count: int = 1) -> str:
-        """Something to be read: the expression for it, which holds when all of the run has been read."""
+        """Add a value to the run: returns the expression for it, which is valid after the next `_flush`."""
         self._codes.append((code, count))
         name = self.source.variable()
         self._values.append(name)
@@ -105,7 +106,7 @@ class _Writer:
         self._codes.append(("x", 1))
 
     def _flush(self) -> None:
-        """Read what was added."""
+        """Write the line that reads the added values."""
         if not self._codes:
             return
         codes, values = self._codes, self._values
@@ -144,7 +145,7 @@ class _Writer:
     # Shapes.
 
     def _get(self, shape: Shape) -> str:
-        """Read a value; the expression for it, which holds after the next `_flush`."""
+        """Read a value; the expression for it, which is valid after the next `_flush`."""
         match shape:
             case Primitive("string"):
                 return self._string()
@@ -171,7 +172,7 @@ class _Writer:
         raise AssertionError(shape)
 
     def _count(self, least: int, most: int | None = None) -> str:
-        """A count of elements, each of which takes `least` bytes or more."""
+        """Read the number of elements, each of which takes at least `least` bytes."""
         name = self._add("I")
         self._flush()
         product = name if least == 1 else f"{name} * {least}"
@@ -321,7 +322,7 @@ class _Writer:
         return self._limited(get) if self._is_second else get()
 
     def _limited(self, get: Callable[[], str]) -> str:
-        """What says its length first; of what is behind the fields that are known nothing is read."""
+        """Read a value that begins with its length; bytes behind its known fields are skipped."""
         size = self._count(1)
         end, outer = self.source.variable(), self._end
         self.source.line(f"{end} = p + {size}")
@@ -354,7 +355,7 @@ class _Writer:
 
 
 def _text(data: Buffer, start: int, size: int) -> str:
-    """A text of `size` bytes, of which the last should be zero; what is no UTF-8 is replaced, as in rclpy."""
+    """A text of `size` bytes. The last byte should be zero. Invalid UTF-8 is replaced, as in rclpy."""
     end = start + size
     if size and not data[end - 1]:
         end -= 1
@@ -362,7 +363,7 @@ def _text(data: Buffer, start: int, size: int) -> str:
 
 
 def _without(fields: dict[str, Any]) -> dict[str, Any]:
-    """A map without those fields that are not set."""
+    """A map without its unset fields."""
     return {key: value for key, value in fields.items() if value is not UNSET}
 
 

@@ -1,4 +1,4 @@
-"""Definitions as bag files hold them: the text of a type, and behind it those of all that it needs.
+"""Definitions as in bag files: the text of a type, followed by the texts of all types that it needs.
 
 Owns: that text ("ros2msg"), both ways. Must not know: CDR, payloads.
 
@@ -21,7 +21,7 @@ _NO_FIELD: Final = "structure_needs_at_least_one_member"
 
 
 def write(schema: Schema) -> str:
-    """The text for a schema of what ROS 2 can describe."""
+    """The text for a schema of a type that ROS 2 can describe."""
     types, root = schema["types"], schema["root"]
     parts = [_fields(types[root])]
     for name in _needed(types, root):
@@ -30,7 +30,7 @@ def write(schema: Schema) -> str:
 
 
 def parse(type_name: str, text: str) -> Schema:
-    """The schema of a type and its text. Raises ConfigurationError, which says what is wrong."""
+    """The schema of a type and its text. Raises ConfigurationError, with the mistake in its text."""
     type_name = _full_name(type_name)
     if not is_type_name(type_name):
         raise ConfigurationError(f"'{type_name}' is no name of a type: they are like std_msgs/msg/String")
@@ -40,7 +40,7 @@ def parse(type_name: str, text: str) -> Schema:
         parts.setdefault(_full_name(name), part)
     types: dict[str, Any] = {}
     todo = [type_name]
-    for name in todo:  # which grows meanwhile
+    for name in todo:  # the loop extends `todo`
         if name in types:
             continue
         if name not in parts:
@@ -56,7 +56,7 @@ def _full_name(name: str) -> str:
 
 
 def _real(message: Message) -> tuple[Field, ...]:
-    """The fields but for the one that IDL needs where there is none."""
+    """The fields; without the placeholder that IDL needs in an empty message."""
     return () if [field.name for field in message.fields] == [_NO_FIELD] else message.fields
 
 
@@ -82,7 +82,7 @@ def _needed(types: dict[str, Any], root: str) -> list[str]:
     """The types below the root, each once, in the order in which they are named."""
     found: dict[str, None] = {root: None}
     todo = [root]
-    for name in todo:  # which grows meanwhile
+    for name in todo:  # the loop extends `todo`
         for field in types[name]["fields"]:
             base = _base(field["type"])
             if "/" in base and base not in found:
@@ -102,7 +102,8 @@ def _base(node: Node) -> str:
 def _type(node: Node) -> str:
     match node:
         case "char":
-            # ROS 2 makes it a uint8 and hashes that; rosbags refuses a bag with another hash than the text's.
+            # ROS 2 makes it a uint8, and the hash is over that. rosbags refuses a bag if this hash and the
+            # hash of the text differ.
             return "uint8"
         case str():
             return _reference(node) if "/" in node else node
@@ -120,5 +121,5 @@ def _array(item: str, least: int = 0, most: int | None = None) -> str:
 
 
 def _reference(name: str) -> str:
-    """`geometry_msgs/Point`, as definitions say it; what is no message keeps its kind."""
+    """`geometry_msgs/Point`, as in definitions; a service or action type keeps its kind."""
     return name.replace("/msg/", "/")

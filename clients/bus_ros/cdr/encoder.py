@@ -1,9 +1,10 @@
-"""From MessagePack payloads to CDR: one function for each type, made as source and compiled.
+"""From MessagePack payloads to CDR: one function for each type, generated as source and compiled.
 
-Owns: little-endian XCDR1, which is what ROS 2 sends. Must not know: definitions, the other way.
+Owns: little-endian XCDR1, the encoding that ROS 2 sends. Must not know: definitions, the other direction.
 
-Primitives that follow one another, in nested messages too, are packed by one call; where they begin at an
-offset that only the message knows (behind a string), by one of eight. `p` is then the position, modulo 8.
+One call packs consecutive primitives, also across nested messages. If their offset depends on the message
+(for example behind a string), there are eight such calls, one for each offset. In generated source, `p` is
+then the position, modulo 8.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,18 +22,18 @@ from bus_ros.cdr.source import Source
 __all__ = ["LONG", "encoder"]
 
 LONG: Final = 16 << 10
-"""From this length on a field is a part of its own, a view of the payload."""
+"""A field of this length or more is a separate part, a view of the payload."""
 
 _ENCAPSULATION: Final = 0x0100
-"""As a little-endian number: 00 01 00 00."""
+"""The bytes 00 01 00 00, as a little-endian number."""
 
 
 def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Callable[[Buffer], Any]:
-    """A function that gives a CDR message for a payload.
+    """A function that converts a payload to a CDR message.
 
-    With `views` it gives parts, where long fields are parts of their own, views of the payload; without, the
-    whole as bytes. It raises ValueError (msgspec.DecodeError), struct.error, OverflowError or TypeError for
-    what is no message of the type.
+    With `views`, the function returns parts, and each long field is a separate part, a view of the payload.
+    Without, it returns the whole message as bytes. It raises ValueError (msgspec.DecodeError), struct.error,
+    OverflowError or TypeError if the payload is not a message of the type.
     """
     decoder: Any = msgspec.msgpack.Decoder(Annotations(description, views).of(shape))
     writer = _Writer(description, views)
@@ -49,13 +50,13 @@ class _Writer:
         self._description = description
         self._views = views
         self._offset: int | None = None
-        """Of what is written next, modulo 8; None: `_place` says it."""
+        """The offset of the next write, modulo 8; None: `_place` has it."""
         self._place = "p"
-        """An expression for it, which is put into `p` where it is asked for."""
+        """An expression for the offset; `_into_p` writes a line that assigns it to `p`."""
         self._codes: list[tuple[str, int]] = []
         self._values: list[str] = []
         self._parts: list[str] = []
-        """What is made, and not in the list `out` yet."""
+        """Parts made by the generated lines, but not yet in the list `out`."""
         self._has_list = False
 
     def root(self, shape: Message) -> None:
@@ -90,7 +91,7 @@ class _Writer:
             self._values.append(value)
 
     def _flush(self) -> None:
-        """Write what was added."""
+        """Write the line that packs the added values."""
         if not self._codes:
             return
         codes, values = self._codes, ", ".join(self._values)
@@ -120,24 +121,24 @@ class _Writer:
             self._place = f"{self.source.constant(tuple(ends))}[p & 7]"
 
     def _pause(self) -> None:
-        """Leave nothing open: what comes next is a loop, a branch or a call, or their end."""
+        """Finish all pending lines: a loop, a branch or a call comes next, or their end."""
         self._flush()
         self._settle()
         self._into_p()
 
     def _taken(self) -> str:
-        """The parts that are in no list yet."""
+        """The parts that are not in a list yet; clears them."""
         parts, self._parts = self._parts, []
         return f"({', '.join(parts)}{',' * (len(parts) == 1)})"
 
     def _settle(self) -> None:
-        """All that was made is in `out` from here on."""
+        """Write the line that moves all pending parts into `out`."""
         if self._parts:
             self.source.line(f"out += {self._taken()}")
             self._has_list = True
 
     def _into_p(self) -> None:
-        """The position is in `p` from here on."""
+        """Write the line that puts the position into `p`."""
         if self._offset is not None:
             self._place = str(self._offset)
         if self._place != "p":
@@ -145,7 +146,7 @@ class _Writer:
         self._offset, self._place = None, "p"
 
     def _moved(self, by: int | str) -> None:
-        """What was made last is that long; a text says it where only the message knows."""
+        """Advance the offset by a length; a text is an expression for a length that varies."""
         if self._offset is None:
             self._place += f" + {by}"
         elif isinstance(by, int):
@@ -187,7 +188,7 @@ class _Writer:
                 self._message(shape, value)
 
     def _string(self, name: str) -> None:
-        """Append a text that is bytes already. The zero at its end goes with what comes next."""
+        """Append a text that is already bytes. The zero at its end belongs to the next run."""
         self._add("I", f"len({name}) + 1")
         self._flush()
         self._blob(name)
@@ -253,7 +254,7 @@ class _Writer:
         self._block((item, name))
 
     def _block(self, *values: tuple[Shape, str]) -> None:
-        """What stands in a loop or a branch: the position is in `p` before and behind it."""
+        """Write the body of a loop or a branch: the position is in `p` before and behind it."""
         self.source.indent()
         for shape, value in values:
             self._one(shape, value)
@@ -295,7 +296,7 @@ class _Writer:
 
 def _adder(parts: list[Buffer], out: list[Buffer]) -> Callable[[Buffer], None]:
     def add(part: Buffer) -> None:
-        """What is long is a part of its own; what came before it is joined."""
+        """Make a long part separate, and join the short parts before it."""
         if len(part) < LONG:
             out.append(part)
         else:
@@ -314,7 +315,7 @@ def _json_encoder(description: Mapping[str, Any], node: Any) -> Callable[[Any], 
     def encode(value: Any) -> bytes:
         text = msgspec.json.encode(value)
         if b"null" in text:
-            check(text)  # there is no NaN in JSON: it would be null, and nobody could read that back
+            check(text)  # JSON has no NaN: it would be null, which can't be read back
         return text
 
     return encode

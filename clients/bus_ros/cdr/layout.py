@@ -1,4 +1,4 @@
-"""Runs of primitives in CDR: the struct for each offset at which one can begin, and each length of a list.
+"""Runs of primitives in CDR: a struct for each offset at the start of a run, and for each length of a list.
 
 Owns: alignment. Must not know: shapes, payloads.
 """
@@ -36,13 +36,13 @@ class Run(NamedTuple):
 
     struct: Struct
     size: int
-    """With the padding that comes first."""
+    """Including the padding at its start."""
 
 
 def lay_out(codes: list[tuple[str, int]], offset: int, order: str = "<", alignment: int = 8) -> Run:
-    """`codes`: each with how often it stands there; an array of a fixed size is one. `x` is a byte that is 0.
+    """The run of `codes` that begins at `offset`, modulo 8; `alignment` is the greatest alignment.
 
-    `offset` counts modulo 8; `alignment` is the greatest that there is.
+    Each code comes with its number of repetitions; an array of fixed size is one entry. `x` is a zero byte.
     """
     position, form = offset, order
     for code, count in codes:
@@ -54,7 +54,7 @@ def lay_out(codes: list[tuple[str, int]], offset: int, order: str = "<", alignme
 
 
 class Runs(dict[int, tuple[Callable[..., bytes], int]]):
-    """Runs that end with a list of numbers: by `length << 3 | offset` how to pack one, and where it ends."""
+    """Runs that end with a list of numbers: from `length << 3 | offset` to the pack function and the end."""
 
     def __init__(self, codes: list[tuple[str, int]], code: str) -> None:
         self._codes, self._code = codes, code
@@ -69,7 +69,7 @@ class Runs(dict[int, tuple[Callable[..., bytes], int]]):
 
 
 class Arrays(dict[int, Callable[[Any, int], tuple[Any, ...]]]):
-    """The numbers of a list, by its length how to unpack them."""
+    """Unpack functions for the numbers of a list, by its length."""
 
     def __init__(self, order: str, code: str) -> None:
         self._order, self._code = order, code

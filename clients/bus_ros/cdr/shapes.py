@@ -1,8 +1,8 @@
-"""A message type twice at once: how it is encoded as MessagePack, and how ROS 2 describes it.
+"""The two descriptions of a message type: its encoding as MessagePack, and its type in ROS 2.
 
-Owns: what stands in ROS 2 for what only Python has, and its names there. Must not know: CDR, text.
+Owns: the types and names in ROS 2 for types that only Python has. Must not know: CDR, text.
 
-What ROS 2 can describe stays as it is. For the rest:
+Types that ROS 2 can describe stay as they are. For the rest:
 
     int                         int64
     T | None, T | UnsetType     T[<=1]
@@ -49,7 +49,7 @@ SIZES: Final = {
     **dict.fromkeys(("int32", "uint32", "float32"), 4),
     **dict.fromkeys(("int64", "uint64", "float64"), 8),
 }
-"""Bytes of each primitive of a fixed size in CDR."""
+"""Size in CDR, in bytes, of each primitive of a fixed size."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Sequence:
 
 @dataclass(frozen=True, eq=False)
 class Optional:
-    """One or none. Nothing is null in MessagePack, or left out where it `can_be_absent`."""
+    """One value or none. None is null in MessagePack, or left out if it `can_be_absent`."""
 
     item: "Shape"
     can_be_absent: bool
@@ -101,7 +101,7 @@ class Wrapped:
 
 @dataclass(frozen=True)
 class Json:
-    """What is anything here, or as `node` says, and JSON in ROS 2."""
+    """Any value, or a value of the type `node`; JSON in ROS 2."""
 
     node: Any = field(hash=False)
 
@@ -111,23 +111,23 @@ class Message:
     """A message: an array of its fields in MessagePack, or else a map by their keys."""
 
     name: str
-    """As it is called on the bus."""
+    """The name on the bus."""
     keys: list[str] = field(default_factory=list)
     shapes: list["Shape"] = field(default_factory=list)
     is_array: bool = True
     tag: str | int | None = None
     tag_field: str | None = None
     leaves: int = 0
-    """How many values it has, those of messages in it as well."""
+    """The number of its values, including the values of nested messages."""
     least: int = 1
-    """How many bytes it takes in CDR at least."""
+    """The smallest size in CDR, in bytes."""
 
 
 Shape: TypeAlias = Primitive | Bytes | Sequence | Optional | Dict | Wrapped | Json | Message
 
 
 def least(shape: Shape) -> int:
-    """How many bytes a value takes in CDR at least."""
+    """The smallest size of a value in CDR, in bytes."""
     match shape:
         case Primitive(kind):
             return SIZES.get(kind, 4)
@@ -144,19 +144,19 @@ def least(shape: Shape) -> int:
 
 @dataclass(frozen=True)
 class Described:
-    """A message type as this package needs it."""
+    """A message type in the form that this package needs."""
 
     shape: Message
     schema: Schema
-    """In the form of `bus.MessageSchema.description`, of what ROS 2 can describe only."""
+    """In the form of `bus.MessageSchema.description`, with types that ROS 2 can describe only."""
     as_json: tuple[str, ...]
     """The fields that are JSON in ROS 2: `local/msg/Wheel.extra`."""
 
 
 def describe(description: Mapping[str, Any]) -> Described:
-    """The type that a schema describes, which `bus.types.schema.build` has found to be well-formed.
+    """The type of a schema; the caller has checked the schema with `bus.types.schema.build`.
 
-    Raises ConfigurationError for what neither ROS 2's bag files nor this package have: a `wstring`.
+    Raises ConfigurationError for a `wstring`, which neither ROS 2's bag files nor this package support.
     """
     describer = _Describer(description["types"])
     root = description["root"]
@@ -178,7 +178,7 @@ class _Describer:
         self.names: dict[str, str] = {}
         self.made: dict[str, Any] = {}
         self.as_json: list[str] = []
-        # Names that are right stay; others make way for them.
+        # Names that are valid in ROS 2 stay; other names must differ from them.
         self._taken = {name for name in types if _ros_name(name) == name}
 
     def message(self, name: str) -> Message:
@@ -205,7 +205,7 @@ class _Describer:
                 names.add(field_name)
             part, node = self._field(_Place(name, one["name"], ros_name, field_name), one["type"])
             if shape.is_array and isinstance(part, Optional):
-                part = Optional(part.item, can_be_absent=False)  # an array has no gaps
+                part = Optional(part.item, can_be_absent=False)  # every field of an array has a value
             shape.keys.append(one.get("key", one["name"]))
             shape.shapes.append(part)
             shape.leaves += part.leaves if isinstance(part, Message) else 1
@@ -215,7 +215,7 @@ class _Describer:
         return shape
 
     def _field(self, place: "_Place", node: Node) -> tuple[Shape, Node]:
-        """How a field of this type is encoded, and its type in ROS 2."""
+        """The encoding of a field of this type, and its type in ROS 2."""
         match node:
             case str() if "/" in node:
                 return self.message(node), self.names[node]
@@ -263,7 +263,7 @@ class _Describer:
         return Json(node), JSON
 
     def _element(self, place: "_Place", node: Node) -> tuple[Shape, Node]:
-        """As `_field`, of what is in a sequence: in ROS 2 that is no sequence itself."""
+        """As `_field`, for an element of a sequence: in ROS 2 it can't be a sequence itself."""
         shape, ros = self._field(place, node)
         if ros in ("uint8[]", "byte[]") or (isinstance(ros, list) and ros[0] in ("list", "bytes")):
             name = self._unique(f"{place.ros_type}{_camel(place.ros_field)}Item")
@@ -290,7 +290,7 @@ class _Describer:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a type stands: the type and the field as they are called here, and in ROS 2."""
+    """The location of a type: its message type and field, by the names on the bus and in ROS 2."""
 
     type: str
     field: str
@@ -299,7 +299,7 @@ class _Place:
 
 
 def _bounds(least: int, most: int | None) -> tuple[int, int] | None:
-    """Those that ROS 2 has: exactly, or at most. None: any number."""
+    """Bounds that ROS 2 can express: exactly, or at most. None: any number."""
     if not most:
         return None
     return (most, most) if least == most else (0, most)
@@ -322,7 +322,7 @@ def _ros_name(name: str) -> str:
 
 
 def _field_name(name: str) -> str:
-    """`cameraInfo` and `_camera__info` as `camera_info`."""
+    """A name in ROS 2's style: `camera_info` for `cameraInfo` and `_camera__info`."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", _ascii(name)).lower()
     words = "_".join(filter(None, re.split(r"[^a-z0-9]+", words)))
     return words if words[:1].isalpha() else f"field_{words}" if words else "field"

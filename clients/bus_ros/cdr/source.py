@@ -1,7 +1,7 @@
-"""Lines of Python that are made for one type, and the objects that they use.
+"""Generated Python source for one type, and the objects that it uses.
 
-Owns: what is written where it stands, and what gets a function of its own. No name of a type or a field gets
-into the source: they come from other processes.
+Owns: the choice between inline code and a separate function. No name of a type or a field gets into the
+source, because these names come from other processes.
 """
 
 from typing import Any, Final
@@ -13,18 +13,18 @@ __all__ = ["Source"]
 _MOST_INLINE: Final = 32
 _MOST_LINES: Final = 4000
 _MOST_LOOPS: Final = 6
-"""Beyond these a message in a message gets a function of its own: Python has its limits, too."""
+"""With more nested loops, a nested message gets its own function, because Python limits nesting."""
 
 
 class Source:
-    """Functions in the making. Each is written to the end before another one goes on."""
+    """Functions being generated. Each is finished before the outer one continues."""
 
     def __init__(self, **names: Any) -> None:
         self.names: dict[str, Any] = names
         self.functions: dict[Shape, str] = {}
-        """Those that have been written for a shape, by their names."""
+        """The names of the functions written so far, by shape."""
         self.loops = 0
-        """How many are around what is written next."""
+        """The number of loops around the next line."""
         self._length = 0
         self._done: list[str] = []
         self._open: list[list[str]] = []
@@ -37,14 +37,14 @@ class Source:
         self._length += 1
 
     def first(self, text: str) -> None:
-        """A line at the beginning of the function that is being written."""
+        """Insert a line at the beginning of the current function."""
         self._open[-1].insert(1, f" {text}")
 
     def indent(self, by: int = 1) -> None:
         self._indents[-1] += by
 
     def begin(self, head: str) -> None:
-        """A function; the one that was being written goes on when this one has come to its end."""
+        """Begin a function; the outer one continues at `end`."""
         self._open.append([f"{head}:"])
         self._indents.append(1)
         self._outer_loops.append(self.loops)
@@ -56,7 +56,7 @@ class Source:
         self.loops = self._outer_loops.pop()
 
     def has_room(self, shape: Shape) -> bool:
-        """Whether a value of this shape is written where it stands, and not by a function of its own."""
+        """Whether the code for a value of this shape is written inline, not as a separate function."""
         if isinstance(shape, Message) and (shape.leaves > _MOST_INLINE or self._length > _MOST_LINES):
             return False
         return self.loops < _MOST_LOOPS or isinstance(shape, Primitive | Bytes | Json)
@@ -66,12 +66,12 @@ class Source:
         return f"v{self._count}"
 
     def constant(self, value: Any) -> str:
-        """The name under which the functions know an object."""
+        """The name of an object in the functions."""
         self._count += 1
         self.names[f"c{self._count}"] = value
         return f"c{self._count}"
 
     def compile(self, about: str) -> dict[str, Any]:
-        """The functions by their names."""
+        """Compile the functions; returns them by name."""
         exec(compile("\n".join(self._done), f"<cdr: {about}>", "exec"), self.names)
         return self.names
