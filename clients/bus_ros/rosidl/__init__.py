@@ -1,17 +1,17 @@
-"""Message classes as ROS 2's Python has them, made of definitions: `std_msgs.msg.String` of a program.
+"""Message classes with the interface of ROS 2's Python, made from definitions: `std_msgs.msg.String`.
 
-They are no native classes (those of bus.msg) but the same on the bus: name, hash and bytes. This package is
+They are not the native classes (of bus.msg), but equal on the bus: same name, hash and bytes. This package is
 below the facade of rclpy and above the type support; it must not know topics or nodes.
 
-    definition (bus.types) --> `classes.py` --+-- `fields.py`, `numbers.py`  checks of what is assigned
+    definition (bus.types) --> `classes.py` --+-- `fields.py`, `numbers.py`  checks of assigned values
                                               +-- `message.py`               repr, comparison
                                               +-- `support.py` --> `wire.py` bytes, by the native class
 
 Invariants:
 
-- A class, its attributes, errors and `repr` look as if rosidl had made them.
-- The bytes are those of the native class of the same name, so programs of both kinds match.
-- Source is compiled only from definitions, whose grammar allows plain identifiers only.
+- A class, its attributes, errors and `repr` look the same as classes that rosidl generates.
+- The bytes equal the bytes of the native class of the same name, so programs of both kinds match.
+- Source is compiled only from definitions. Their grammar allows only plain identifiers.
 
 Read first: `classes.py`. Tests: `tests/unit/bus_ros/rosidl/`, `tests/system/test_rosidl_topics.py`.
 """

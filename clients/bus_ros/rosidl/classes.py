@@ -1,7 +1,7 @@
-"""The rosidl-style classes of messages, services and actions, made of their definitions when first asked for.
+"""The rosidl-style classes of messages, services and actions, made from their definitions at first use.
 
-Owns: one class per name, its constructor and setters, which are compiled as dataclasses does it, how its
-messages are copied and pickled, and the way to its TypeSupport. Must not know: the wire, import hooks.
+Owns: one class for each name, its constructor and setters (compiled from source, as dataclasses does),
+copying and pickling of messages, and the way to its TypeSupport. Must not know: the wire, import hooks.
 
     >>> message_class("std_msgs/msg/String")(data="hi")
     std_msgs.msg.String(data='hi')
@@ -23,7 +23,7 @@ from bus_ros.rosidl.message import RosMessage
 
 __all__ = ["action_class", "message_class", "module_of", "service_class"]
 
-# Classes may be asked for in several threads, and each must be made once.
+# Several threads may ask for a class at once, but each class must be made only once.
 _lock: Final = RLock()
 _classes: Final[dict[str, type[RosMessage]]] = {}
 _wholes: Final[dict[str, type]] = {}
@@ -33,7 +33,7 @@ _open: Final[list[str]] = []
 def message_class(name: str) -> type[RosMessage]:
     """The class of `std_msgs/msg/String`, or of a part: `std_srvs/srv/SetBool_Request`.
 
-    Raises ConfigurationError where there is no such definition, or a malformed one.
+    Raises ConfigurationError if the definition is missing or malformed.
     """
     made = _classes.get(name)
     if made is None:
@@ -49,13 +49,14 @@ def message_class(name: str) -> type[RosMessage]:
 
 
 def service_class(name: str) -> type:
-    """The class of `std_srvs/srv/SetBool`, which holds its `Request` and `Response`; errors as above."""
+    """The class of `std_srvs/srv/SetBool`, with its `Request` and `Response`; errors as above."""
     return _whole(name, "srv", "Service", _ServiceType)
 
 
 def action_class(name: str) -> type:
-    """The class of `example_interfaces/action/Fibonacci`: `Goal`, `Result`, `Feedback`, and `Impl`, which has
-    the services and messages that carry them; errors as above.
+    """The class of `example_interfaces/action/Fibonacci`; errors as above.
+
+    It has `Goal`, `Result`, `Feedback`, and `Impl` with the services and messages that carry them.
     """
     return _whole(name, "action", "Action", _ActionType)
 
@@ -66,7 +67,7 @@ class _ServiceType(type):
     __type_name__: str
 
     def __getattr__(cls, name: str) -> Any:
-        """The two messages of a service that is described already: most are never used."""
+        """The request or response class of a described service, made on access: most are never used."""
         if name not in PARTS["srv"] or "__described__" not in vars(cls):
             raise AttributeError(f"type object '{cls.__name__}' has no attribute '{name}'")
         made = message_class(f"{cls.__type_name__}_{name}")
@@ -75,7 +76,7 @@ class _ServiceType(type):
 
     @property
     def Event(cls) -> type[RosMessage]:
-        """What is told of its requests and answers; made when it is first asked for."""
+        """The class of the service's introspection events; made at its first use."""
         return message_class(f"{cls.__type_name__}_Event")
 
 
@@ -86,7 +87,7 @@ class _ActionType(type):
 
     @property
     def Impl(cls) -> type:
-        """Made when it is first asked for: most programs that import an action's package don't."""
+        """Made at its first use: most programs that import an action's package do not use it."""
         made = _wholes.get(f"{cls.__type_name__}_Impl")
         if made is None:
             made = _impl(cls.__type_name__)
@@ -182,17 +183,17 @@ def _make(name: str) -> type[RosMessage]:
 
 
 def _type_support(cls: type[RosMessage]) -> object:
-    """For `bus.types.support.type_support`."""
-    # Most messages are only made and read, so what the wire needs isn't imported before.
+    """The `__type_support__` method for `bus.types.support.type_support`."""
+    # Most messages are only made and read, so the modules for the wire are not imported earlier.
     from bus_ros.rosidl.support import support_of
 
-    generated: Any = cls.__generated__  # whose instances can't be hashed; it can be
+    generated: Any = cls.__generated__  # hashable, also if `cls` is not
     return support_of(generated)
 
 
 def _reduce(self: RosMessage) -> tuple[object, ...]:
     cls = type(self)
-    # By its name: its module can be imported only where the import hook is installed.
+    # A class is pickled by its name: its module can be imported only if the import hook is installed.
     which = cls.__type_name__ if cls is cls.__generated__ else cls
     values = tuple(getattr(self, f"_{field.name}") for field in self.__definition__.fields)
     return _again, (which, values), getattr(self, "__dict__", None) or None
@@ -212,7 +213,7 @@ def _functions(
     nested: dict[str, type[RosMessage]],
     checks: dict[str, fields.Check],
 ) -> dict[str, Any]:
-    """`__init__`, and a setter for each field."""
+    """Compile `__init__`, and a setter for each field."""
     is_checked = os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0"
     names: dict[str, Any] = {"known": frozenset(field.name for field in members), "strange": _strange}
     setters: list[str] = []
@@ -250,11 +251,11 @@ def _strange(given: Mapping[str, object], known: frozenset[str]) -> None:
 
 
 def _ignored(given: Mapping[str, object], known: frozenset[str]) -> None:
-    """Nothing is checked."""
+    """Accept unknown fields: nothing is checked."""
 
 
 def _doubt(type_: Type, names: dict[str, object], nested: type[RosMessage] | None) -> str:
-    """A condition under which a value has to be looked at more closely."""
+    """A condition for the full check of a value."""
     if type_.array or type_.base == "byte" or type_.string_bound is not None:
         return "True"
     if nested is not None:
@@ -271,7 +272,7 @@ def _doubt(type_: Type, names: dict[str, object], nested: type[RosMessage] | Non
 
 
 def _default(index: int, field: Field, nested: type[RosMessage] | None, names: dict[str, object]) -> str:
-    """An expression for the value of a field that was not set."""
+    """An expression for the default of a field."""
     type_, name = field.type, f"default{index}"
     if nested is not None:
         names[name] = nested
@@ -295,7 +296,7 @@ def _numbers(type_: Type, default: tuple[float, ...] | None) -> Callable[[], obj
     code, values = numbers.CODES[type_.base], list(default or ())
     if type_.array != "fixed":
         return lambda: numbers.sequence(code, values)
-    # Not before such a message is made: it takes numpy.
+    # Not before the first such message is made: it needs numpy.
     zeros = values or [0] * type_.size
     return lambda: numbers.fixed(code)(zeros)
 

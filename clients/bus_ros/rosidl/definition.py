@@ -1,6 +1,6 @@
 """The types of fields as values, for `SLOT_TYPES`; programs import it as `rosidl_parser.definition`.
 
-Owns: the classes that programs ask with `isinstance`, and their attributes. Must not know: message classes.
+Owns: the classes that programs use with `isinstance`, and their attributes. Must not know: message classes.
 """
 
 from typing import Final
@@ -46,7 +46,7 @@ BASIC_TYPES: Final = (*INTEGER_TYPES, *FLOATING_POINT_TYPES, *CHARACTER_TYPES, B
 
 
 class AbstractType:
-    """Base of all; equal to another of its class with the same attributes."""
+    """Base of all types; equal to another object of its class with the same attributes."""
 
     __slots__ = ()
 
@@ -65,13 +65,13 @@ class AbstractType:
 
 
 class AbstractNestableType(AbstractType):
-    """What can be the element of an array or a sequence."""
+    """A type that can be the element of an array or a sequence."""
 
     __slots__ = ()
 
 
 class BasicType(AbstractNestableType):
-    """A number, a boolean or an octet; `typename` is IDL's: `double`, `boolean`, `octet`, `uint8`."""
+    """A number, a boolean or an octet; `typename` is IDL's name: `double`, `boolean`, `octet`, `uint8`."""
 
     __slots__ = ("typename",)
 
@@ -157,7 +157,7 @@ class BoundedWString(AbstractWString):
 
 
 class AbstractNestedType(AbstractType):
-    """Several values of one type, which is `value_type`."""
+    """Several values of one type, `value_type`."""
 
     __slots__ = ("value_type",)
 

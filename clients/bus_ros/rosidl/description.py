@@ -1,6 +1,6 @@
-"""A definition as a message type_description_interfaces/msg/TypeDescription, which other nodes may ask for.
+"""A definition as a type_description_interfaces/msg/TypeDescription, which other nodes can request.
 
-Owns what stands in that message. Must not know nodes or services.
+Owns the content of that message. Must not know nodes or services.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ __all__ = ["describe", "service_hash", "sources_of"]
 
 _PACKAGE: Final = "type_description_interfaces/msg"
 _NAMES: Final = {"bool": "BOOLEAN", "float32": "FLOAT", "float64": "DOUBLE", "char": "UINT8"}
-"""Of FIELD_TYPE_..., where that is not its upper case; rosidl makes a char of a .msg file a uint8."""
+"""FIELD_TYPE_ names that differ from the type's upper case; rosidl makes a .msg file's char a uint8."""
 _SUFFIXES: Final = {
     "": "",
     "fixed": "_ARRAY",
@@ -29,7 +29,7 @@ _UINT8: Final = Type("uint8")
 
 
 def describe(name: str) -> Any:
-    """The TypeDescription of a message. Raises ConfigurationError where it has no definition."""
+    """The TypeDescription of a message. Raises ConfigurationError if it has no definition."""
     first, *others = _with_nested(name)
     return _made(
         "TypeDescription",
@@ -56,7 +56,7 @@ def sources_of(name: str) -> list[Any]:
 def service_hash(name: str) -> str:
     """ROS 2's hash of a service: over its request, its response and its event.
 
-    Raises ConfigurationError where it has no definition.
+    Raises ConfigurationError if it has no definition.
     """
     parts = {f"{part}_message": f"{name}_{part.capitalize()}" for part in ("request", "response", "event")}
     types: dict[str, Any] = {}
@@ -67,7 +67,7 @@ def service_hash(name: str) -> str:
 
 
 def _with_nested(name: str) -> list[Message]:
-    """The message itself first."""
+    """The message, followed by its nested messages."""
     found: dict[str, Message] = {}
 
     def add(name: str) -> None:
@@ -106,7 +106,7 @@ def _field_type(field: Field) -> Any:
 
 
 def _as_rosidl(field: Field, value: Any) -> Any:
-    """A byte is a number there."""
+    """A default value as rosidl has it: a byte is a number."""
     if isinstance(value, tuple):
         return tuple(_as_rosidl(field, one) for one in value)
     return value[0] if isinstance(value, bytes) else value

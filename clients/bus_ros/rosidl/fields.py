@@ -1,8 +1,8 @@
 """Fields of messages: their types as texts and as values, and the checks of assignments.
 
-Owns: the assertions and their texts, which are rosidl's, and what is stored for a value. An integer is no
-float, as in ROS; a scalar of numpy counts as the Python value that it stands for. Must not know: how classes
-are made, the wire.
+Owns: the assertions, with rosidl's texts, and the stored form of a value. An integer is not a float, as in
+ROS; a scalar of numpy counts as the Python value of the same type. Must not know: the making of classes, the
+wire.
 """
 
 from array import array
@@ -17,11 +17,12 @@ from bus_ros.rosidl import definition, numbers
 __all__ = ["FLOAT32_MOST", "Check", "checker", "is_numeric", "loose", "slot_type", "type_text"]
 
 Check: TypeAlias = Callable[[object], object]
-"""Takes what is assigned, returns what is stored; raises AssertionError."""
+"""Takes the assigned value, returns the value to store; raises AssertionError."""
 
 FLOAT32_MOST: Final = 3.4028234663852886e38
 _FLOAT32_TEXT: Final = 3.402823466e38
-"""As rosidl has it, which refuses the greatest numbers of single precision; here they are right."""
+"""The bound in rosidl's text. rosidl refuses the greatest numbers of single precision; here they are valid.
+"""
 _FLOAT64_TEXT: Final = 1.7976931348623157e308
 
 _IDL_NAMES: Final = {
@@ -41,7 +42,7 @@ def is_numeric(type_: Type) -> bool:
 
 
 def type_text(type_: Type) -> str:
-    """As `get_fields_and_field_types` has it: `sequence<double>`, `geometry_msgs/Point`."""
+    """The text in `get_fields_and_field_types`: `sequence<double>`, `geometry_msgs/Point`."""
     text = _IDL_NAMES.get(type_.base, type_.base)
     if "/" in text:
         text = f"{text.split('/')[0]}/{text.split('/')[-1]}"
@@ -58,7 +59,7 @@ def type_text(type_: Type) -> str:
 
 
 def slot_type(type_: Type) -> definition.AbstractType:
-    """As `SLOT_TYPES` has it."""
+    """The value in `SLOT_TYPES`."""
     element: definition.AbstractNestableType
     if "/" in type_.base:
         *namespaces, name = type_.base.split("/")
@@ -82,7 +83,7 @@ def slot_type(type_: Type) -> definition.AbstractType:
 
 
 def loose(type_: Type) -> Callable[[Any], object] | None:
-    """The conversion of a value where nothing is checked, or None if there is none."""
+    """The conversion of a value if nothing is checked; None if there is none."""
     if not is_numeric(type_):
         return None
     code = numbers.CODES[type_.base]
@@ -92,7 +93,7 @@ def loose(type_: Type) -> Callable[[Any], object] | None:
 
 
 def checker(field: Field, message_class: type | None) -> Check:
-    """The check of one field; `message_class` is that of the messages in it."""
+    """The check of one field; `message_class` is the class of the messages in it."""
     type_ = field.type
     expected = message_class or _class_of(type_.base)
     if not type_.array:
@@ -172,7 +173,7 @@ def _float32(begin: str) -> Check:
 
 
 def _several(name: str, type_: Type, expected: type) -> Check:
-    """Of texts, booleans, octets or messages: a list, or whatever sequence was given."""
+    """The check for several texts, booleans, octets or messages: stores a list, or the given sequence."""
     text = _text(name, type_, expected)
     only, of_class = frozenset((expected,)), _OCTETS if expected is bytes else expected
 
@@ -195,7 +196,7 @@ def _several(name: str, type_: Type, expected: type) -> Check:
 
 
 def _numeric(name: str, type_: Type, expected: type) -> Check:
-    """Of numbers: an array."""
+    """The check for several numbers: stores an array."""
     text = _text(name, type_, expected)
     code = numbers.CODES[type_.base]
     only = frozenset((expected,))
@@ -216,7 +217,7 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
     def made_of(value: object) -> object:
         given: Iterable[Any]
         try:
-            if value.__class__ is list and only.issuperset(map(type, value)):  # as most are
+            if value.__class__ is list and only.issuperset(map(type, value)):  # the usual case
                 given, made = value, array(code, value)
             else:
                 made = numbers.sequence(code, given := looked_at(value))
@@ -251,7 +252,7 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
 
 
 def _has_overflowed(made: "array[float]", value: Iterable[float]) -> bool:
-    """Whether there is an infinity that was a large number before."""
+    """Whether a large finite number has become infinite."""
     return any(isinf(new) and not isinf(old) for new, old in zip(made, value, strict=False))
 
 

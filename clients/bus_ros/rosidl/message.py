@@ -1,6 +1,6 @@
-"""The base of the rosidl-style message classes: all that does not depend on their fields.
+"""The base of the rosidl-style message classes: everything that does not depend on their fields.
 
-Owns: how a message is printed and compared. Must not know: how classes are made, and messages of them anew
+Owns: printing and comparison of messages. Must not know: making classes, copying messages
 (`bus_ros.rosidl.classes`), topics.
 """
 
@@ -14,7 +14,7 @@ __all__ = ["RosMessage"]
 
 
 class _SlotTypes:
-    """`SLOT_TYPES`, made when asked for: few programs do."""
+    """`SLOT_TYPES`, made on access: few programs use it."""
 
     def __get__(self, instance: object, owner: "type[RosMessage]") -> tuple[definition.AbstractType, ...]:
         return tuple(fields.slot_type(field.type) for field in owner.__definition__.fields)
@@ -23,7 +23,7 @@ class _SlotTypes:
 class RosMessage:
     """A message as rosidl generates it: one property per field, all keyword arguments optional.
 
-    Assigning what a field can't hold raises AssertionError, unless ROS_PYTHON_CHECK_FIELDS is 0.
+    Assigning an invalid value raises AssertionError, unless ROS_PYTHON_CHECK_FIELDS is 0.
     """
 
     __slots__: ClassVar[tuple[str, ...]] = ()
@@ -33,7 +33,7 @@ class RosMessage:
     __nested__: ClassVar["dict[str, type[RosMessage]]"]
     """The classes of the fields that hold messages."""
     __generated__: ClassVar["type[RosMessage]"]
-    """This class, and for a class derived from it the one that was made of the definition."""
+    """The class made from the definition: this class, or the base that a program's class derives from."""
     __checks__: ClassVar[dict[str, fields.Check]]
 
     _fields_and_field_types: ClassVar[dict[str, str]]

@@ -1,7 +1,7 @@
-"""Arrays of numbers as rosidl has them: sequences are array.array, arrays of a fixed size are numpy's.
+"""Arrays of numbers as in rosidl: sequences are array.array, arrays of a fixed size are numpy's.
 
-Owns: type codes, conversion, and numpy, which is imported when the first array of a fixed size is made, and
-whose place array.array takes where it isn't installed. Must not know: fields, messages.
+Owns: type codes, conversion, and numpy. numpy is imported when the first array of a fixed size is made; if it
+is not installed, array.array replaces it. Must not know: fields, messages.
 """
 
 import sys
@@ -26,11 +26,11 @@ CODES: Final = {
     "float32": "f",
     "float64": "d",
 }
-"""Type code of array.array for each type of a definition that is a number."""
+"""Type code of array.array for each numeric type of definitions."""
 
 
 class Dtype(Protocol):
-    """numpy.dtype, as far as it is used here."""
+    """The used part of numpy.dtype."""
 
     char: str
     isnative: bool
@@ -39,7 +39,7 @@ class Dtype(Protocol):
 
 
 class NumpyArray(Protocol):
-    """numpy.ndarray, as far as it is used here."""
+    """The used part of numpy.ndarray."""
 
     dtype: Dtype
     ndim: int
@@ -52,7 +52,7 @@ class NumpyArray(Protocol):
 
 
 class Numpy(Protocol):
-    """The module numpy, as far as it is used here."""
+    """The used part of the module numpy."""
 
     def dtype(self, code: str) -> Dtype: ...
     def array(self, values: object, dtype: Dtype) -> NumpyArray: ...
@@ -61,7 +61,7 @@ class Numpy(Protocol):
 
 @cache
 def numpy() -> Numpy | None:
-    """The module, or None where it isn't installed."""
+    """The module, or None if it isn't installed."""
     try:
         return cast(Numpy, import_module("numpy"))
     except ImportError:
@@ -79,14 +79,14 @@ class _Scalar(Protocol):
 
 
 def plain(value: object) -> object:
-    """Python's own for a scalar of numpy, any other value as it is."""
+    """The Python value of a numpy scalar; any other value as it is."""
     generic: type[_Scalar] | tuple[()] = getattr(sys.modules.get("numpy"), "generic", ())
     # A double of numpy is a float already.
     return value.item() if isinstance(value, generic) and not isinstance(value, float) else value
 
 
 def sequence(code: str, value: Iterable[float]) -> "array[float]":
-    """An array.array with the values of `value`. Raises TypeError or OverflowError for others."""
+    """An array.array with the values of `value`. Raises TypeError or OverflowError for invalid values."""
     if is_array(value):
         value = value.ravel()
         if value.dtype.isnative and (value.dtype.char == code or value.dtype == code):
@@ -105,7 +105,7 @@ def _from_bytes(code: str, data: bytes | memoryview) -> "array[float]":
 
 @cache
 def fixed(code: str) -> Callable[[Iterable[float]], Iterable[float]]:
-    """A function that makes an array of a fixed size of what `sequence` takes, or of bytes."""
+    """A function that makes an array of a fixed size from bytes, or from any values that `sequence` takes."""
     module = numpy()
     if module is None:
         return lambda values: sequence(code, values)
@@ -118,13 +118,13 @@ def fixed(code: str) -> Callable[[Iterable[float]], Iterable[float]]:
 
 @cache
 def octets() -> Callable[[bytearray], Iterable[float]]:
-    """A native function that makes an array of a fixed size of bytes, which it keeps."""
+    """A native function that makes an array of a fixed size from bytes, and keeps them."""
     module = numpy()
     return partial(array, "B") if module is None else partial(module.frombuffer, dtype=module.dtype("B"))
 
 
 def same(first: object, second: object) -> bool:
-    """Whether two values of a field are equal; arrays of numpy have no truth value of their own."""
+    """Whether two values of a field are equal; arrays of numpy have no truth value."""
     if is_array(first) or is_array(second):
         return bool(_listed(first) == _listed(second))
     return bool(first == second)

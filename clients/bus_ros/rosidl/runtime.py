@@ -1,6 +1,6 @@
 """Messages as plain values and back, and classes by their names; programs import it as `rosidl_runtime_py`.
 
-Owns: the conversions. Must not know: how classes are made, topics.
+Owns: the conversions. Must not know: the making of classes, topics.
 """
 
 import sys
@@ -36,8 +36,8 @@ _Stamp: TypeAlias = Callable[[RosMessage], None]
 def get_interface(identifier: str) -> type:
     """The class of `std_msgs/msg/String`, `std_srvs/srv/SetBool` or `example_interfaces/action/Fibonacci`.
 
-    Raises ValueError for what is no such name, ModuleNotFoundError for an unknown package, AttributeError for
-    an unknown type, ConfigurationError for a malformed definition.
+    Raises ValueError for an invalid name, ModuleNotFoundError for an unknown package, AttributeError for an
+    unknown type, ConfigurationError for a malformed definition.
     """
     name = full_name(identifier)
     if name.count("/") != 2 or not all(name.split("/")):
@@ -76,8 +76,8 @@ def message_to_ordereddict(
 ) -> "OrderedDict[str, Any]":
     """The fields of a message as plain values.
 
-    Texts and arrays are cut after `truncate_length` characters or elements; `no_arr` and `no_str` say only
-    what would be there.
+    Texts and arrays are cut after `truncate_length` characters or elements. `no_arr` and `no_str` replace the
+    values by a description.
     """
     if isinstance(msg, bytes):
         return OrderedDict(bytes=msg)
@@ -133,8 +133,8 @@ def set_message_fields(
 ) -> list[_Stamp]:
     """Set the fields of a message from plain values, nested ones too.
 
-    Returns what sets the stamps that are to be filled in later: a Header given as `auto`, a Time as `now`;
-    each is a function of one Time. Raises TypeError for what is no dictionary, AttributeError for an unknown
+    Returns setters for stamps to be filled in later: a Header given as `auto`, a Time given as `now`. Each is
+    a function of one Time. Raises TypeError for a value that is no dictionary, AttributeError for an unknown
     field, AssertionError or ValueError for a wrong value.
     """
     stamps: list[_Stamp] = []
@@ -171,7 +171,7 @@ def _made(cls: type[RosMessage], value: object, stamps: list[_Stamp], auto: bool
 
 
 def _as_type_of(current: object, value: Any) -> object:
-    """A value for a field that now holds `current`: a whole number may stand for a float."""
+    """A value for a field that now holds `current`: a whole number is converted for a float field."""
     if isinstance(current, array):
         return value if isinstance(value, array) else numbers.sequence(current.typecode, value)
     if numbers.is_array(current):
@@ -183,7 +183,7 @@ def _as_type_of(current: object, value: Any) -> object:
     if isinstance(current, bytes) and isinstance(value, int):
         return bytes((value,))
     if isinstance(current, bool | bytes):
-        return value  # a text is no truth value: the setter says so
+        return value  # a text is not a truth value: the setter reports it
     of: Callable[[object], object] = type(current)
     return of(value)
 

@@ -24,8 +24,8 @@ __all__ = ["RosTypeSupport", "support_of"]
 class RosTypeSupport(TypeSupport[Any]):
     """Everything about one rosidl-style class; get it from `bus.types.support.type_support(cls)`.
 
-    Setters have checked all that was assigned, so `is_valid` says True, and `encode` finds what has been put
-    into lists meanwhile. Where setters check nothing, `is_valid` decodes what would be sent.
+    Setters have checked all assigned values, so `is_valid` returns True, and `encode` finds values put into
+    lists later. If setters check nothing, `is_valid` encodes the message and decodes the result.
     """
 
     def __init__(self, cls: type[RosMessage]) -> None:
@@ -40,9 +40,9 @@ class RosTypeSupport(TypeSupport[Any]):
         self.name = cls.__type_name__
         self.hash, self.description = hash_and_description(native)
         self.encode, self.decode = codec(cls, native)
-        if self.plan is not None:  # which does it in half the time
+        if self.plan is not None:  # the plan decodes in half the time
             self.plan.decode_slowly, self.decode = self.decode, self.plan.decode
-        # A message without a method of its own for that is always true, and this is a function of C.
+        # True for a message without its own method for it; this function is in C.
         self.is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
 
     @cached_property
@@ -70,12 +70,12 @@ class RosTypeSupport(TypeSupport[Any]):
 
 @cache
 def support_of(cls: type[RosMessage]) -> RosTypeSupport:
-    """That of a class that was made of a definition."""
+    """The support of a class that was made from a definition."""
     return RosTypeSupport(cls)
 
 
 def _kinds(cls: type[RosMessage]) -> Iterator[tuple[type, type]]:
-    """The native classes of this class and of those within it, each with its own."""
+    """The native classes of this class and of its nested ones, each with the class it belongs to."""
     yield native_class(cls.__type_name__), cls
     for nested in cls.__nested__.values():
         yield from _kinds(nested)

@@ -1,11 +1,11 @@
-"""How messages of rosidl's classes become the bytes of the native classes of the same name, and back.
+"""Conversion of rosidl-style messages to the bytes of the native classes of the same name, and back.
 
-Owns: the source text of two functions per class, compiled as dataclasses does it. Their names come from
-definitions, whose grammar lets nothing but plain identifiers pass. Must not know: the checks of what is
-assigned, topics.
+Owns: the source text of two functions per class, compiled as dataclasses does it. The names in it come from
+definitions. Their grammar allows only plain identifiers. Must not know: the checks of assigned values,
+topics.
 
-`encode` builds the message as nested tuples, for one call of the encoder; `decode` lets msgspec check and
-decode the native class, and copies its fields into an object that no constructor has seen.
+`encode` builds the message as nested tuples, for one call of the encoder. `decode` lets msgspec check and
+decode the native class, and copies the fields into a new object without calling a constructor.
 """
 
 from array import array
@@ -31,8 +31,7 @@ def codec(
 ) -> tuple[Callable[[RosMessage], bytes], Callable[[bytes | bytearray | memoryview], RosMessage]]:
     """The functions `encode` and `decode` of a class that `bus_ros.rosidl.classes` made.
 
-    `encode` raises for contents that have become wrong since they were assigned, `decode` raises
-    msgspec.DecodeError.
+    `encode` raises if a content has become wrong after its assignment; `decode` raises msgspec.DecodeError.
     """
     source = _Source()
     expression = source.encoded(cls, "m")
@@ -48,7 +47,7 @@ def codec(
 
 
 def _as_plain(value: object) -> object:
-    """Subclasses of the plain types, as the scalars of numpy are."""
+    """Convert instances of subclasses of the plain types, such as scalars of numpy."""
     for kind in (float, int, str):
         if isinstance(value, kind):
             return kind.__str__(value) if kind is str else kind(value)
@@ -59,7 +58,7 @@ _pack: Final = msgspec.msgpack.Encoder(enc_hook=_as_plain).encode
 
 
 class _Source:
-    """Lines of functions, and the names that they use."""
+    """Lines of generated functions, and the names that they use."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -81,7 +80,7 @@ class _Source:
         self.lines.append(" " * indent + line)
 
     def encoded(self, cls: type[RosMessage], value: str) -> str:
-        """An expression for the fields of the object that the expression `value` gives."""
+        """An expression for the fields of the object that the expression `value` returns."""
         parts = [self._part(cls, field, f"{value}._{field.name}") for field in cls.__definition__.fields]
         return f"({', '.join(parts)}{',' * (len(parts) == 1)})"
 
@@ -109,7 +108,7 @@ class _Source:
         return f"several({value}, {kind}{limit or ', None'}, {is_fixed})"
 
     def made(self, cls: type[RosMessage], name: str, native: str) -> None:
-        """Lines that make the object `name` of the native one."""
+        """Write the lines that make the object `name` from the native object."""
         self.add(1, f"{name} = new({self._name(cls)})")
         for field in cls.__definition__.fields:
             value, nested = f"{native}.{field.name}", cls.__nested__.get(field.name)
@@ -141,14 +140,14 @@ class _Source:
         return f"array({code!r}, {value})"
 
     def _maker(self, cls: type) -> str:
-        """The name of a function that makes an object of a native one."""
+        """The name of a function that makes an object from a native one."""
         if cls not in self._makers:
             outer, self.lines = self.lines, []
             name = self._makers[cls] = self._variable()
             self.add(0, f"def {name}(n):")
             self.made(cls, "m", "n")
             self.add(1, "return m")
-            # In front of the function that is being written; what this one uses is in front of it already.
+            # It goes in front of the current function, and behind the functions that it uses.
             self.lines += outer
         return self._makers[cls]
 
