@@ -1,8 +1,7 @@
-"""rclpy on the bus: what programs written for ROS 2's Python client library import as `rclpy`.
+"""rclpy on the bus: the modules that programs written for ROS 2's Python client library import as `rclpy`.
 
 Never installed under that name: `bus run` and `import bus.rclpy_compat` let programs import it. The functions
-here work on the default context and on one executor for all. Submodules are there as attributes once they are
-asked for.
+here use the default context and one executor for all. Submodules become attributes at their first use.
 
     `node.py` --> `publisher.py`, `subscription.py`, `service.py`, `client.py`, `timer.py`, `action/`
                        | an entity (`bus_ros.entity`) has a call to make: it joins the executor's line, once
@@ -13,11 +12,11 @@ asked for.
 Invariants:
 
 - User callbacks run without the guard, and never in the event loop.
-- A subscription that nobody spins keeps its `depth` newest messages and no more.
+- A subscription of a node that does not spin keeps its `depth` newest messages and no more.
 - KeyboardInterrupt is never raised while the guard is held (`signals.py`).
-- Names that are not rclpy's are private or in `impl/`; names that rclpy has in two places are in
+- Names that rclpy does not have are private or in `impl/`; names that rclpy has in two places are in
   `bus_ros.aliases`. A new name needs a row in docs/rclpy.md.
-- What `import rclpy` may import is bounded by `tests/system/test_first_message.py`.
+- `tests/system/test_first_message.py` limits the modules that `import rclpy` imports.
 
 Read first: `executors.py`, then `node.py`.
 
@@ -39,7 +38,7 @@ from time import sleep
 from types import TracebackType
 from typing import Any
 
-from bus.base import lean_asyncio  # noqa: F401 - ahead of all that imports asyncio
+from bus.base import lean_asyncio  # noqa: F401 - before any import of asyncio
 from bus.base.loading import except_hook
 from bus.process.termination import die_at_exit
 from bus_ros import aliases
@@ -73,12 +72,12 @@ aliases.install()
 
 _executor: Executor | None = None
 _ENDS = (ExternalShutdownException, ROSInterruptException)
-"""What waiting calls raise at the end of the context."""
+"""Errors that waiting calls raise at the end of the context."""
 _SOON_S = 0.001
 
 
 class InitContextManager:
-    """What `init` returns: leaving the `with` shuts down, where that has not happened."""
+    """The result of `init`: leaving the `with` shuts the context down, unless that has been done."""
 
     def __init__(self, context: Context) -> None:
         self.context = context
@@ -99,12 +98,12 @@ def init(
     domain_id: int | None = None,
     signal_handler_options: SignalHandlerOptions | None = None,
 ) -> InitContextManager:
-    """Begin, before nodes are made. `args`: the command line, by default the program's own.
+    """Initialize a context, before nodes are made. `args`: the command line, by default the program's own.
 
     With the default context, Ctrl-C raises KeyboardInterrupt out of `spin` and out of the program's own code,
-    and SIGTERM raises ExternalShutdownException out of `spin`; `signal_handler_options` says otherwise.
+    and SIGTERM raises ExternalShutdownException out of `spin`; `signal_handler_options` changes this.
 
-    Raises RuntimeError where that was done already, or for ROS arguments that can't be used.
+    Raises RuntimeError if the context is initialized already, or if ROS arguments are invalid.
     """
     is_default = context is None or context is get_default_context()
     context = context or get_default_context()
@@ -122,12 +121,12 @@ def init(
 
 
 def shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
-    """End. Raises RuntimeError where it has ended already, but for once after a signal."""
+    """Shut the context down. Raises RuntimeError if it is already; not the first time after a signal."""
     _end(context, uninstall_handlers, (context or get_default_context()).shutdown)
 
 
 def try_shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
-    """End, where that has not happened."""
+    """Shut the context down, unless it is already."""
     _end(context, uninstall_handlers, (context or get_default_context()).try_shutdown)
 
 
@@ -145,7 +144,7 @@ def create_node(  # noqa: PLR0913
     automatically_declare_parameters_from_overrides: bool = False,
     enable_logger_service: bool = False,
 ) -> Node:
-    """A `Node`."""
+    """Make a `Node`."""
     return Node(
         node_name,
         context=context,
@@ -162,7 +161,7 @@ def create_node(  # noqa: PLR0913
 
 
 def get_global_executor() -> Executor:
-    """The executor for calls that name none."""
+    """The executor for calls without one."""
     global _executor
     if _executor is None or _executor.is_shutdown:
         _executor = SingleThreadedExecutor()
@@ -191,7 +190,7 @@ def spin_until_future_complete(
 
 @contextmanager
 def _working_for(node: Node, executor: Executor) -> Iterator[Executor]:
-    """Have it work for the node; where it did so before, in a callback that spins, it goes on doing so."""
+    """Let the executor work for the node; then remove it, unless it was there before (a nested spin)."""
     if not isinstance(node, Node):
         raise TypeError(f"a node is needed here, not {node!r:.80}")
     is_new = executor.add_node(node)
@@ -216,11 +215,11 @@ def _end(context: Context | None, uninstall_handlers: bool | None, end: Any) -> 
 
 
 def _say_what_ended_it(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Ctrl-C and SIGTERM are no mistakes of the program's: it dies by the signal, without a traceback."""
+    """Let the program die by the signal, without a traceback: Ctrl-C and SIGTERM are not its mistakes."""
     number = signals.last_signal()
     if issubclass(kind, _ENDS) and number is not None:
         die_at_exit(number)
-    elif not issubclass(kind, KeyboardInterrupt):  # by which Python ends like that itself
+    elif not issubclass(kind, KeyboardInterrupt):  # Python itself handles it like that
         sys.__excepthook__(kind, error, trace)
 
 
@@ -230,12 +229,14 @@ def _say_what_ended_a_thread(end: threading.ExceptHookArgs) -> None:
 
 
 def _say_what_was_ignored(what: "sys.UnraisableHookArgs") -> None:
-    """An interrupt in the midst of a destructor would be lost; one where Python waits for its threads at the
-    end needs no word."""
+    """Raise an interrupt again that came in a destructor, where Python ignores it.
+
+    No message if it came while Python waits for its threads at the end.
+    """
     if not issubclass(what.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(what)
     elif what.object is not threading:
-        _thread.start_new_thread(_interrupt_soon, ())  # here it would be lost, too
+        _thread.start_new_thread(_interrupt_soon, ())  # raised here, Python would ignore it, too
 
 
 def _interrupt_soon() -> None:
@@ -246,12 +247,12 @@ def _interrupt_soon() -> None:
 
 @atexit.register
 def _leave() -> None:
-    """Destroy the nodes that the program has left: what they published is handed over."""
+    """Destroy the nodes that the program has left open, which also hands over their published messages."""
     with suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C does not cut this short; CLOSE_S does
     if engine := engines.current():
         engine.loop.is_interrupted = False
-    # The program's daemon threads go on; what they raise now is because of this.
+    # The program's daemon threads go on, and the destroyed nodes make them raise errors.
     threading.excepthook = lambda _: None
     for context in Context.all():
         for node in context.nodes():

@@ -1,6 +1,6 @@
-"""Which callbacks may run at the same time. Owns the groups' state; must not know executors.
+"""Callback groups: which callbacks may run at the same time. Owns the groups' state.
 
-Every method may be called from any thread.
+Must not know executors. Every method may be called from any thread.
 """
 
 from threading import Lock
@@ -18,12 +18,12 @@ class CallbackGroup:
     """
 
     is_exclusive = False
-    """A thread may make several calls of an entity in a row: no other could make one meanwhile."""
+    """A thread may make several calls of an entity in a row: no other thread could make one meanwhile."""
 
     def __init__(self) -> None:
         self.entities: WeakSet[Entity] = WeakSet()
         self.is_shared = False
-        """Entities of more than one node are in it, which may have executors in different threads."""
+        """It has entities of more than one node; their executors may run in different threads."""
         self._node: ref[Owner] | None = None
 
     def add_entity(self, entity: Entity) -> None:
@@ -42,16 +42,16 @@ class CallbackGroup:
         raise NotImplementedError
 
     def beginning_execution(self, entity: object) -> bool:
-        """Whether the entity's callback may begin; where it may, `ending_execution` must follow."""
+        """Whether the entity's callback may begin; if so, `ending_execution` must follow."""
         raise NotImplementedError
 
     def ending_execution(self, entity: object) -> None:
-        """The entity's callback has ended."""
+        """Note the end of the entity's callback."""
         raise NotImplementedError
 
 
 class ReentrantCallbackGroup(CallbackGroup):
-    """Callbacks run whenever a thread is free, one entity's alongside itself too."""
+    """Callbacks run whenever a thread is free, also several of one entity."""
 
     def can_execute(self, entity: object) -> bool:
         return True

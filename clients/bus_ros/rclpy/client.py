@@ -1,4 +1,4 @@
-"""Clients of the facade: a native one, whose answers complete futures."""
+"""Clients of the facade: a native client, and futures that its answers complete."""
 
 from collections import deque
 from contextlib import suppress
@@ -23,7 +23,7 @@ class Client(Entity, Introspected, Destroyable):
     """Made by `Node.create_client`."""
 
     native: "ServiceClient"
-    """Set by the node as soon as it is made."""
+    """Set by the node right after it is made."""
 
     def __init__(
         self,
@@ -42,11 +42,11 @@ class Client(Entity, Introspected, Destroyable):
         self._answers: deque[tuple[Future[Any], object, int]] = deque()
         self._callers: list[Waiter] = []  # threads in `call`
         super().__init__(node, callback_group)
-        self.held_group = None  # an answer calls no callback, and one of the group may await it
+        self.held_group = None  # an answer calls no callback, and a callback of the group may await it
 
     @property
     def logger_name(self) -> str:
-        """Of its node."""
+        """The logger name of its node."""
         return str(self.node.get_logger().name)
 
     @property
@@ -54,9 +54,10 @@ class Client(Entity, Introspected, Destroyable):
         return self.native.service_name
 
     def call(self, request: object, timeout_sec: float | None = None) -> Any:
-        """Call the service and wait for the answer; None where `timeout_sec` is over first.
+        """Call the service and wait for the answer; None if `timeout_sec` is over first.
 
-        Others may spin or not. Raises TypeError for what is no request, and what the service raised.
+        Works with or without a spinning thread. Raises TypeError if `request` is not a request of the
+        service, and the error of the service.
         """
         future = self.call_async(request)
         engine = self._engine
@@ -68,7 +69,7 @@ class Client(Entity, Introspected, Destroyable):
         try:
             while not future.done():
                 with engine.loop:
-                    waiter.is_set = not self.node.context.ok()  # ended before it knew of us?
+                    waiter.is_set = not self.node.context.ok()  # the end may have come before `wake_at_end`
                     is_over = not self._answers and not waiter.wait(deadline_ns)
                     work = self.take(1)
                 if work is not None:
@@ -84,9 +85,10 @@ class Client(Entity, Introspected, Destroyable):
         return future.result()
 
     def call_async(self, request: object) -> Future[Any]:
-        """Call the service; returns a future of the answer, which stays open where no answer comes.
+        """Call the service; returns a future for the answer, which stays open without one.
 
-        Raises TypeError for what is no request, InvalidHandle after the client, or its node, was destroyed.
+        Raises TypeError if `request` is not a request of the service, InvalidHandle after the client, or its
+        node, was destroyed.
         """
         if not isinstance(request, self.srv_type.Request):
             raise TypeError(f"expected a {self.srv_type.Request.__name__}, got {type(request).__name__}")
@@ -104,11 +106,11 @@ class Client(Entity, Introspected, Destroyable):
         return future
 
     def get_pending_request(self, sequence_number: int) -> Future[Any]:
-        """Raises KeyError where no such call waits."""
+        """The future of a pending call; raises KeyError if there is none."""
         return self._futures[sequence_number]
 
     def remove_pending_request(self, future: Future[Any]) -> None:
-        """Wait for this answer no more."""
+        """Stop waiting for this answer."""
         with self._engine.loop:
             for number, one in tuple(self._futures.items()):
                 if one is future:
@@ -116,18 +118,18 @@ class Client(Entity, Introspected, Destroyable):
                     self.native.forget(number)
 
     def service_is_ready(self) -> bool:
-        """Whether the service is there."""
+        """Whether a server of the service exists."""
         with self._engine.loop:
             return self.native.service_is_ready()
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
-        """Wait for the service, `timeout_sec` at most (None, below zero: for ever); returns whether."""
+        """Wait for a server, at most `timeout_sec` (None, negative: for ever); returns whether one exists."""
         with suppress(TimeoutError):
             self._engine.run(self.native.wait_for_service, timeout_sec, context=self.node.context)
         return self.service_is_ready()
 
     def destroy(self) -> None:
-        """Wait for no more answers."""
+        """Stop waiting for answers."""
         self.node.destroy_client(self)
 
     # --- for the native client and the executor, under the guard
@@ -135,7 +137,7 @@ class Client(Entity, Introspected, Destroyable):
     def on_response(self, number: int, outcome: object) -> None:
         future = self._futures.pop(number, None)
         if future is None or isinstance(outcome, ServiceUnavailable):
-            return  # as in ROS, a call whose service has gone waits on
+            return  # as in ROS, a call stays open if its service has gone
         self._answers.append((future, outcome, number))
         self.notify()
         for waiter in self._callers:
@@ -145,7 +147,7 @@ class Client(Entity, Introspected, Destroyable):
         if not self._answers:
             return None
         future, outcome, number = self._answers.popleft()
-        # At the call there may have been no executor, and a callback's exception must come out of `spin`.
+        # There may have been no executor at the call, and a callback's exception must come out of `spin`.
         future._set_executor(self.node.own_executor)
         if isinstance(outcome, BusError):
             return future.set_exception, (outcome,)

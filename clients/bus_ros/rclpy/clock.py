@@ -1,7 +1,7 @@
 """Clocks, their jumps, and sleeping by them.
 
-Owns the three clocks, the callbacks for jumps, and `ClockEvent`, which a thread waits on. Must not know where
-the simulation's time comes from: that is `bus_ros.rclpy.time_source`.
+Owns the three clocks, the callbacks for jumps, and `ClockEvent`, on which threads wait. Must not know the
+source of simulated time: that is `bus_ros.rclpy.time_source`.
 """
 
 import threading
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _LONGEST_WAIT_S = 1.0
-"""Then the clock is looked at again: the machine's date may have been set."""
+"""After this time a wait reads the clock again: the machine's date may have been set."""
 
 
 class ClockChange(IntEnum):
@@ -48,10 +48,11 @@ class ClockChange(IntEnum):
 
 
 class JumpThreshold:
-    """Which jumps a callback is for.
+    """The kinds of jumps for which a callback is called.
 
-    `min_forward` is a positive Duration, `min_backward` a negative one, None = not for such jumps;
-    `on_clock_change` = when simulated time begins or ends. Raises ValueError for another sign, or nothing.
+    `min_forward` is a positive Duration, `min_backward` a negative one; None: no call for such jumps.
+    `on_clock_change`: also if simulated time begins or ends. Raises ValueError for a wrong sign, or without
+    any of them.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class JumpThreshold:
 
 
 class TimeJump:
-    """A jump, for the callbacks after it: the change, and by how much the time moved."""
+    """A jump, as callbacks get it: the change of the clock, and the distance."""
 
     def __init__(self, clock_change: ClockChange, delta: Duration) -> None:
         if not isinstance(clock_change, ClockChange):
@@ -118,7 +119,7 @@ class JumpHandle:
         clock._jump_handles.append(self)
 
     def unregister(self) -> None:
-        """No more calls; may be repeated."""
+        """Stop the calls; may be repeated."""
         clock, self._clock = self._clock, None
         if clock is not None:
             clock._jump_handles.remove(self)
@@ -152,12 +153,12 @@ class ClockEvent:
         return self._is_set
 
     def recheck(self) -> None:
-        """The clock has moved: threads that wait compare anew."""
+        """Make waiting threads compare again: the clock has moved."""
         with self._changed:
             self._changed.notify_all()
 
     def wait_until(self, clock: "Clock", until: Time) -> None:
-        """Return when `clock` shows `until`, or at `set`. Of simulated time it must be told."""
+        """Wait until `clock` shows `until`, or until `set`. Changes of simulated time need `recheck`."""
         with self._changed:
             while not self._is_set:
                 left_s = (until.nanoseconds - clock.now().nanoseconds) / 1e9
@@ -173,7 +174,7 @@ class ClockEvent:
 class Clock(Handled):
     """A clock of one type; `Clock(clock_type=ClockType.ROS_TIME)` is a ROSClock."""
 
-    is_destroyed = False  # ever
+    is_destroyed = False  # always
     _clock_type: ClockType
     _jump_handles: list[JumpHandle]
 
@@ -186,7 +187,7 @@ class Clock(Handled):
         return self
 
     def destroy(self) -> None:
-        """It lives as long as somebody uses it."""
+        """Does nothing: a clock lives as long as it is used."""
 
     @property
     def clock_type(self) -> ClockType:
@@ -214,7 +215,8 @@ class Clock(Handled):
     ) -> JumpHandle:
         """Call `pre_callback()` before and `post_callback(jump)` after each jump of the threshold's kind.
 
-        They are called in the thread that sets the time and must not block. Raises ValueError without any.
+        They are called in the thread that sets the time and must not block. Raises ValueError without any
+        callback.
         """
         return JumpHandle(
             clock=self, threshold=threshold, pre_callback=pre_callback, post_callback=post_callback
@@ -223,8 +225,8 @@ class Clock(Handled):
     def sleep_until(self, until: Time, context: "Context | None" = None) -> bool:
         """Block until the clock shows `until`.
 
-        Returns False where the context was shut down meanwhile, or simulated time began or ended. Raises
-        ValueError for another clock's time, NotInitializedException where the context is not initialized.
+        Returns False if the context was shut down meanwhile, or simulated time began or ended. Raises
+        ValueError for the time of another clock, NotInitializedException if the context is not initialized.
         """
         if context is None:
             from bus_ros.rclpy.utilities import get_default_context
@@ -244,12 +246,12 @@ class Clock(Handled):
                 event.recheck()
 
         with _woken_by(context, event), self.create_jump_callback(ANY_JUMP, post_callback=on_jump):
-            if context.ok():  # it may have been shut down before it knew of the event
+            if context.ok():  # the shutdown may have come before `_woken_by`
                 event.wait_until(self, until)
         return context.ok() and not event.is_set()
 
     def sleep_for(self, rel_time: Duration, context: "Context | None" = None) -> bool:
-        """Block for a span of this clock's time; as `sleep_until`."""
+        """Block for a duration by this clock; errors as for `sleep_until`."""
         return self.sleep_until(self.now() + rel_time, context)
 
 
@@ -266,7 +268,7 @@ class ROSClock(Clock):
 
     @property
     def ros_time_is_active(self) -> bool:
-        """Whether `set_ros_time_override` says what the time is."""
+        """Whether `set_ros_time_override` sets the time."""
         return self._is_active
 
     def now(self) -> Time:
@@ -275,7 +277,7 @@ class ROSClock(Clock):
         return Time.of_clock(time.time_ns(), ClockType.ROS_TIME)
 
     def set_ros_time_override(self, time: Time) -> None:
-        """The simulation's time; it shows once simulated time is active."""
+        """Set the simulation's time; the clock shows it while simulated time is active."""
         if not isinstance(time, Time):
             raise TypeError(f"Time must be specified as rclpy.time.Time. Received type: {type(time)}")
         if not self._is_active:
@@ -306,14 +308,14 @@ class ROSClock(Clock):
                 handle.post_callback(jump)
 
 
-# Of each context, what sleeps until it ends: a context can't be told to forget a callback.
+# For each context, the waits that its end wakes: a context has no method to remove a callback.
 _sleepers: WeakKeyDictionary["Context", set[ClockEvent]] = WeakKeyDictionary()
 _sleepers_lock = threading.Lock()
 
 
 @contextmanager
 def _woken_by(context: "Context", event: ClockEvent) -> Iterator[None]:
-    """In the body, the end of the context sets the event."""
+    """During the body, the end of the context sets the event."""
     with _sleepers_lock:
         sleepers = _sleepers.get(context)
         is_new = sleepers is None

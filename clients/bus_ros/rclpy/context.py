@@ -20,20 +20,20 @@ __all__ = ["Context", "get_default_context"]
 
 
 class _Node(Protocol):
-    """A node as its context sees it."""
+    """The interface of a node for its context."""
 
     def destroy_node(self) -> None: ...
 
 
 class Context:
-    """A life of the facade, from `init` to `shutdown`. In a `with`, entering begins and leaving ends it."""
+    """A life of the facade, from `init` to `shutdown`. `with` initializes it, and its end shuts it down."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self.is_valid = False
         self.was_ended_by_signal = False
         self.domain_id: int | None = None
-        """As given to `init`; None = as the environment says."""
+        """As given to `init`; None: from the environment."""
         self._callbacks: list[Callable[[], object]] = []
         self._sleepers: WeakSet[engines.Sleeper] = WeakSet()
         self._nodes: WeakSet[_Node] = WeakSet()
@@ -45,7 +45,7 @@ class Context:
 
     @property
     def handle(self) -> Handle | None:
-        """For programs that enter rclpy's handles; None before `init`."""
+        """The handle for programs that use rclpy's handles; None before `init`."""
         return self._handle
 
     def __enter__(self) -> "Context":
@@ -65,10 +65,10 @@ class Context:
         initialize_logging: bool = True,
         domain_id: int | None = None,
     ) -> None:
-        """Begin. `args`: the command line, by default the program's own; those after --ros-args are obeyed.
+        """Begin. `args`: the command line, by default the program's own. Its ROS arguments follow --ros-args.
 
-        Raises RuntimeError where it has begun already; RCLInvalidROSArgsError or UnknownROSArgsError, which
-        are RuntimeErrors, for ROS arguments that can't be used.
+        Raises RuntimeError if it has begun already. Raises RCLInvalidROSArgsError or UnknownROSArgsError,
+        which are RuntimeErrors, for invalid ROS arguments.
         """
         words = tuple(sys.argv[1:] if args is None else args)
         arguments, parameters = parse_arguments(words)
@@ -87,13 +87,16 @@ class Context:
             configure(arguments)
 
     def ok(self) -> bool:
-        """Whether it has begun and not ended. Raises InvalidHandle once it is destroyed."""
+        """Whether it has begun and not ended. Raises InvalidHandle after `destroy`."""
         if self._is_destroyed and self._handle is not None:
             self._handle.check()
         return self.is_valid
 
     def get_domain_id(self) -> int:
-        """The bus it is on: `--domain` of busd. Raises RuntimeError before `init`, RCLError after the end."""
+        """The domain of its bus: `--domain` of busd.
+
+        Raises RuntimeError before `init`, RCLError after the end.
+        """
         if not self.is_valid:
             if self._handle is not None:
                 raise RCLError("Failed to get domain id")
@@ -101,21 +104,21 @@ class Context:
         return domain_id(self.domain_id)
 
     def shutdown(self) -> None:
-        """End: `spin` returns. Once more is an error, unless a signal was first.
+        """End: `spin` returns. A second call is an error, unless a signal came first.
 
-        Raises RuntimeError where it has not begun or has ended.
+        Raises RuntimeError if it has not begun or has ended.
         """
         if not self._end() and not self._forgive():
-            if self._handle is not None and self is not _default:  # of which rclpy makes a new one
+            if self._handle is not None and self is not _default:  # rclpy replaces the default one
                 raise RCLError("failed to shutdown: rcl_shutdown already called on the given context")
             raise RuntimeError("Context must be initialized before it can be shutdown")
 
     def try_shutdown(self) -> None:
-        """End, where that has not happened."""
+        """End, unless it has ended already."""
         self._end()
 
     def destroy(self) -> None:
-        """End it for good; once more does nothing."""
+        """End it for good; a second call does nothing."""
         self._end()
         self._is_destroyed = True
 
@@ -128,11 +131,11 @@ class Context:
 
     @classmethod
     def all(cls) -> "list[Context]":
-        """Those that are in use."""
+        """All contexts in use."""
         return list(_contexts)
 
     def nodes(self) -> list[_Node]:
-        """Those that were made in it and still exist."""
+        """Existing nodes that were made in it."""
         return list(self._nodes)
 
     def track_node(self, node: _Node) -> None:
@@ -143,7 +146,7 @@ class Context:
         self._sleepers.add(sleeper)
 
     def end_by_signal(self) -> None:
-        """In a signal's handler: end; other threads do what takes locks."""
+        """In a signal's handler: end; other threads do the work that needs locks."""
         if self.is_valid:
             self.is_valid = False
             self.was_ended_by_signal = True
@@ -154,7 +157,7 @@ class Context:
                 Thread(target=self._call_back, name="rclpy shutdown", daemon=True).start()
 
     def _forgive(self) -> bool:
-        """After a signal, programs shut down what is shut down already; that is no mistake of theirs."""
+        """Whether a second shutdown is allowed: after a signal, it is not a program's mistake."""
         forgiven, self.was_ended_by_signal = self.was_ended_by_signal, False
         return forgiven
 
@@ -182,9 +185,9 @@ class Context:
 
 
 def parse_arguments(words: Sequence[str]) -> tuple[Arguments, tuple[file.Section, ...]]:
-    """A command line's arguments, and its parameters.
+    """The arguments of a command line, and its parameters.
 
-    Raises UnknownROSArgsError, and RCLInvalidROSArgsError for others that can't be used.
+    Raises UnknownROSArgsError, and RCLInvalidROSArgsError for other invalid arguments.
     """
     try:
         arguments = Arguments.parse(words)
@@ -199,5 +202,5 @@ _default = Context()
 
 
 def get_default_context(*, shutting_down: bool = False) -> Context:
-    """The context for calls that name none."""
+    """The context for calls without one."""
     return _default

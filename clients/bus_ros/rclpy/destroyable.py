@@ -1,4 +1,4 @@
-"""Handles: what stands where rclpy's C library keeps an object. Knows only whether its owner is destroyed."""
+"""Handles, in the place of rclpy's handles of C objects. Must know only whether the owner is destroyed."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -12,7 +12,7 @@ _DESTROYED = "cannot use Destroyable because destruction was requested"
 
 
 class Handle:
-    """Entered in a `with` to use its owner, which raises InvalidHandle once that is destroyed."""
+    """A handle; programs enter it by `with` to use its owner. Raises InvalidHandle once that is destroyed."""
 
     def __init__(
         self, is_destroyed: Callable[[], bool], destroy: Callable[[], object], owner: Any = None
@@ -23,16 +23,16 @@ class Handle:
 
     @property
     def pointer(self) -> int:
-        """Tells handles apart."""
+        """A number that identifies the handle."""
         return id(self)
 
     def destroy_when_not_in_use(self) -> None:
-        """At once: nothing here is in use but within a call."""
+        """Destroy the owner at once: nothing here is in use outside of a call."""
         if not self._is_destroyed():
             self._destroy()
 
     def check(self) -> None:
-        """Raises InvalidHandle where the owner is destroyed."""
+        """Raises InvalidHandle if the owner is destroyed."""
         if self._is_destroyed():
             raise InvalidHandle(_DESTROYED)
 
@@ -41,7 +41,7 @@ class Handle:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leaving it destroys nothing."""
+        """Destroys nothing."""
 
 
 class _Owner(Protocol):
@@ -51,16 +51,16 @@ class _Owner(Protocol):
 
 
 class Handled:
-    """Base of what has a handle."""
+    """Base of objects with a handle."""
 
     @cached_property
     def handle(self: _Owner) -> Handle:
-        """For programs that enter rclpy's handles: `with subscription.handle:`."""
+        """The handle for programs that use rclpy's handles: `with subscription.handle:`."""
         return Handle(lambda: self.is_destroyed, self.destroy, self)
 
 
 class Destroyable(Handled):
-    """Base of what can be destroyed; `with` does it at the end."""
+    """Base of objects with `destroy`; the end of a `with` calls it."""
 
     def destroy(self) -> None:
         raise NotImplementedError

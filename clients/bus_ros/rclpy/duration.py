@@ -13,9 +13,9 @@ _LEAST, _MOST = -(2**63), 2**63 - 1
 
 
 class Duration:
-    """A span of time; may be negative. The fraction of `seconds` counts, that of `nanoseconds` doesn't.
+    """A span of time; may be negative. A fraction of `seconds` counts, a fraction of `nanoseconds` doesn't.
 
-    Raises OverflowError for what a 64-bit count of nanoseconds can't hold.
+    Raises OverflowError if the span does not fit into 64 bits of nanoseconds.
     """
 
     __slots__ = ("_nanoseconds",)
@@ -28,7 +28,7 @@ class Duration:
 
     @property
     def nanoseconds(self) -> int:
-        """The whole span."""
+        """The whole duration."""
         return self._nanoseconds
 
     def __repr__(self) -> str:
@@ -77,13 +77,13 @@ class Duration:
         return self._nanoseconds >= other._nanoseconds if isinstance(other, Duration) else NotImplemented
 
     def to_msg(self) -> Any:
-        """As a builtin_interfaces.msg.Duration."""
+        """The builtin_interfaces.msg.Duration."""
         seconds, nanoseconds = divmod(self._nanoseconds, S_TO_NS)
         return _message_class()(sec=seconds, nanosec=nanoseconds)
 
     @classmethod
     def from_msg(cls, msg: Any) -> "Duration":
-        """Of a builtin_interfaces.msg.Duration; raises TypeError for anything else."""
+        """From a builtin_interfaces.msg.Duration; raises TypeError for anything else."""
         if not isinstance(msg, _message_class()):
             raise TypeError("Must pass a builtin_interfaces.msg.Duration object")
         return cls(seconds=msg.sec, nanoseconds=msg.nanosec)

@@ -1,7 +1,7 @@
-"""Callbacks for what happens to endpoints besides messages, and their values, as rclpy.event_handler.
+"""Callbacks for events of endpoints other than messages, and their values, as rclpy.event_handler.
 
-Owns the translation of the bus's events. Must not know executors: the node gives `enqueue`, which puts a
-callback in line.
+Owns the translation of the bus's events. Must not know executors: the node passes `enqueue`, which gives a
+callback to the executor.
 """
 
 from collections.abc import Callable, Mapping
@@ -62,7 +62,7 @@ class QoSSubscriptionEventType(IntEnum):
     RCL_SUBSCRIPTION_MATCHED = 5
 
 
-# In all of these, `..._change` counts since the event before.
+# In all of these classes, `..._change` counts since the previous event.
 
 
 class QoSRequestedDeadlineMissedInfo(NamedTuple):
@@ -80,7 +80,7 @@ class QoSOfferedDeadlineMissedInfo(NamedTuple):
 
 
 class QoSLivelinessChangedInfo(NamedTuple):
-    """Publishers that show that they live, and those that don't any more."""
+    """The numbers of publishers that are alive, and that have stopped showing it."""
 
     alive_count: int
     not_alive_count: int
@@ -89,21 +89,21 @@ class QoSLivelinessChangedInfo(NamedTuple):
 
 
 class QoSLivelinessLostInfo(NamedTuple):
-    """This publisher did not show in time that it lives."""
+    """This publisher did not assert its liveliness in time."""
 
     total_count: int
     total_count_change: int
 
 
 class QoSMessageLostInfo(NamedTuple):
-    """Messages that were dropped before they could be taken."""
+    """Messages that were dropped before the subscription took them."""
 
     total_count: int
     total_count_change: int
 
 
 class QoSRequestedIncompatibleQoSInfo(NamedTuple):
-    """Endpoints of this topic that can't match; a policy in which the last of them differs."""
+    """Endpoints of this topic with incompatible QoS, and a policy in which the last one differs."""
 
     total_count: int
     total_count_change: int
@@ -121,7 +121,7 @@ class IncompatibleTypeInfo(NamedTuple):
 
 
 class QoSPublisherMatchedInfo(NamedTuple):
-    """Matches ever made, and those that there are."""
+    """All matches so far, and the present ones."""
 
     total_count: int
     total_count_change: int
@@ -130,7 +130,7 @@ class QoSPublisherMatchedInfo(NamedTuple):
 
 
 class QoSSubscriptionMatchedInfo(NamedTuple):
-    """Matches ever made, and those that there are."""
+    """All matches so far, and the present ones."""
 
     total_count: int
     total_count_change: int
@@ -152,7 +152,7 @@ PUBLISHER_EVENTS: Kinds = {
     "incompatible_type": (QoSPublisherEventType.RCL_PUBLISHER_INCOMPATIBLE_TYPE, IncompatibleTypeInfo),
     "matched": (QoSPublisherEventType.RCL_PUBLISHER_MATCHED, QoSPublisherMatchedInfo),
 }
-"""By the name of their callback: the number of an event, and the class of its value."""
+"""Kinds of events: the name of a callback to the number of the event and the class of its value."""
 SUBSCRIPTION_EVENTS: Kinds = {
     "deadline": (
         QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
@@ -173,13 +173,13 @@ SUBSCRIPTION_EVENTS: Kinds = {
 
 Callback: TypeAlias = Callable[[Any], object] | None
 Enqueue: TypeAlias = Callable[[Callable[[Any], object], object], object]
-"""`enqueue(callback, info)` has the executor call `callback(info)`."""
+"""`enqueue(callback, info)` makes the executor call `callback(info)`."""
 
 
 class EventHandler(Waitable):
-    """A callback and what it is for, as rclpy lists them.
+    """A callback and its kind of event, as rclpy lists them.
 
-    Nobody need wait for it: the bus calls back. One in a program's own wait set hears of the event besides.
+    No executor has to wait for it: the bus calls it. In a program's wait set, it also gets the event.
     """
 
     def __init__(
@@ -210,22 +210,22 @@ class EventHandler(Waitable):
         return self._event.take_event()
 
     async def execute(self, taken_data: Any) -> None:
-        """Call back with the value."""
+        """Call the callback with the value."""
         await await_or_execute(self.callback, taken_data)
 
     def destroy(self) -> None:
-        """Its endpoint's end ends it."""
+        """Does nothing: it ends with its endpoint."""
 
 
 QoSEventHandler = EventHandler
 
 
 def _warn(info: object) -> None:
-    """Stands for the warning that the bus logs itself."""
+    """Placeholder for the warning that the bus logs itself."""
 
 
 class _Callbacks:
-    """Base of the two."""
+    """Base of both classes."""
 
     use_default_callbacks: bool
 
@@ -247,7 +247,7 @@ class _Callbacks:
 class SubscriptionEventCallbacks(_Callbacks):
     """A subscription's callbacks, each called with the value of its event.
 
-    `use_default_callbacks`: where there is none for incompatible QoS or types, a warning is logged.
+    `use_default_callbacks`: without a callback for incompatible QoS or types, busd's library logs a warning.
     """
 
     def __init__(
@@ -272,14 +272,14 @@ class SubscriptionEventCallbacks(_Callbacks):
     def create_event_handlers(
         self, callback_group: Any, subscription: Any, topic_name: str
     ) -> list[EventHandler]:
-        """One for each callback, and for what is warned of."""
+        """One handler for each callback, and for each warning."""
         return self._handlers(SUBSCRIPTION_EVENTS, callback_group, subscription)
 
 
 class PublisherEventCallbacks(_Callbacks):
     """A publisher's callbacks, each called with the value of its event.
 
-    `use_default_callbacks`: where there is none for incompatible QoS or types, a warning is logged.
+    `use_default_callbacks`: without a callback for incompatible QoS or types, busd's library logs a warning.
     """
 
     def __init__(
@@ -302,12 +302,12 @@ class PublisherEventCallbacks(_Callbacks):
     def create_event_handlers(
         self, callback_group: Any, publisher: Any, topic_name: str
     ) -> list[EventHandler]:
-        """One for each callback, and for what is warned of."""
+        """One handler for each callback, and for each warning."""
         return self._handlers(PUBLISHER_EVENTS, callback_group, publisher)
 
 
 def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue) -> events.SubscriptionEvents:
-    """The bus's events of a subscription with these callbacks."""
+    """These callbacks as the bus's events of a subscription."""
     silent = None if callbacks.use_default_callbacks else ignore
     return events.SubscriptionEvents(
         matched=_on(callbacks.matched, enqueue, lambda e: QoSSubscriptionMatchedInfo(*_matched(e))),
@@ -320,7 +320,7 @@ def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue)
 
 
 def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> events.PublisherEvents:
-    """The bus's events of a publisher with these callbacks."""
+    """These callbacks as the bus's events of a publisher."""
     silent = None if callbacks.use_default_callbacks else ignore
     return events.PublisherEvents(
         matched=_on(callbacks.matched, enqueue, lambda e: QoSPublisherMatchedInfo(*_matched(e))),
@@ -332,15 +332,15 @@ def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> ev
 
 
 def watch_event(native: Any, event_type: IntEnum, enqueue: Enqueue) -> Any:
-    """Under the guard: have an endpoint that is there give each event of a kind to `enqueue` besides.
+    """Under the guard: pass each event of a kind of an existing endpoint to `enqueue`, too.
 
-    Returns the value until now: of matches, for other events are known from now on. Raises TypeError where
-    the kind is not one of the endpoint's.
+    Returns the value until now for matches; other events count from now on. Raises TypeError if the endpoint
+    has no events of that kind.
     """
     core: EndpointCore[Any] = core_of(native)
     is_publisher = core.kind == "publisher"
     kinds = PUBLISHER_EVENTS if is_publisher else SUBSCRIPTION_EVENTS
-    # Numbers are not enough: both kinds of endpoints have the same.
+    # The number alone is ambiguous: both kinds of endpoints use the same numbers.
     found = [(name, info) for name, (one, info) in kinds.items() if one is event_type]
     if not found:
         raise TypeError(f"{event_type!r} is no event of a {core.kind}")
@@ -369,7 +369,7 @@ def watch_event(native: Any, event_type: IntEnum, enqueue: Enqueue) -> Any:
 def _on(
     callback: Callback, enqueue: Enqueue, convert: Callable[[Any], object], otherwise: Callback = None
 ) -> Callback:
-    """The callback for the bus; None where the bus logs its own warning."""
+    """The callback for the bus; `otherwise` if the program has none."""
     if callback is None:
         return otherwise
     return lambda event: enqueue(callback, convert(event))

@@ -1,4 +1,4 @@
-"""The exceptions of rclpy.exceptions, and of rclpy's C extension that programs name. Knows nothing else."""
+"""The exceptions of rclpy.exceptions, and exceptions of rclpy's C extension that programs use by name."""
 
 from typing import Any
 
@@ -33,15 +33,15 @@ __all__ = [
 
 
 class RCLError(RuntimeError):
-    """ROS's C layer would refuse this."""
+    """Base of errors that ROS's C layer would report."""
 
 
 class RCLInvalidROSArgsError(RCLError):
-    """A ROS argument of the command line can't be understood."""
+    """The command line has an invalid ROS argument."""
 
 
 class UnknownROSArgsError(RuntimeError):
-    """The command line has ROS arguments that don't exist."""
+    """The command line has unknown ROS arguments."""
 
 
 class NodeNameNonExistentError(RCLError):
@@ -49,7 +49,7 @@ class NodeNameNonExistentError(RCLError):
 
 
 class UnsupportedEventTypeError(RCLError):
-    """The middleware has no such event; busd has them all, so it is never raised."""
+    """The middleware has no such event; never raised, because busd has all of them."""
 
 
 class TimerCancelledError(RCLError):
@@ -83,14 +83,14 @@ class ROSInterruptException(Exception):
 
 
 class NameValidationException(Exception):
-    """A name of a topic, service, node or namespace breaks a rule; the text has a caret under the place."""
+    """A name of a topic, service, node or namespace breaks a rule; a caret in the text shows the place."""
 
     def __init__(self, name_type: str, name: str, error_msg: str, invalid_index: int) -> None:
         super().__init__(f"Invalid {name_type}: {error_msg}:\n  '{name}'\n   {' ' * invalid_index}^")
 
 
 class _NameException(NameValidationException):
-    """One kind of name."""
+    """Base of the exceptions for one kind of name each."""
 
     kind = ""
 
@@ -99,14 +99,14 @@ class _NameException(NameValidationException):
 
     @classmethod
     def of(cls, name: str, error: ConfigurationError) -> "_NameException":
-        """The error of `bus.names` about `name`, or its full name, in rclpy's words."""
+        """The exception for an error of `bus.names` about `name`, or its full name, in rclpy's words."""
         # Texts of bus.names: "Invalid <kind>: <rule>:\n  '<full>' (expanded from '<name>')\n   ^"
         full, expanded, _ = str(error).partition(":\n  '")[2].partition(f"' (expanded from '{name}')\n")
         return cls(full if expanded else name, rule_of(error), error.index or 0)
 
 
 def rule_of(error: ConfigurationError) -> str:
-    """The rule that a name breaks, of the error of `bus.names` about it."""
+    """The rule in an error of `bus.names`."""
     return str(error).partition(": ")[2].partition(":\n")[0] or str(error)
 
 
@@ -127,14 +127,14 @@ class InvalidServiceNameException(_NameException):
 
 
 class ParameterException(Exception):
-    """Base of errors with parameters; the text ends with their names."""
+    """Base of errors about parameters; the text ends with their names."""
 
     def __init__(self, error_msg: str, parameters: str | list[str]) -> None:
         super().__init__(f"{error_msg}: {parameters}")
 
 
 class ParameterNotDeclaredException(ParameterException):
-    """A parameter was used that nobody declared, in a node that asks for declarations."""
+    """An undeclared parameter was used, in a node that requires declarations."""
 
     def __init__(self, parameters: str | list[str]) -> None:
         super().__init__(UNDECLARED, parameters)
@@ -155,7 +155,7 @@ class InvalidParameterException(ParameterException):
 
 
 class InvalidParameterTypeException(ParameterException):
-    """A value's type is not the parameter's; `desired_parameter` is a Parameter."""
+    """A value's type differs from the parameter's; `desired_parameter` is a Parameter."""
 
     def __init__(self, desired_parameter: Any, expected_type: object) -> None:
         super().__init__(
@@ -173,14 +173,14 @@ class InvalidParameterValueException(ParameterException):
 
 
 class ParameterImmutableException(ParameterException):
-    """A read-only parameter was to be changed."""
+    """A program tried to change a read-only parameter."""
 
     def __init__(self, parameter_name: str) -> None:
         super().__init__("Attempted to modify read-only parameter", parameter_name)
 
 
 class ParameterUninitializedException(ParameterException):
-    """A parameter was read that was declared by its type only and has no value yet."""
+    """A parameter was read that has no value yet, only a declared type."""
 
     def __init__(self, parameter_name: str) -> None:
         super().__init__(f"The parameter '{parameter_name}' is not initialized", parameter_name)

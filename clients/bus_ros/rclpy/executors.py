@@ -1,7 +1,7 @@
 """Executors: they wait until callbacks of their nodes are due, and call them, in one thread or in many.
 
-Owns the order of calls, and which callback groups are busy. A thread that spins runs the event loop while it
-waits (`bus_ros.engine`); calls are made without the guard.
+Owns the order of calls, and the busy callback groups. A spinning thread runs the event loop while it waits
+(`bus_ros.engine`); calls are made without the guard.
 """
 
 import os
@@ -39,9 +39,9 @@ Call: TypeAlias = tuple[Ready, Work]
 MOST_AT_ONCE = 64
 _ONE_THREAD = "MultiThreadedExecutor is used with a single thread.\nUse the SingleThreadedExecutor instead."
 _SHIFT_NS = 20_000_000
-"""For so long a worker goes on by itself."""
+"""A worker makes following calls itself for this time."""
 _NOW: Future[Any] = Future()
-_NOW.cancel()  # done from the start: `_next` waits for nothing
+_NOW.cancel()  # done from the start: `_next` does not wait
 
 
 class ExternalShutdownException(Exception):
@@ -52,7 +52,7 @@ class ExternalShutdownException(Exception):
 
 
 class TimeoutException(Exception):
-    """Nothing was ready in time."""
+    """The time was over before any callback was ready."""
 
 
 class ShutdownException(Exception):
@@ -64,7 +64,7 @@ class ConditionReachedException(Exception):
 
 
 class _Node(Owner, Protocol):
-    """A node as its executor sees it."""
+    """The interface of a node for its executor."""
 
     own_executor: "Executor | None"
 
@@ -75,11 +75,11 @@ class _Node(Owner, Protocol):
 class Executor:
     """Base of the executors. Any number of nodes; each node has one executor.
 
-    An executor of a program's own defines `spin_once`, which gets its work by `wait_for_ready_callbacks`.
+    A program's own executor defines `spin_once`, which gets its work by `wait_for_ready_callbacks`.
     """
 
     asks_always = False
-    """Not everything that is ready may run, even where no group is held."""
+    """Even if no group is held, some ready entities may have to wait."""
 
     def __init__(self, *, context: Context | None = None) -> None:
         self._context = context or get_default_context()
@@ -89,13 +89,13 @@ class Executor:
         self.ready: deque[Ready] = deque()
         self.handed: set[Handover] = set()  # they hand it messages as they come
         self.last_handed: Handover | None = None
-        self.lone: Handover | None = None  # it alone had messages of late
+        self.lone: Handover | None = None  # the only one with messages recently
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
-        self._only: list[_Node] | None = None  # the nodes that are asked for, where not all are
-        self._until: Future[Any] | None = None  # the future that an executor of a program's own spins for
+        self._only: list[_Node] | None = None  # the nodes asked for; None: all
+        self._until: Future[Any] | None = None  # the future that a program's own executor spins for
         self._guard: WakeGuard | None = WakeGuard(self.wake)
         with self._engine.loop:
             self._context.wake_at_end(self)
@@ -119,7 +119,7 @@ class Executor:
     # --- nodes and tasks
 
     def add_node(self, node: _Node) -> bool:
-        """Work for `node` from now on; returns False where that is so already."""
+        """Work for `node` from now on; returns False if it does already."""
         if node.own_executor is self:
             return False
         if node.own_executor is not None:
@@ -156,13 +156,13 @@ class Executor:
     def create_task(
         self, callback: Callable[..., object] | Coroutine[Any, Any, Any], *args: Any, **kwargs: Any
     ) -> Task[Any]:
-        """Have `callback(*args)`, `def` or `async def`, or a coroutine run here; from any thread."""
+        """Run `callback(*args)`, `def` or `async def`, or a coroutine in this executor; from any thread."""
         step = self._step(callback, args, kwargs)
         self._go_on_with(step)
         return step.task
 
     def wake(self) -> None:
-        """Have a wait look again, from any thread."""
+        """Make a waiting thread look again; from any thread."""
         self._engine.post(self.wake_up)
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
@@ -178,9 +178,9 @@ class Executor:
     # --- spinning
 
     def spin(self) -> None:
-        """Work until the context or the executor is shut down; what a callback raises comes out of here.
+        """Work until the context or the executor is shut down; an exception in a callback comes out of here.
 
-        Raises ExternalShutdownException where the context is shut down by another thread or by SIGTERM.
+        Raises ExternalShutdownException if another thread or SIGTERM shuts the context down.
         """
         is_custom = self.is_custom()
         while self._context.ok() and not self._is_shutdown:
@@ -192,11 +192,11 @@ class Executor:
                 raise ExternalShutdownException
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Wait for one callback, for `timeout_sec` at most (None or below zero: for ever), and call it."""
+        """Wait for one callback and call it; at most `timeout_sec` (None or negative: for ever)."""
         self._spin_once(deadline_after(timeout_sec), 1)
 
     def spin_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
-        """Work until `future` is done, or `timeout_sec` is over (None or below zero: for ever)."""
+        """Work until `future` is done, or `timeout_sec` is over (None or negative: for ever)."""
         deadline_ns = deadline_after(timeout_sec)
         future.call_when_done(self.wake)
         try:
@@ -225,8 +225,8 @@ class Executor:
         """Wait for one callback, of `nodes` if they are given. Not for several threads at once.
 
         Returns (handler, entity, node); the latter two are None for a task. `handler()`, in any thread, makes
-        the call, and ends what its group holds from now on; what it raises is `handler.exception()`. The
-        handler of a coroutine is returned again when that can go on. `wake` has `condition` looked at anew.
+        the call and releases its group at the end; `handler.exception()` is the call's exception. A coroutine
+        that can go on is returned again, with the same handler. `wake` makes it check `condition` again.
 
         Raises TimeoutException, ShutdownException, ExternalShutdownException, and ConditionReachedException.
         """
@@ -256,11 +256,11 @@ class Executor:
         return not entity.is_destroyed and (group is None or group.can_execute(entity))
 
     def is_custom(self) -> bool:
-        """Whether `spin_once` is the program's own."""
+        """Whether the program defines `spin_once` itself."""
         return type(self).spin_once is not Executor.spin_once
 
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
-        """By the `spin_once` of a program's own executor."""
+        """Spin once by the `spin_once` of a program's own executor."""
         timeout_s = max(deadline_ns - monotonic_ns(), 0) / 1e9 if deadline_ns else None
         before, self._until = self._until, until
         try:
@@ -276,14 +276,14 @@ class Executor:
     # --- for entities, under the guard
 
     def enqueue(self, entity: Ready) -> None:
-        """It may have something to take."""
+        """Add an entity that may have something to take."""
         entity.is_queued = True
         self.ready.append(entity)
         if not self.waiter.is_set:
             self.waiter.set()
 
     def on_timers_changed(self) -> None:
-        """A timer was made or changed."""
+        """Note that a timer was made or changed."""
         self._timer_ns = 0
         self.waiter.set()
 
@@ -297,9 +297,9 @@ class Executor:
     # --- inside, under the guard
 
     def _next(self, deadline_ns: int, most: int, until: Callable[[], bool] | None) -> Call | None:
-        """The next call; None at the deadline, on shutdown of the executor, and where `until()` is true.
+        """The next call; None at the deadline, on shutdown of the executor, and once `until()` is true.
 
-        Raises what a call in another thread raised, and ExternalShutdownException.
+        Raises the exception of a call in another thread, and ExternalShutdownException.
         """
         waiter, ready, engine, is_over = self.waiter, self.ready, self._engine, False
         while True:
@@ -338,11 +338,11 @@ class Executor:
             if lone is None or not lone.sleep(waiter, end_ns):
                 engine.wait(waiter, end_ns, is_eager=True, takes_at_once=not self.asks_always)
             if engine.loop.is_interrupted and engine.is_main():
-                return None  # KeyboardInterrupt comes where the guard ends
+                return None  # the end of the guard raises KeyboardInterrupt
             is_over = deadline_ns > 0 and monotonic_ns() >= deadline_ns
 
     def _pop(self) -> Ready | None:
-        """The first of those that may run."""
+        """The first entity that may run."""
         for index, entity in enumerate(self.ready):
             group = entity.held_group
             if self._only is not None and entity.node not in self._only:
@@ -370,13 +370,13 @@ class Executor:
             self.ready.append(timer)
 
     def _begin(self, entity: Ready) -> None:
-        """Its group is held until `_end`."""
+        """Hold the entity's group until `_end`."""
         if entity.held_group is not None:
             entity.held_group.beginning_execution(entity)
             self._engine.held += 1
 
     def _handler(self, entity: Ready, work: Work) -> tuple[Task[Any], Entity | None, Owner | None]:
-        """For a program that makes the call itself: a task whose end is the end of the call."""
+        """A task for a program that makes the call itself; its end is the end of the call."""
         if isinstance(entity, Step):
             step = entity
         else:
@@ -389,7 +389,7 @@ class Executor:
         return step.task, holder, None if holder is None else holder.node
 
     def _end(self, entity: Ready) -> None:
-        """A call has ended: its group is free again; for a step, the group of its holder."""
+        """Release the group after a call; after a step, the group of its holder."""
         if isinstance(entity, Step) and entity.ends_itself:
             return
         holder = entity.holder if isinstance(entity, Step) else entity
@@ -411,7 +411,7 @@ class Executor:
         return Step(Task(function, arguments, keywords, executor=self), self._go_on_with, holder)
 
     def _go_on_with(self, step: Step) -> None:
-        """Its task can go on; called in any thread."""
+        """Continue the step's task; from any thread."""
         self._engine.post(self.enqueue, step)
 
     def _run(self, entity: Ready, work: Work) -> bool:
@@ -425,7 +425,7 @@ class Executor:
 
 
 class SingleThreadedExecutor(Executor):
-    """Calls back in the thread that spins."""
+    """Makes the calls in the spinning thread."""
 
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
         loop = self._engine.loop
@@ -459,9 +459,9 @@ class SingleThreadedExecutor(Executor):
 
 
 class MultiThreadedExecutor(Executor):
-    """Calls back in `num_threads` threads, by default as many as there are CPUs.
+    """Makes the calls in `num_threads` threads; default: the number of CPUs.
 
-    Under `spin`, a thread takes a run of messages of a subscription whose group is mutually exclusive.
+    Under `spin`, a thread takes a run of messages of a subscription if its group is mutually exclusive.
     """
 
     asks_always = True  # a thread must be free
@@ -475,15 +475,15 @@ class MultiThreadedExecutor(Executor):
         if num_threads == 1:
             warnings.warn(_ONE_THREAD, stacklevel=2)
         self._threads = self._free = num_threads
-        self._spinners = 0  # threads in `spin`, under which workers go on by themselves
+        self._spinners = 0  # threads in `spin`; with any, workers make following calls themselves
         self._leaving: list[Waiter] = []  # they wait for the end of calls
-        self._leavers = 0  # workers that shut down themselves, of which none waits for another
+        self._leavers = 0  # workers in `shutdown`; these do not wait for each other
         self._pool = WorkerThreads(num_threads, self._work, self._engine.loop, name="rclpy executor")
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """Stop spinning, and wait until the calls have ended, for `timeout_sec` at most; returns whether.
+        """Stop spinning, and wait `timeout_sec` at most for the end of the calls; returns whether they ended.
 
-        A call that does this itself is not waited for.
+        It does not wait for a call that shuts down itself.
         """
         super().shutdown(timeout_sec)
         engine, deadline_ns = self._engine, deadline_after(timeout_sec)
@@ -532,7 +532,7 @@ class MultiThreadedExecutor(Executor):
             except ExternalShutdownException:
                 if self._context.was_ended_by_signal:
                     raise
-                return  # one of our own calls may have shut down, and rclpy's spin just ends then
+                return  # one of our own calls may have shut down; rclpy's spin then ends, too
             if found is not None and not self.is_shutdown:
                 try:
                     self._pool.hand(found)
@@ -543,7 +543,7 @@ class MultiThreadedExecutor(Executor):
                 self._free -= 1
 
     def _work(self, call: Call) -> None:
-        """Make a call, and under `spin` those that follow: a change of threads costs more than most calls."""
+        """Make a call, and under `spin` the following ones: a change of threads costs more than most."""
         end_ns = monotonic_ns() + _SHIFT_NS
         found: Call | None = call
         while found is not None:
@@ -597,4 +597,4 @@ class MultiThreadedExecutor(Executor):
 
 
 EventsExecutor = SingleThreadedExecutor
-"""That of rclpy is another way to the same; here there is one."""
+"""rclpy's EventsExecutor is another implementation of the same; busd has one."""

@@ -1,4 +1,4 @@
-"""Guard conditions: a callback that any thread can have called by an executor."""
+"""Guard conditions: callbacks that any thread can trigger, and an executor calls."""
 
 from collections.abc import Callable
 
@@ -22,9 +22,9 @@ class GuardCondition(Entity, Handled):
         super().__init__(node, callback_group)
 
     def trigger(self) -> None:
-        """Have the callback called; several times before that are one. From any thread.
+        """Let the executor call the callback; several triggers before the call count as one. From any thread.
 
-        Raises InvalidHandle where it is destroyed.
+        Raises InvalidHandle if it is destroyed.
         """
         self.handle.check()
         engine().call(self._trigger)

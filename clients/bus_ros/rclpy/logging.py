@@ -1,4 +1,4 @@
-"""Loggers by name and their levels, as rclpy.logging. Lines, levels and handlers are `bus.logger`'s."""
+"""Loggers by name and their levels, as rclpy.logging. `bus.logger` has lines, levels and handlers."""
 
 import logging
 import os
@@ -23,26 +23,26 @@ __all__ = [
 
 
 _root_logger = RcutilsLogger("")
-"""rclpy's own name of the logger above all."""
+"""rclpy's private name of the root logger."""
 
 
 def get_logger(name: str) -> RcutilsLogger:
-    """The logger of that name; raises ValueError for an empty one."""
+    """The logger of that name; raises ValueError for an empty name."""
     if not name:
         raise ValueError("Logger name must not be empty.")
     return RcutilsLogger(name)
 
 
 def initialize() -> None:
-    """Nothing is to be done: logging works from the first call."""
+    """Does nothing: logging works from the first call."""
 
 
 def shutdown() -> None:
-    """Nothing is to be done: each line is written at once."""
+    """Does nothing: each line is written at once."""
 
 
 def clear_config() -> None:
-    """Forget the level of every logger."""
+    """Reset the level of every logger."""
     set_default_level(Severity.UNSET)
     for name in list(logging.root.manager.loggerDict):
         if name.startswith(f"{TOP_NAME}."):
@@ -50,22 +50,22 @@ def clear_config() -> None:
 
 
 def set_logger_level(name: str, level: int | LoggingSeverity, detailed_error: bool = False) -> None:
-    """Log this severity and above; an empty name = the default of all. Raises ValueError for no severity."""
+    """Log this severity and above; an empty name: the default of all. Raises ValueError for others."""
     RcutilsLogger(name).set_level(level)
 
 
 def get_logger_effective_level(name: str) -> LoggingSeverity:
-    """The lowest severity that is logged under that name."""
+    """The lowest severity that a logger of that name logs."""
     return RcutilsLogger(name).get_effective_level()
 
 
 def get_logger_level(name: str) -> LoggingSeverity:
-    """The level that was set for just this name; UNSET where none was."""
+    """The level set for exactly that name; UNSET if there is none."""
     return LoggingSeverity(logging.getLogger(f"{TOP_NAME}.{name}" if name else TOP_NAME).level)
 
 
 def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
-    """Of `INFO`, in any case; raises RuntimeError for what is no severity."""
+    """The severity named `INFO` and so on, in any case; raises RuntimeError for an unknown name."""
     try:
         return LoggingSeverity[log_severity.upper()]
     except KeyError:
@@ -73,7 +73,7 @@ def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
 
 
 def get_logging_directory() -> Path:
-    """Where ROS 2 keeps log files: $ROS_LOG_DIR, $ROS_HOME/log or ~/.ros/log. busd writes none."""
+    """ROS 2's folder for log files: $ROS_LOG_DIR, $ROS_HOME/log or ~/.ros/log. busd writes none."""
     if chosen := os.environ.get("ROS_LOG_DIR"):
         return Path(chosen).expanduser()
     return Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser() / "log"

@@ -1,6 +1,6 @@
-"""The two services by which others read and set the levels of a process' loggers.
+"""The two services by which other programs read and set the levels of a process' loggers.
 
-A node has them where it is made with `enable_logger_service`. Must not know how services are carried.
+A node has them if it is made with `enable_logger_service`. Must not know the transport of services.
 """
 
 from typing import Any
@@ -33,7 +33,7 @@ class LoggingService:
             )
 
     def _get(self, request: Any, response: Any) -> Any:
-        """What was set for just that name; of all loggers together, what holds."""
+        """The level set for each name; for an empty name, the effective default of all loggers."""
         for name in request.names:
             level = get_logger_level(name) if name else get_logger_effective_level(name)
             response.levels.append(self._level(name=name, level=int(level)))

@@ -1,8 +1,8 @@
 """Nodes: a native node on the engine's loop, which makes and destroys publishers and entities.
 
-Owns the lists of a node's entities, and its beginning and end. Its names in the graph are those of
-`impl.node_graph`, its parameters those of `impl.node_parameters`. Private names are mangled, but for those
-that rclpy has too: a program's own nodes may have any other.
+Owns the lists of a node's entities, and its beginning and end. `impl.node_graph` has its names in the graph,
+`impl.node_parameters` its parameters. Private names are mangled, except names that rclpy has too: a program's
+own nodes may use any other.
 """
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
@@ -77,24 +77,24 @@ M = TypeVar("M")
 E = TypeVar("E", bound=Entity)
 
 CLOSE_S = 6.0
-"""The longest that `destroy_node` waits for publications to leave the process."""
+"""The longest time that `destroy_node` waits until publications have left the process."""
 
 
 class Closable(Protocol):
-    """What of the library stands behind an entity."""
+    """The library's object behind an entity."""
 
     async def close(self) -> None: ...
 
 
 class Node(NodeGraph, NodeParameters, NodeWaitables):
-    """A node named `node_name`. In the graph at once, until `destroy_node` or the end of the process; its
-    publishers work without any spinning.
+    """A node named `node_name`; in the graph at once, until `destroy_node` or the end of the process.
 
-    Of `cli_args`, what stands after --ros-args is for this node, and goes before the program's own.
+    Its publishers work without spinning. ROS arguments in `cli_args` (after --ros-args) are for this node,
+    and override the program's own.
 
     Raises NotInitializedException before `rclpy.init`, InvalidNodeNameException, InvalidNamespaceException,
-    RCLInvalidROSArgsError or UnknownROSArgsError for `cli_args`, and BrokerUnavailable where no busd answers
-    and none could be started.
+    RCLInvalidROSArgsError or UnknownROSArgsError for `cli_args`, and BrokerUnavailable if no busd answers and
+    none could be started.
     """
 
     PARAM_REL_TOL = 1e-6
@@ -120,7 +120,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
             raise NotInitializedException("cannot create node")
         own = tuple(cli_args or ())
         _, parameters = parse_arguments(own)
-        # Its ROS arguments end where they end: what follows is the program's.
+        # `--` ends its ROS arguments: the program's follow.
         words = [*own, "--", *context.arguments] if use_global_arguments else own
         native = make_native(node_name, namespace or "", words, context, enable_rosout)
         handle = Handle(lambda: self.__is_destroyed, self.destroy_node, self)
@@ -144,7 +144,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         NodeParameters.__init__(
             self,
             overrides=file.overrides(
-                # Its own go before the program's.
+                # Its own parameters override the program's.
                 [*(context.parameters if use_global_arguments else ()), *parameters],
                 native.full_name,
             ),
@@ -165,14 +165,14 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
             LoggingService(self)
 
-    if not TYPE_CHECKING:  # which would take any attribute for one of a node
+    if not TYPE_CHECKING:  # with it, a type checker would accept any attribute of a node
 
         def __getattr__(self, name: str) -> Any:
             from bus_ros.rclpy.impl.private_names import look_up  # late: few programs ask
 
             return look_up(self, name)
 
-    # --- what it is
+    # --- properties
 
     @property
     def context(self) -> Context:
@@ -180,7 +180,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
     @property
     def executor(self) -> "Executor | None":
-        """Setting it takes the node away from the one that had it."""
+        """The executor of this node; setting it removes the node from the previous one."""
         return self.own_executor
 
     @executor.setter
@@ -199,7 +199,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
     @property
     def default_callback_group(self) -> CallbackGroup:
-        """The group of callbacks that name none: one at a time."""
+        """The group for callbacks without one: one at a time."""
         return self._default_callback_group
 
     @property
@@ -224,11 +224,11 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
     @property
     def native(self) -> NativeNode:
-        """The node of the bus beneath."""
+        """The native node below."""
         return self.__native
 
     def own_entities(self) -> Iterable[Entity]:
-        """All that may have calls to make, but the timers."""
+        """All entities that may have calls to make, except the timers."""
         return self.__entities
 
     # --- making
@@ -244,7 +244,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         qos_overriding_options: "QoSOverridingOptions | None" = None,
         publisher_class: type[Publisher[Any]] | None = None,
     ) -> Publisher[M]:
-        """A publisher; an int as `qos_profile` is keep last with that depth.
+        """Make a publisher; an int as `qos_profile` is keep last with that depth.
 
         `publisher_class` is a subclass of Publisher, which is made with the same arguments.
         """
@@ -279,9 +279,9 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         raw: bool = False,
         content_filter_options: ContentFilterOptions | None = None,
     ) -> Subscription[M]:
-        """A subscription; `callback` is `def` or `async def`, of (message) or (message, info).
+        """Make a subscription; `callback` is `def` or `async def`, with (message) or (message, info).
 
-        With `content_filter_options` only for messages that pass; raises RCLError for a wrong expression.
+        `content_filter_options` selects messages; raises RCLError for an invalid expression.
         """
         check_is_valid_msg_type(msg_type)
         check_callback(callback)
@@ -316,7 +316,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         qos_profile: QoSProfile | int = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
     ) -> Client:
-        """A client of a service."""
+        """Make a client of a service."""
         check_is_valid_srv_type(srv_type)
         self.__check(srv_name, is_service=True)
         profile = profile_of(qos_profile)
@@ -338,7 +338,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         qos_profile: QoSProfile | int = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
     ) -> Service:
-        """Serve; `callback(request, response)`, `def` or `async def`, returns the response."""
+        """Serve a service; `callback(request, response)`, `def` or `async def`, returns the response."""
         check_is_valid_srv_type(srv_type)
         self.__check(srv_name, is_service=True)
         check_callback(callback)
@@ -375,19 +375,19 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     def create_guard_condition(
         self, callback: Callable[[], object], callback_group: CallbackGroup | None = None
     ) -> GuardCondition:
-        """A callback that `trigger` has called by the executor."""
+        """Make a guard condition: its `trigger` makes the executor call `callback`."""
         return self.__add(GuardCondition(callback, callback_group or self._default_callback_group, self))
 
     def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
-        """For loops that are to run `frequency` times a second."""
+        """A rate for loops that run `frequency` times a second."""
         if frequency <= 0:
             raise ValueError("frequency must be > 0")
-        # In a group of its own, so that other callbacks do not move it.
+        # In a separate group: other callbacks must not delay it.
         timer = self.create_timer(1 / frequency, None, self._rate_group, clock)
         return Rate(timer, context=self._context)
 
     def _host_entity(self, entity: E, open_natives: Callable[[NativeNode], Coroutine[Any, Any, None]]) -> E:
-        """For what is made of several endpoints: open them, and let executors work for `entity`."""
+        """Open the endpoints of an entity that has several, and let executors work for `entity`."""
         self.handle.check()
         self.__engine.run(lambda: open_natives(self.__native))
         entity.is_queued = False
@@ -396,7 +396,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     # --- destroying
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
-        """Returns whether it was this node's."""
+        """Destroy a publisher; returns whether it belonged to this node."""
         with self.__engine.loop:
             is_ours = publisher in self.__publishers
             self.__publishers = tuple(one for one in self.__publishers if one is not publisher)
@@ -432,7 +432,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         return is_ours
 
     def _evict_entity(self, entity: Entity, natives: "Closable") -> bool:
-        """Undo `_host_entity`; returns whether it was this node's."""
+        """Undo `_host_entity`; returns whether the entity belonged to this node."""
         return self.__remove(entity, natives)
 
     # --- waiting
@@ -440,7 +440,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     def receive_one(
         self, msg_type: type[M], topic: str, qos: NativeProfile, timeout_s: float | None
     ) -> tuple[bool, M | None]:
-        """For `rclpy.wait_for_message`."""
+        """Receive one message, for `rclpy.wait_for_message`."""
         engine = self.__engine
         subscription: Any = engine.run(lambda: self.__native.create_subscription(msg_type, topic, qos))
         try:
@@ -453,12 +453,12 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     # --- ending
 
     def destroy_node(self) -> None:
-        """Hand over what was published and leave the graph. Once more does nothing."""
+        """Hand over published messages and leave the graph. A second call does nothing."""
         if self.__is_destroyed:
             return
         self.__is_destroyed = True
         if self.__engine is not current():
-            return  # made before a fork: it is the parent's
+            return  # made before a fork: it belongs to the parent
         if self.own_executor is not None:
             self.own_executor.remove_node(self)
         self.__forget_all()
@@ -482,7 +482,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         from bus_ros.rclpy.parameter_service import ParameterService
         from bus_ros.rosidl import message_class
 
-        # A node goes on without its own topics and services.
+        # If access to them is denied, a node works without these topics and services.
         try:
             self.__parameter_events = self.create_publisher(
                 message_class("rcl_interfaces/msg/ParameterEvent"),
@@ -499,7 +499,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
     @contextmanager
     def __at_once(self) -> Iterator[None]:
-        """Services that are made in the `with` are opened at its end, with one wait for busd."""
+        """Services made in the `with` are opened at its end, with one wait for busd."""
         self.__unopened = unopened = list[Service]()
         try:
             yield
@@ -508,7 +508,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         self.__open(unopened)
 
     def __open(self, services: Sequence[Service]) -> None:
-        """Where one is refused the others are there; raises the error."""
+        """Open services; if busd refuses one, the others are opened. Raises the error."""
 
         async def serve(service: Service) -> BaseException | None:
             try:
@@ -533,13 +533,13 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     def __tell_parameters(self, change: Change[Parameter]) -> None:
         if self.__is_destroyed or self.__parameter_events is None:
             return
-        if self.__parameter_events.get_subscription_count():  # what nobody hears need not be made
+        if self.__parameter_events.get_subscription_count():  # no subscription, no message
             event = event_message(parameter_message, self.get_fully_qualified_name(), change)
             event.stamp = self._clock.now().to_msg()
             self.__parameter_events.publish(event)
 
     def __check(self, name: str, *, is_service: bool = False) -> None:
-        """Before something of that name is made. Raises InvalidHandle where the node is destroyed."""
+        """Check a name before an endpoint is made. Raises InvalidHandle if the node is destroyed."""
         if self.__is_destroyed:
             raise InvalidHandle(f"node '{self.__native.full_name}' is destroyed")
         validate_topic_name(name, is_service=is_service)
@@ -557,7 +557,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
     def __publisher_events(self, callbacks: "PublisherEventCallbacks | None") -> PublisherEvents | None:
         if callbacks is None:
-            return None  # the bus warns of what is incompatible
+            return None  # the bus warns of incompatible endpoints
         from bus_ros.rclpy.event_handler import publisher_events
 
         return publisher_events(callbacks, self.__events.put)

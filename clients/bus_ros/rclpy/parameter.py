@@ -1,7 +1,7 @@
-"""`rclpy.parameter`: a parameter's name, type and value, and how they become messages and come out of them.
+"""`rclpy.parameter`: a parameter's name, type and value, and their conversion to and from messages.
 
-Owns: rclpy's class of them. Must not know: nodes, declared parameters and their rules. The message
-classes are made when one is first needed: a program that uses no parameters doesn't pay for them.
+Owns: rclpy's class Parameter. Must not know: nodes, declared parameters and their rules. The message classes
+are made at their first use: a program without parameters does not pay for them.
 """
 
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -39,23 +39,23 @@ _MESSAGES = {
 
 
 def __getattr__(name: str) -> Any:
-    """The message classes that rclpy has in this module too."""
+    """The message classes that rclpy's module has, too."""
     if name not in _MESSAGES:
         raise AttributeError(f"module 'rclpy.parameter' has no attribute '{name}'")
     return parameter_message(_MESSAGES[name])
 
 
 def parameter_message(name: str) -> Any:
-    """The class of rcl_interfaces/msg/<name>; it is slow to import, so this is done when it is needed."""
+    """The class of rcl_interfaces/msg/<name>; imported only if it is needed: the import is slow."""
     from bus_ros.rosidl import message_class
 
     return message_class(f"rcl_interfaces/msg/{name}")
 
 
 class Parameter:
-    """A name with a value, which doesn't change; `type_` is the value's where it is not given.
+    """A name with a value, which doesn't change; without `type_`, it is the type of the value.
 
-    Raises TypeError for a value that no parameter can have, ValueError where type and value disagree.
+    Raises TypeError if no parameter can have the value, ValueError if type and value disagree.
     """
 
     Type: TypeAlias = ValueType
@@ -87,15 +87,15 @@ class Parameter:
 
     @property
     def value(self) -> Any:
-        """None where it is not set."""
+        """The value; None if it is not set."""
         return self._value
 
     def get_parameter_value(self) -> Any:
-        """As rcl_interfaces/msg/ParameterValue."""
+        """The rcl_interfaces/msg/ParameterValue."""
         return messages.value_message(parameter_message, self._type, self._value)
 
     def to_parameter_msg(self) -> Any:
-        """As rcl_interfaces/msg/Parameter."""
+        """The rcl_interfaces/msg/Parameter."""
         return messages.parameter_message(parameter_message, self)
 
     def __repr__(self) -> str:
@@ -103,9 +103,9 @@ class Parameter:
 
 
 def parameter_value_to_python(parameter_value: Any) -> Any:
-    """The Python value in a ParameterValue, arrays as lists, None where it is not set.
+    """The Python value in a ParameterValue, arrays as lists; None if it is not set.
 
-    Raises RuntimeError for a type that does not exist.
+    Raises RuntimeError for an unknown type.
     """
     try:
         return messages.python_value(parameter_value)
@@ -114,9 +114,9 @@ def parameter_value_to_python(parameter_value: Any) -> Any:
 
 
 def get_parameter_value(string_value: str) -> Any:
-    """A ParameterValue from YAML text; what is no value in YAML is a text."""
+    """A ParameterValue from YAML text; a text that is not a value in YAML is a string."""
     value: Any = parse_typed(string_value)
-    # To ROS an empty list is one of booleans here, and of bytes in Parameter.
+    # In ROS, an empty list is a list of booleans here, and of bytes in Parameter.
     type_ = ValueType.BOOL_ARRAY if value == [] else None
     return Parameter("", type_, value).get_parameter_value()
 
@@ -127,11 +127,11 @@ def parameter_dict_from_yaml_file(
     target_nodes: list[str] | None = None,
     namespace: str = "",
 ) -> dict[str, Any]:
-    """Name to rcl_interfaces/msg/Parameter, of a file of parameters.
+    """From name to rcl_interfaces/msg/Parameter, for a file of parameters.
 
-    Only sections of `target_nodes`, by default all; those of `/**` first, and only with `use_wildcard`.
-    `namespace` is put in front of each name. Raises RuntimeError where the file has nothing of that, or can't
-    be used.
+    Only sections of `target_nodes`, by default all. Sections of `/**` come first, and only with
+    `use_wildcard`. `namespace` is put in front of each name. Raises RuntimeError if the file has no such
+    section, or is invalid.
     """
     try:
         sections = read_file(parameter_file)

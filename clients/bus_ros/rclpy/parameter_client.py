@@ -1,7 +1,7 @@
 """`rclpy.parameter_client`: reads and changes the parameters of another node.
 
-Owns: calls to requests of the six services. Must not know: how services are carried. Each call returns the
-Future of the service's response.
+Owns: conversion of calls to requests of the six services. Must not know: the transport of services. Each call
+returns the Future of the service's response.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,9 +28,9 @@ _Callback = Callable[[Future[Any]], object]
 
 
 class AsyncParameterClient:
-    """The parameters of the node `remote_node_name`, asked for by `node`.
+    """A client for the parameters of the node `remote_node_name`; `node` sends the requests.
 
-    A `callback` of a call gets its Future when that is done.
+    A `callback` of a call gets its Future once that is done.
     """
 
     def __init__(
@@ -71,11 +71,11 @@ class AsyncParameterClient:
         )
 
     def services_are_ready(self) -> bool:
-        """Whether all six would be heard at once."""
+        """Whether all six services have a server."""
         return all(client.service_is_ready() for client in self._clients)
 
     def wait_for_services(self, timeout_sec: float | None = None) -> bool:
-        """Wait until they are, at most `timeout_sec` seconds; returns whether they are."""
+        """Wait until all six have a server, at most `timeout_sec` seconds; returns whether they have."""
         end_s = inf if timeout_sec is None else monotonic() + timeout_sec
         for client in self._clients:
             left_s = None if end_s == inf else max(0.0, end_s - monotonic())
@@ -89,24 +89,24 @@ class AsyncParameterClient:
         depth: int | None = None,
         callback: _Callback | None = None,
     ) -> Future[Any]:
-        """Names below any of `prefixes` (none = all), at most `depth` levels down (none = all)."""
+        """List names below any of `prefixes` (none: all), at most `depth` levels down (none: all)."""
         return _call(self._list_parameter_client, callback, prefixes=prefixes or [], depth=depth or 0)
 
     def get_parameters(self, names: list[str], callback: _Callback | None = None) -> Future[Any]:
         return _call(self._get_parameter_client, callback, names=names)
 
     def set_parameters(self, parameters: Sequence[Any], callback: _Callback | None = None) -> Future[Any]:
-        """Each for itself; they are Parameters, or messages of them."""
+        """Set each parameter separately; they are Parameters, or messages of them."""
         return _call(self._set_parameter_client, callback, parameters=_messages(parameters))
 
     def set_parameters_atomically(
         self, parameters: Sequence[Any], callback: _Callback | None = None
     ) -> Future[Any]:
-        """All or none."""
+        """Set all parameters or none."""
         return _call(self._set_parameters_atomically_client, callback, parameters=_messages(parameters))
 
     def delete_parameters(self, names: list[str], callback: _Callback | None = None) -> Future[Any]:
-        """Undeclare them; a node refuses that for those with a static type."""
+        """Undeclare the parameters; a node refuses this if their type is static."""
         unset = [Parameter(name, Parameter.Type.NOT_SET) for name in names]
         return self.set_parameters(unset, callback)
 
@@ -119,7 +119,10 @@ class AsyncParameterClient:
     def load_parameter_file(
         self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
     ) -> Future[Any]:
-        """Set what the file says of this node, and with `use_wildcard` of all nodes. Raises RuntimeError."""
+        """Set the file's parameters for this node; `use_wildcard`: for all nodes, too.
+
+        Raises RuntimeError if the file is invalid.
+        """
         found = parameter_dict_from_yaml_file(
             parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
         )
@@ -128,7 +131,7 @@ class AsyncParameterClient:
     def load_parameter_file_atomically(
         self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
     ) -> Future[Any]:
-        """As `load_parameter_file`, but all or none."""
+        """As `load_parameter_file`, but sets all parameters or none."""
         found = parameter_dict_from_yaml_file(
             parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
         )

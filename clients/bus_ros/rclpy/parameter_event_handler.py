@@ -1,6 +1,6 @@
-"""`rclpy.parameter_event_handler`: callbacks for changes of parameters, of any node, by `/parameter_events`.
+"""`rclpy.parameter_event_handler`: callbacks for changed parameters of any node, from `/parameter_events`.
 
-Owns which callback is for which event. Must not know how parameters are kept.
+Owns the callbacks and their selection by event. Must not know the storage of parameters.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,7 +21,7 @@ _GONE = "Callback doesn't exist"
 
 
 class ParameterCallbackHandle:
-    """A callback for one parameter of one node, to be removed by."""
+    """A callback for one parameter of one node; used to remove it."""
 
     def __init__(self, parameter_name: str, node_name: str, callback: Callable[[Any], object]) -> None:
         self.parameter_name = parameter_name
@@ -30,17 +30,17 @@ class ParameterCallbackHandle:
 
 
 class ParameterEventCallbackHandle:
-    """A callback for each event, to be removed by."""
+    """A callback for each event; used to remove it."""
 
     def __init__(self, callback: Callable[[Any], object]) -> None:
         self.callback = callback
 
 
 class ParameterEventHandler:
-    """Hears what changes of parameters, and calls back by the executor of `node`.
+    """Receives changes of parameters, and calls back in the executor of `node`.
 
-    Of several callbacks the newest is called first, those for one parameter before those for events. Values
-    are messages: rcl_interfaces/msg/Parameter and ParameterEvent.
+    The newest of several callbacks is called first, callbacks for one parameter before callbacks for events.
+    Values are messages: rcl_interfaces/msg/Parameter and ParameterEvent.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class ParameterEventHandler:
         )
 
     def destroy(self) -> None:
-        """Hear nothing more."""
+        """Stop receiving events."""
         self.node.destroy_subscription(self.parameter_event_subscription)
 
     @staticmethod
     def get_parameter_from_event(event: Any, parameter_name: str, node_name: str) -> Any:
-        """The new or changed parameter of that name and node; None where it is not in the event."""
+        """The new or changed parameter of that name and node; None if it is not in the event."""
         if event.node == node_name:
             for parameter in (*event.new_parameters, *event.changed_parameters):
                 if parameter.name == parameter_name:
@@ -82,7 +82,7 @@ class ParameterEventHandler:
 
     @staticmethod
     def get_parameters_from_event(event: Any) -> Iterable[Any]:
-        """The new and the changed ones."""
+        """The new and the changed parameters."""
         yield from event.new_parameters
         yield from event.changed_parameters
 
@@ -91,14 +91,14 @@ class ParameterEventHandler:
     ) -> ParameterCallbackHandle:
         """Call `callback(parameter)` when this parameter of that node is new or changed.
 
-        A node's name without a slash before it is one in the namespace of this node.
+        A node name without a leading slash is relative to the namespace of this node.
         """
         handle = ParameterCallbackHandle(parameter_name, self._full_name(node_name), callback)
         self._parameter_callbacks.insert(0, handle)
         return handle
 
     def remove_parameter_callback(self, handle: ParameterCallbackHandle) -> None:
-        """Raises RuntimeError where it is removed already."""
+        """Remove a callback. Raises RuntimeError if it is removed already."""
         if handle not in self._parameter_callbacks:
             raise RuntimeError(_GONE)
         self._parameter_callbacks.remove(handle)
@@ -110,7 +110,7 @@ class ParameterEventHandler:
         return handle
 
     def remove_parameter_event_callback(self, handle: ParameterEventCallbackHandle) -> None:
-        """Raises RuntimeError where it is removed already."""
+        """Remove a callback. Raises RuntimeError if it is removed already."""
         if handle not in self._event_callbacks:
             raise RuntimeError(_GONE)
         self._event_callbacks.remove(handle)

@@ -1,7 +1,8 @@
 """The six services by which other programs read and change a node's parameters.
 
-Owns: requests to calls of the node, results to responses. Must not know: how parameters are kept, or services
-carried. What a remote side asks for wrongly is an answer to it, never an error here.
+Owns: conversion of requests to calls of the node, and of results to responses. Must not know: the storage of
+parameters, the transport of services. A wrong request from another program gets an answer, never an error
+here.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""Publishers of the facade: a native one, used under the guard from whichever thread publishes."""
+"""Publishers of the facade: a native publisher, used under the guard by any publishing thread."""
 
 from enum import IntEnum
 from functools import cached_property
@@ -21,7 +21,7 @@ __all__ = ["Publisher"]
 M = TypeVar("M")
 
 ROOM_S = 10.0
-"""How long `publish` waits for room where the QoS is reliable + keep all."""
+"""The longest wait of `publish` for room if the QoS is reliable + keep all."""
 
 
 class Publisher(Destroyable, Generic[M]):
@@ -47,7 +47,7 @@ class Publisher(Destroyable, Generic[M]):
         sends = core_of(native).sender.quick.sends
         if sends is not None and type(self).publish is Publisher.publish:
             sends.share(self._loop, self._publish_on)
-            # Guard and quick way in one native call: half the time of a message.
+            # Guard and fast path in one native call: this halves the time of a message.
             self.publish = sends.publish_shared  # type: ignore[method-assign, assignment]
 
     @property
@@ -56,12 +56,12 @@ class Publisher(Destroyable, Generic[M]):
 
     @property
     def logger_name(self) -> str:
-        """Of its node."""
+        """The logger name of its node."""
         return str(self.node.get_logger().name)
 
     @cached_property
     def event_handlers(self) -> "list[EventHandler]":
-        """What is called, or warned of, besides messages."""
+        """Handlers for its events other than messages: callbacks, or warnings."""
         from bus_ros.rclpy.event_handler import PublisherEventCallbacks  # late: few programs ask
 
         callbacks = self.event_callbacks or PublisherEventCallbacks()
@@ -76,25 +76,25 @@ class Publisher(Destroyable, Generic[M]):
         return self.native.topic_name
 
     def publish(self, msg: M | bytes) -> None:
-        """Publish a message, or one that is serialized already; from any thread.
+        """Publish a message, or serialized bytes; from any thread.
 
-        Where the QoS is reliable + keep all and there is no room, it waits for up to ROOM_S seconds, then
-        raises RuntimeError. Raises TypeError for a message of another class, or with a wrong field;
-        InvalidHandle after it, or its node, was destroyed.
+        If the QoS is reliable + keep all and there is no room, it waits for up to ROOM_S seconds, then raises
+        RuntimeError. Raises TypeError for a message of another class, or with a wrong field; InvalidHandle
+        after the publisher, or its node, was destroyed.
         """
         self._publish_on(msg, None)
 
     def get_subscription_count(self) -> int:
-        """Subscriptions matched now."""
+        """The number of matched subscriptions."""
         with self._loop:
             return self.native.get_subscription_count()
 
     def assert_liveliness(self) -> None:
-        """A sign of life, where the QoS is manual by topic."""
+        """Assert the publisher's liveliness if the QoS is manual by topic."""
         self._engine.call(self.native.assert_liveliness)
 
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
-        """Wait until all that was published is handed over; returns whether it is."""
+        """Wait until all published messages are handed over; returns whether they are."""
         try:
             self._engine.run(self.native.flush, None if timeout is None else timeout.nanoseconds / 1e9)
         except TimeoutError:
@@ -102,13 +102,13 @@ class Publisher(Destroyable, Generic[M]):
         return True
 
     def destroy(self) -> None:
-        """No more publishing."""
+        """Stop publishing."""
         self.node.destroy_publisher(self)
 
     # --- inside
 
     def _publish_on(self, msg: Any, status: int | bytes | None) -> None:
-        """What the quick way has left to do, as its `status` says; None: it was not tried."""
+        """The rest of `publish` after the fast path, by its `status`; None: not tried."""
         if msg.__class__ is not self.msg_type:
             self._publish_other(msg)
             return
@@ -133,7 +133,7 @@ class Publisher(Destroyable, Generic[M]):
         return watch_event(self.native, event_type, enqueue)
 
     def _publish_other(self, msg: Any) -> None:
-        """Bytes, or a message of a class of the user's own below the topic's."""
+        """Publish bytes, or a message of a subclass of the topic's class."""
         if not isinstance(msg, bytes):
             if not isinstance(msg, self.msg_type):
                 raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")

@@ -1,7 +1,7 @@
-"""QoS as rclpy has it: mutable profiles, with "system default" and "best available" among the policies.
+"""rclpy's QoS: mutable profiles, with "system default" and "best available" among the policies.
 
-Owns the policies, the profiles, their presets, and what they mean on the bus (`to_native`, `from_native`).
-Must not know how a policy is carried out: that is `bus.qos`'s and the library's.
+Owns the policies, the profiles, their presets, and their translation for the bus (`to_native`,
+`from_native`). Must not know the effect of a policy: `bus.qos` and the library define it.
 """
 
 import warnings
@@ -46,7 +46,7 @@ __all__ = [
 
 
 class QoSPolicyKind(IntEnum):
-    """Which policy; each has a bit, as in rmw."""
+    """Kinds of policies; each has a bit, as in rmw."""
 
     INVALID = 1 << 0
     DURABILITY = 1 << 1
@@ -61,14 +61,14 @@ class QoSPolicyKind(IntEnum):
 
 
 def qos_policy_name_from_kind(policy_kind: QoSPolicyKind | int) -> str:
-    """`RELIABILITY`, ...; raises ValueError for a number that is no policy's."""
+    """The policy's name, `RELIABILITY` for example; raises ValueError for an unknown number."""
     return QoSPolicyKind(policy_kind).name
 
 
 class QoSPolicyEnum(IntEnum):
     """Base of the policies' enums. SYSTEM_DEFAULT leaves the choice to busd.
 
-    The names that begin with RMW are those of old programs.
+    Names that begin with RMW are for old programs.
     """
 
     @classmethod
@@ -78,7 +78,7 @@ class QoSPolicyEnum(IntEnum):
 
     @classmethod
     def get_from_short_key(cls, name: str) -> int:
-        """The number of such a name, in any case; raises KeyError."""
+        """The number for a name in any case; raises KeyError."""
         return cls[name.upper()].value
 
     @property
@@ -87,7 +87,7 @@ class QoSPolicyEnum(IntEnum):
 
 
 class HistoryPolicy(QoSPolicyEnum):
-    """How many messages are kept: the last `depth`, or all."""
+    """The number of messages kept: the last `depth`, or all."""
 
     SYSTEM_DEFAULT = 0
     KEEP_LAST = 1
@@ -100,7 +100,7 @@ class HistoryPolicy(QoSPolicyEnum):
 
 
 class ReliabilityPolicy(QoSPolicyEnum):
-    """Whether messages may be lost on the way."""
+    """Whether messages may be lost in transport."""
 
     SYSTEM_DEFAULT = 0
     RELIABLE = 1
@@ -114,7 +114,7 @@ class ReliabilityPolicy(QoSPolicyEnum):
 
 
 class DurabilityPolicy(QoSPolicyEnum):
-    """Whether late joiners get what was published before."""
+    """Whether late joiners get earlier messages."""
 
     SYSTEM_DEFAULT = 0
     TRANSIENT_LOCAL = 1
@@ -128,7 +128,7 @@ class DurabilityPolicy(QoSPolicyEnum):
 
 
 class LivelinessPolicy(QoSPolicyEnum):
-    """What shows that a publisher lives."""
+    """The sign by which a publisher shows that it is alive."""
 
     SYSTEM_DEFAULT = 0
     AUTOMATIC = 1
@@ -151,18 +151,18 @@ V = TypeVar("V")
 
 _UNSPECIFIED = Duration()
 _BEST_AVAILABLE = Duration(nanoseconds=2**63 - 2)
-"""rmw's mark in a deadline or lease that is to match the other side's."""
+"""rmw's value for a deadline or lease that adapts to the other side's."""
 
 
 class InvalidQoSProfileException(Exception):
-    """A profile that says too little."""
+    """A profile without history and depth."""
 
     def __init__(self, *args: object) -> None:
         super().__init__("Invalid QoSProfile", *args)
 
 
 class _Policy(Generic[P]):
-    """A field that holds an enum and takes its numbers too."""
+    """A field that holds an enum and accepts its numbers too."""
 
     def __init__(self, kind: type[P]) -> None:
         self._kind = kind
@@ -212,11 +212,11 @@ class _Value(Generic[V]):
 
 
 class QoSProfile:
-    """The policies of one endpoint. Each can be set afterwards, until an endpoint is made of it.
+    """The policies of one endpoint. Each can be changed until an endpoint is made from it.
 
-    A deadline, lifespan or lease of `Duration()` says nothing: no limit. Raises InvalidQoSProfileException
-    without history and depth, AssertionError for a value of the wrong class, ValueError for a number that
-    is no policy's.
+    A deadline, lifespan or lease of `Duration()` is unset: no limit. Raises InvalidQoSProfileException
+    without history and depth, AssertionError for a value of the wrong class, ValueError for an unknown
+    number.
     """
 
     __slots__ = (  # noqa: RUF023 - the order of the text
@@ -273,7 +273,7 @@ class QoSProfile:
     __hash__ = None  # type: ignore[assignment]
 
     def get_c_qos_profile(self) -> "CProfile":
-        """For entities of `rclpy_implementation`."""
+        """The profile for entities of `rclpy_implementation`."""
         return CProfile(self)
 
     def __str__(self) -> str:
@@ -336,26 +336,26 @@ class QoSPresetProfiles(Enum):
 
     @classmethod
     def get_from_short_key(cls, name: str) -> QoSProfile:
-        """The profile of such a name, in any case; raises KeyError."""
+        """The profile for a name in any case; raises KeyError."""
         return cls[name.upper()].value
 
 
 class CProfile:
-    """A profile as rclpy's C library has it: what entities of `rclpy_implementation` are made with."""
+    """A profile in the form of rclpy's C library, for making entities of `rclpy_implementation`."""
 
     def __init__(self, profile: QoSProfile) -> None:
         self.profile = profile
 
     def to_dict(self) -> dict[str, Any]:
-        """The value of each policy; those that are enums as numbers."""
+        """The value of each policy, enums as numbers."""
         values = {name[1:]: getattr(self.profile, name[1:]) for name in QoSProfile.__slots__}
         return {name: int(value) if isinstance(value, IntEnum) else value for name, value in values.items()}
 
 
 def profile_of(qos_or_depth: QoSProfile | int) -> QoSProfile:
-    """What `create_publisher(..., 10)` means: an int is keep last with that depth.
+    """The profile for `create_publisher(..., 10)`: an int is keep last with that depth.
 
-    Raises ValueError for a negative depth, TypeError for what is neither.
+    Raises ValueError for a negative depth, TypeError for any other type.
     """
     if isinstance(qos_or_depth, QoSProfile):
         return qos_or_depth
@@ -373,8 +373,8 @@ _POLICIES: dict[str, type[QoSPolicyEnum]] = {
     "liveliness": LivelinessPolicy,
 }
 
-# "Best available" is what matches every peer, known now or not: a publisher offers the most, a subscription
-# asks for the least. rmw looks at the peers of the moment instead, and never again.
+# "Best available" matches every peer, known now or not: a publisher offers the most, a subscription requests
+# the least. rmw decides once, by the peers of the moment.
 _BEST_OFFER: dict[str, StrEnum] = {
     "reliability": native.Reliability.RELIABLE,
     "durability": native.Durability.TRANSIENT_LOCAL,
@@ -395,11 +395,11 @@ _BOTH: dict[str, StrEnum] = {
 def to_native(
     profile: QoSProfile | int, *, for_publisher: bool = False, for_both: bool = False
 ) -> native.QoSProfile:
-    """What the profile means on the bus: for a publisher, both ends of a service, or else a subscription.
+    """The bus's profile: for a publisher, for both ends of a service, or else for a subscription.
 
-    Which one matters for "best available" only.
+    The choice matters only for "best available".
 
-    Raises InvalidQoSProfileException for a policy that is unknown, ValueError for values out of range.
+    Raises InvalidQoSProfileException for an unknown policy, ValueError for values out of range.
     """
     profile = profile_of(profile)
     best = _BOTH if for_both else _BEST_OFFER if for_publisher else _LEAST_REQUEST
@@ -412,7 +412,7 @@ def to_native(
 
 
 def from_native(profile: native.QoSProfile) -> QoSProfile:
-    """The profile as rclpy shows what the graph knows: no limit is `Infinite`."""
+    """The graph's profile as rclpy shows it: `Infinite` for no limit."""
     fields = {name: kind[getattr(profile, name).name] for name, kind in _POLICIES.items()}
     times = {one.name: _duration(one.ns(profile)) for one in native.DURATIONS}
     return QoSProfile(depth=profile.depth, **fields, **times)
@@ -440,7 +440,7 @@ def _duration(duration_ns: int) -> Duration:
 
 
 class QoSCompatibility(IntEnum):
-    """Whether a publisher and a subscription match; busd is never in doubt, so WARNING doesn't occur."""
+    """Whether a publisher and a subscription match; WARNING does not occur, because busd always knows."""
 
     OK = 0
     WARNING = 1
@@ -450,7 +450,7 @@ class QoSCompatibility(IntEnum):
 def qos_check_compatible(
     publisher_qos: QoSProfile, subscription_qos: QoSProfile
 ) -> tuple[QoSCompatibility, str]:
-    """Whether the two would match, and the reasons why not, in rmw's words."""
+    """Whether the two would match, and the reasons against it, in rmw's words."""
     found = native.check_compatible(to_native(publisher_qos, for_publisher=True), to_native(subscription_qos))
     verdict = QoSCompatibility.ERROR if found else QoSCompatibility.OK
     return verdict, native.describe_incompatibilities(found)

@@ -1,6 +1,6 @@
 """QoS that the user may override by parameters: `qos_overrides./topic.publisher.depth` and the like.
 
-Owns their names, their values and how they change a profile. Must not know how parameters are kept.
+Owns their names, their values and their effect on a profile. Must not know the storage of parameters.
 """
 
 from collections.abc import Callable, Iterable
@@ -28,14 +28,14 @@ __all__ = [
 
 
 class InvalidQosOverridesError(Exception):
-    """The callback of the options refuses the profile that the parameters make."""
+    """The callback of the options refuses the profile with the parameters' values."""
 
 
 class QoSOverridingOptions:
-    """Which policies of an endpoint have a parameter.
+    """The policies of an endpoint that have a parameter.
 
-    `callback(profile)` is given the result and returns a QosCallbackResult; `entity_id` tells endpoints of
-    one topic apart.
+    `callback(profile)` checks the resulting profile and returns a QosCallbackResult. `entity_id`
+    distinguishes endpoints of one topic.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class QoSOverridingOptions:
     def with_default_policies(
         cls, *, callback: Callable[[QoSProfile], Any] | None = None, entity_id: str | None = None
     ) -> "QoSOverridingOptions":
-        """History, depth and reliability."""
+        """Options for history, depth and reliability."""
         kinds = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY)
         return cls(kinds, callback=callback, entity_id=entity_id)
 
@@ -84,8 +84,8 @@ def declare_qos_parameters(
 ) -> QoSProfile:
     """Declare the parameters of a "publisher" or a "subscription" and return `qos`, changed by their values.
 
-    Raises InvalidQosOverridesError where the callback refuses the profile, RuntimeError for a value that is
-    no choice of its policy.
+    Raises InvalidQosOverridesError if the callback refuses the profile, RuntimeError if a value is invalid
+    for its policy.
     """
     from bus_ros.rosidl import message_class  # late: few programs have overrides
 
@@ -135,11 +135,11 @@ def _override(qos: QoSProfile, kind: QoSPolicyKind, value: Any) -> None:
     setattr(qos, policy, value)
 
 
-# --- rclpy's own names, which tests of programs use
+# --- rclpy's private names, which tests of programs use
 
 
 def _get_allowed_policies(entity_type: type) -> list[QoSPolicyKind]:
-    """Of the class Publisher or Subscription: those that it has."""
+    """The policies that the class Publisher or Subscription has."""
     is_publisher = entity_type.__name__ == "Publisher"
     return [kind for kind in QoSPolicyKind if is_publisher or kind is not QoSPolicyKind.LIFESPAN]
 
@@ -159,7 +159,7 @@ def _override_qos_policy_with_param(qos: QoSProfile, policy: QoSPolicyKind, para
 
 
 def __getattr__(name: str) -> Any:
-    if name == "QosCallbackResult":  # a message class, and made as late as all of them
+    if name == "QosCallbackResult":  # a message class, made at its first use as all of them
         from bus_ros.rosidl import message_class
 
         return message_class("rcl_interfaces/msg/SetParametersResult")

@@ -1,4 +1,4 @@
-"""Services of the facade: a native server, whose requests wait here until an executor has time for them."""
+"""Services of the facade: a native server, and a queue of requests until an executor takes them."""
 
 from collections import deque
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from bus_ros.rclpy.qos import QoSProfile
 __all__ = ["Service"]
 
 MOST_WAITING = 1000
-"""Requests that wait for an executor; beyond, the oldest are refused."""
+"""Requests that wait for an executor; above this limit, the oldest are refused."""
 
 
 class Service(Entity, Introspected, Destroyable):
@@ -44,16 +44,16 @@ class Service(Entity, Introspected, Destroyable):
         self._engine = engine
         self._waiting: deque[tuple[object, RequestId]] = deque()
         super().__init__(node, callback_group)
-        self.is_queued = True  # until `begin`: no executor takes what comes before
+        self.is_queued = True  # until `begin`: no executor takes earlier requests
 
     def begin(self, native: ServiceServer) -> None:
-        """For the node: `native` is made, and answers can go out. Requests may have come before."""
+        """For the node: `native` is made, and answers can be sent. Requests may have arrived before."""
         self.native = native
         self.is_queued = False
 
     @property
     def logger_name(self) -> str:
-        """Of its node."""
+        """The logger name of its node."""
         return str(self.node.get_logger().name)
 
     @property
@@ -61,8 +61,10 @@ class Service(Entity, Introspected, Destroyable):
         return self.native.service_name
 
     def send_response(self, response: object, header: RequestId) -> None:
-        """Answer the request that came with `header`. Raises TypeError for what is no response, InvalidHandle
-        once the service is destroyed.
+        """Answer the request that came with `header`.
+
+        Raises TypeError if `response` is not a response of the service, InvalidHandle once the service is
+        destroyed.
         """
         if not isinstance(response, self.srv_type.Response):
             raise TypeError(
@@ -74,7 +76,7 @@ class Service(Entity, Introspected, Destroyable):
             self.events.publish_event("RESPONSE_SENT", header.client, header.number, response=response)
 
     def destroy(self) -> None:
-        """Take no more requests."""
+        """Stop taking requests."""
         self.node.destroy_service(self)
 
     # --- for the executor and the native server, under the guard
@@ -122,15 +124,16 @@ class Service(Entity, Introspected, Destroyable):
         try:
             self.send_response(response, request_id)
         except PayloadTooLarge as error:
-            # The client may have asked for that much: it is told, and the server goes on for the others.
+            # The client may have caused it by its request: it gets an error, and the server continues for
+            # others.
             self._refuse(request_id, error)
             text = f"no answer of service '{self.service_name}' to one request: {error}"
             self.node.get_logger().warning(text, throttle_duration_sec=1.0)
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
-        """In ROS the client would wait for ever."""
+        """Answer with an error; in ROS the client would wait for ever."""
         with self._engine.loop:
-            if not self.is_destroyed:  # as the callback may have done
+            if not self.is_destroyed:  # the callback may have destroyed it
                 self.native.respond(request_id, None, f"{type(error).__name__}: {error}")
 
     def _respond(self, request_id: RequestId, response: object) -> None:

@@ -1,4 +1,4 @@
-"""How much a client or a service tells of its requests and answers on `<service>/_service_event`."""
+"""The level of detail about requests and answers that a client or service publishes as service events."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ __all__ = ["ServiceIntrospectionState"]
 
 
 class ServiceIntrospectionState(IntEnum):
-    """Nothing; that there was one, when and whose; also what it said."""
+    """No events; events with time and client; also with their contents."""
 
     OFF = 0
     METADATA = 1

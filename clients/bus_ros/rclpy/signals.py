@@ -21,7 +21,7 @@ __all__ = [
 
 
 class SignalHandlerOptions(IntEnum):
-    """Which signals `rclpy.init` handles."""
+    """Signals that `rclpy.init` handles."""
 
     NO = 0
     SIGINT = 1
@@ -30,13 +30,13 @@ class SignalHandlerOptions(IntEnum):
 
 
 class SignalHandlerGuardCondition(Handled):
-    """Of rclpy's executors, which a signal wakes by it; those here are woken without."""
+    """rclpy's guard condition to wake executors at a signal; executors here do not need it."""
 
     def __init__(self, context: Context | None = None) -> None:
         self.is_destroyed = False
 
     def trigger(self) -> None:
-        """Raises InvalidHandle where it is destroyed."""
+        """Raises InvalidHandle if it is destroyed."""
         self.handle.check()
 
     def destroy(self) -> None:
@@ -49,7 +49,7 @@ _came: int | None = None
 
 
 def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
-    """Handle signals, for all contexts. Nothing happens but in the main thread."""
+    """Handle signals, for all contexts; does nothing outside of the main thread."""
     global _installed, _came
     if threading.current_thread() is not threading.main_thread():
         return
@@ -61,7 +61,7 @@ def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions
 
 
 def uninstall_signal_handlers() -> None:
-    """Put the handlers back that were there before."""
+    """Restore the previous handlers."""
     global _installed
     if threading.current_thread() is not threading.main_thread():
         return
@@ -74,12 +74,12 @@ def uninstall_signal_handlers() -> None:
 
 
 def get_current_signal_handlers_options() -> SignalHandlerOptions:
-    """Those that are handled now."""
+    """The signals that are handled now."""
     return _installed
 
 
 def last_signal() -> int | None:
-    """The one that ended the contexts since handlers were installed; None where there was none."""
+    """The signal that ended the contexts since handlers were installed; None if there was none."""
     return _came
 
 
@@ -90,7 +90,7 @@ def _on_sigint(number: int, frame: FrameType | None) -> None:
         engine.interrupt()
         return
     if engine is not None:
-        engine.loop.is_interrupted = False  # one that waits, and this one, are one
+        engine.loop.is_interrupted = False  # a pending interrupt and this one count as one
     before = _before.get(number)
     if callable(before):
         before(number, frame)

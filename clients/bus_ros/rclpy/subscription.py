@@ -1,4 +1,4 @@
-"""Subscriptions of the facade: a native one, whose messages an executor takes when it has time for them."""
+"""Subscriptions of the facade: a native subscription; an executor takes its messages when it is free."""
 
 from collections.abc import Callable, Sequence
 from enum import Enum, IntEnum
@@ -30,7 +30,7 @@ _TURN_NS = 2_500_000
 
 
 class MessageInfo(TypedDict):
-    """The second argument of a callback that takes two. Times in nanoseconds since 1970."""
+    """The second argument of a callback with two. Times are nanoseconds since 1970."""
 
     source_timestamp: int
     received_timestamp: int
@@ -44,7 +44,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
     event_callbacks: "SubscriptionEventCallbacks | None" = None
 
     class CallbackType(Enum):
-        """How many arguments the callback takes."""
+        """The number of arguments of the callback."""
 
         MessageOnly = 0
         WithMessageInfo = 1
@@ -71,7 +71,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._take_messages = self._receiver.take_messages
         self._wants_info = takes_info(callback)
         self.batch = 1
-        """How many messages are taken at once."""
+        """The number of messages to take at once."""
         self._takes_one = self.is_async or self._wants_info
         self._filter: Callable[[Any], bool] | None = None
         self._filter_options = ContentFilterOptions()
@@ -82,7 +82,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
 
     @property
     def callback(self) -> Callable[..., object]:
-        """Setting it holds from the next message on. Raises RuntimeError as `Node.create_subscription`."""
+        """Setting it takes effect at the next message. Raises RuntimeError as `Node.create_subscription`."""
         return self._callback
 
     @callback.setter
@@ -97,18 +97,18 @@ class Subscription(Entity, Destroyable, Generic[M]):
 
     @property
     def _callback_type(self) -> CallbackType:
-        """rclpy's own name of it."""
+        """rclpy's private name for it."""
         kinds = self.CallbackType
         return kinds.WithMessageInfo if self._wants_info else kinds.MessageOnly
 
     @property
     def logger_name(self) -> str:
-        """Of its node."""
+        """The logger name of its node."""
         return str(self.node.get_logger().name)
 
     @cached_property
     def event_handlers(self) -> "list[EventHandler]":
-        """What is called, or warned of, besides messages."""
+        """Handlers for its events other than messages: callbacks, or warnings."""
         from bus_ros.rclpy.event_handler import SubscriptionEventCallbacks  # late: few programs ask
 
         callbacks = self.event_callbacks or SubscriptionEventCallbacks()
@@ -123,7 +123,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         return self.native.topic_name
 
     def get_publisher_count(self) -> int:
-        """Publishers matched now."""
+        """The number of matched publishers."""
         with self._engine.loop:
             return self.native.get_publisher_count()
 
@@ -133,16 +133,16 @@ class Subscription(Entity, Destroyable, Generic[M]):
         return self._filter is not None
 
     def get_content_filter(self) -> ContentFilterOptions:
-        """Raises RCLError where there is none."""
+        """The content filter. Raises RCLError if there is none."""
         if self._filter is None:
             raise RCLError("failed to get content filter: there is none")
         return self._filter_options
 
     def set_content_filter(self, filter_expression: str, expression_parameters: Sequence[str]) -> None:
-        """Call back for messages only that pass, from now on; an empty expression: for all.
+        """Call back only for messages that pass the filter, from now on; an empty expression: for all.
 
-        The subscription filters: what does not pass was received nevertheless. Raises RCLError for an
-        expression that can't be used.
+        The subscription filters, so filtered messages are received nevertheless. Raises RCLError for an
+        invalid expression.
         """
         options = ContentFilterOptions(filter_expression, expression_parameters)
         passes = self._compiled(options) if filter_expression else None
@@ -152,7 +152,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
             self.leave()
 
     def destroy(self) -> None:
-        """No more calls."""
+        """Stop the calls."""
         self.node.destroy_subscription(self)
 
     def _compiled(self, options: ContentFilterOptions) -> Callable[[Any], bool]:
@@ -193,7 +193,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         if receiver.ahead:
             return self._callback, receiver.ahead.popleft()[:1]
         if self.batch == 2 and not receiver.has_more:
-            self.batch = 1  # the one before was alone
+            self.batch = 1  # the previous message was the only one
             return None
         number = min(self.batch, most)
         messages = self._take_messages(number)
@@ -207,9 +207,9 @@ class Subscription(Entity, Destroyable, Generic[M]):
         return self._call_with, (messages, self.node.own_executor)
 
     def _call_with(self, messages: list[M], executor: Line | None) -> None:
-        """Call back for all, unless that takes long or the executor loses the node.
+        """Call back for all messages, unless that takes long or the executor loses the node.
 
-        A callback that proves fast gets more at a time, which saves the rest.
+        A fast callback gets more messages at a time, which saves turns of the executor.
         """
         callback, node, context = self._callback, self.node, self.node.context
         end_ns = monotonic_ns() + _TURN_NS
@@ -228,7 +228,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
             self.batch = min(2 * self.batch, 64) if monotonic_ns() < end_ns else 1
 
     def _on_message(self) -> None:
-        """A message has come. The next one may be handed to an executor that just waits for it."""
+        """Handle a new message. The next may go directly to an executor that only waits for it."""
         executor, handover = self.node.own_executor, self._handover
         if executor is not handover.executor and not self._takes_one and self.native.qos.deadline is None:
             handover.begin(executor)

@@ -1,7 +1,7 @@
 """Futures and tasks: results that come later, and the callbacks that executors run, step by step.
 
-Owns their state, and the calls to make when they are done. Must not know executors: a task is given the
-function that puts it in line again. All methods may be called from any thread.
+Owns their state, and the calls to make when they are done. Must not know executors: a task gets a function
+that puts it into the executor's queue again. All methods may be called from any thread.
 """
 
 import sys
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class FutureState(Enum):
-    """How far a future has come."""
+    """The states of a future."""
 
     PENDING = "PENDING"
     CANCELLED = "CANCELLED"
@@ -35,7 +35,7 @@ UNFINISHED = object()
 
 
 class Executor(Protocol):
-    """An executor as a future sees it: it runs the callbacks."""
+    """The interface of an executor for a future: it runs the callbacks."""
 
     def create_task(self, callback: Callable[..., object], *args: Any) -> object: ...
 
@@ -43,7 +43,8 @@ class Executor(Protocol):
 class Future(Generic[T]):
     """A result that will come: `await future` in an async callback, or add a callback.
 
-    Callbacks are tasks of the executor, where the future has one; else they run in the thread that is done.
+    If the future has an executor, callbacks are tasks of it. Otherwise they run in the thread that sets the
+    result.
     """
 
     def __init__(self, *, executor: Executor | None = None) -> None:
@@ -59,7 +60,7 @@ class Future(Generic[T]):
             self._set_executor(executor)
 
     def __del__(self) -> None:
-        # The constructor of a subclass may have failed before ours ran.
+        # The constructor of a subclass may have failed before this class's.
         error = getattr(self, "_exception", None)
         if error is not None and not self._is_exception_seen and sys.stderr is not None:
             text = printable(f"The following exception was never retrieved: {error}")
@@ -71,7 +72,7 @@ class Future(Generic[T]):
         return self.result()
 
     def cancel(self) -> None:
-        """Give it up, unless it is done. Callbacks are called; the result is None."""
+        """Cancel it, unless it is done. Callbacks are called; the result is None."""
         self._finish(_CANCELLED)
 
     def cancelled(self) -> bool:
@@ -82,7 +83,7 @@ class Future(Generic[T]):
         return self._state != _PENDING
 
     def result(self) -> T | None:
-        """The result, None while there is none; raises the exception that was set."""
+        """The result, None if there is none yet; raises the exception that was set."""
         error = self.exception()
         if error is not None:
             raise error
@@ -105,9 +106,10 @@ class Future(Generic[T]):
         self._finish(_FINISHED)
 
     def add_done_callback(self, callback: "Callable[[Future[T]], object]") -> None:
-        """Call `callback(future)` once it is done; where it is done already, at once or by the executor.
+        """Call `callback(future)` once it is done; if it is done already, at once or by the executor.
 
-        What a callback raises is a warning, but for one that is called at once: then it is raised here.
+        An exception of a callback becomes a warning. Exception: if it is called at once, the exception is
+        raised here.
         """
         with self._lock:
             if self._state == _PENDING:
@@ -120,7 +122,7 @@ class Future(Generic[T]):
             callback(self)
 
     def remove_done_callback(self, callback: "Callable[[Future[T]], object]") -> bool:
-        """Whether it was there."""
+        """Remove a callback; returns whether it was there."""
         with self._lock:
             if callback not in self._callbacks:
                 return False
@@ -128,9 +130,9 @@ class Future(Generic[T]):
             return True
 
     def call_when_done(self, waiter: Callable[[], object]) -> None:
-        """For executors and threads that wait: call `waiter()`, which must be quick, where it gets done.
+        """For executors and waiting threads: call `waiter()`, which must be quick, when it is done.
 
-        Unlike callbacks, these need no executor. Where it is done already, at once.
+        Unlike callbacks, these need no executor. If it is done already, `waiter` is called at once.
         """
         with self._lock:
             if self._state == _PENDING:
@@ -139,7 +141,7 @@ class Future(Generic[T]):
         waiter()
 
     def forget_waiter(self, waiter: Callable[[], object]) -> None:
-        """Undo `call_when_done`, once; nothing happens where it was called already."""
+        """Undo `call_when_done`, once; does nothing if the waiter was called already."""
         with self._lock:
             if waiter in self._waiters:
                 self._waiters.remove(waiter)
@@ -167,16 +169,16 @@ class Future(Generic[T]):
         return None if self._executor is None else self._executor()
 
     def _set_executor(self, executor: Executor | None) -> None:
-        """Have this executor run the callbacks from now on; it is not kept alive."""
+        """Let this executor run the callbacks from now on; it is not kept alive."""
         self._executor = None if executor is None else weakref.ref(executor)
 
 
 class Task(Future[T]):
     """A function or a coroutine that an executor runs: each call of the task is one step.
 
-    A coroutine's step ends where it awaits something that is not there yet. When it is, a thread calls
-    `reschedule()`, which has the executor call the task again. What the handler raises becomes the task's
-    exception; KeyboardInterrupt and its like go through.
+    A coroutine's step ends at an await of an unfinished future. Once the future is done, a thread calls
+    `reschedule()`, which makes the executor call the task again. An exception of the handler becomes the
+    task's exception; KeyboardInterrupt and its like are raised.
     """
 
     def __init__(
@@ -196,7 +198,7 @@ class Task(Future[T]):
         self._task_lock = Lock()
 
     def __call__(self) -> None:
-        """Run the function, or take the coroutine one step further. Nothing where it is done or being run."""
+        """Run the function, or the coroutine's next step. Does nothing if it is done or running."""
         if self._state != _PENDING or not self._task_lock.acquire(blocking=False):
             return
         awaited: Future[Any] | None = None
@@ -212,22 +214,22 @@ class Task(Future[T]):
         if self._state != _PENDING:
             self._forget_handler()
         elif awaited is not None:
-            # After the lock is free: the step that this causes may begin at once, in another thread.
+            # Only after the lock is free: the next step may begin at once, in another thread.
             awaited.call_when_done(self._wake)
         else:
             self._wake()
 
     def executing(self) -> bool:
-        """Whether a step runs at this moment."""
+        """Whether a step is running now."""
         return self._executing
 
     def cancel(self) -> None:
-        """Give it up; a coroutine that waits is closed."""
+        """Cancel it; a waiting coroutine is closed."""
         super().cancel()
         self._forget_handler()
 
     def _step(self) -> Future[Any] | None:
-        """The future that the coroutine awaits now, or None if it yields to others or is done."""
+        """Run a step; returns the future that the coroutine awaits, or None if it yields or is done."""
         if not isinstance(self._handler, CoroutineType):  # a function, `def` or `async def`
             result = self._handler(*self._args, **self._kwargs)
             if not isinstance(result, CoroutineType):
@@ -239,7 +241,7 @@ class Task(Future[T]):
             awaited = coroutine.send(None)
             if awaited is None or isinstance(awaited, Future):
                 return awaited
-            # Into the coroutine, so that the traceback shows which await it was.
+            # Thrown into the coroutine: the traceback then shows the wrong await.
             coroutine.throw(
                 TypeError(
                     f"a callback can await rclpy's futures and other callbacks only, not {awaited!r}:"
@@ -256,7 +258,7 @@ class Task(Future[T]):
             self.reschedule()
 
     def _forget_handler(self) -> None:
-        """Drop handler and arguments; a step that runs meanwhile does so at its end."""
+        """Drop handler and arguments; if a step is running, it does so at its end."""
         if not self._task_lock.acquire(blocking=False):
             return
         try:
@@ -269,9 +271,9 @@ class Task(Future[T]):
 
 
 class Step:
-    """A step of a task, which stands in an executor's line as entities do.
+    """A step of a task, which an executor queues in the same way as entities.
 
-    `holder` is the entity whose group is held until the task ends. `go_on` puts the step in line again.
+    The task holds the group of the entity `holder` until its end. `go_on` queues the step again.
     """
 
     is_async = False
@@ -284,7 +286,7 @@ class Step:
         self.task.reschedule = self.again
         self.holder = holder
         self.ends_itself = False
-        """The end of the task ends the hold on the holder's group, too, in whichever thread it comes."""
+        """The end of the task also releases the holder's group, in any thread."""
         self.held_group: Group | None = None
         self.is_destroyed = False
         self.is_queued = False
@@ -295,7 +297,7 @@ class Step:
         return self.run, ()
 
     def run(self) -> object:
-        """UNFINISHED where the task goes on later; raises what it raised."""
+        """Run the step; returns UNFINISHED if the task goes on later; raises the task's exception."""
         self.task()
         if not self.task.done():
             return UNFINISHED

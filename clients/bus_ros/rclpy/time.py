@@ -15,7 +15,7 @@ _END_NS = 2**63
 
 
 class ClockType(IntEnum):
-    """What a clock's time is counted from, and whether it can jump. Numbers are rcl_clock_type_t's."""
+    """The epoch of a clock, and whether it can jump. The numbers are rcl_clock_type_t's."""
 
     UNINITIALIZED = 0
     ROS_TIME = 1
@@ -27,9 +27,9 @@ class ClockType(IntEnum):
 
 
 class Time:
-    """Time since the epoch of a clock's type; only times of one type compare and subtract.
+    """Time since the epoch of a clock's type; only times of one type can be compared and subtracted.
 
-    Raises ValueError for negative values, OverflowError for what 64 bits of nanoseconds can't hold.
+    Raises ValueError for negative values, OverflowError if the time does not fit into 64 bits of nanoseconds.
     """
 
     __slots__ = ("_clock_type", "_nanoseconds")
@@ -55,7 +55,7 @@ class Time:
 
     @classmethod
     def of_clock(cls, nanoseconds: int, clock_type: ClockType) -> "Time":
-        """For clocks, which are asked often: without checks."""
+        """A time without checks, because clocks are read often."""
         time = cls.__new__(cls)
         time._nanoseconds = nanoseconds
         time._clock_type = clock_type
@@ -63,7 +63,7 @@ class Time:
 
     @property
     def nanoseconds(self) -> int:
-        """All of the time since the epoch."""
+        """The whole time since the epoch."""
         return self._nanoseconds
 
     @property
@@ -71,7 +71,7 @@ class Time:
         return self._clock_type
 
     def seconds_nanoseconds(self) -> tuple[int, int]:
-        """Whole seconds, and the nanoseconds that remain."""
+        """Whole seconds, and the remaining nanoseconds."""
         return divmod(self._nanoseconds, S_TO_NS)
 
     def __repr__(self) -> str:
@@ -129,12 +129,12 @@ class Time:
         return other._nanoseconds
 
     def to_msg(self) -> Any:
-        """As a builtin_interfaces.msg.Time."""
+        """The builtin_interfaces.msg.Time."""
         seconds, nanoseconds = divmod(self._nanoseconds, S_TO_NS)
         return _message_class()(sec=seconds, nanosec=nanoseconds)
 
     def to_datetime(self) -> "datetime":
-        """In local time, to the microsecond; raises TypeError for a steady clock's time."""
+        """The local time, to the microsecond; raises TypeError for a steady clock's time."""
         from datetime import datetime
 
         if self._clock_type not in (ClockType.ROS_TIME, ClockType.SYSTEM_TIME):
@@ -143,7 +143,7 @@ class Time:
 
     @classmethod
     def from_msg(cls, msg: Any, clock_type: ClockType = ClockType.ROS_TIME) -> "Time":
-        """Of a builtin_interfaces.msg.Time; raises TypeError for anything else."""
+        """From a builtin_interfaces.msg.Time; raises TypeError for anything else."""
         if not isinstance(msg, _message_class()):
             raise TypeError("Must pass a builtin_interfaces.msg.Time object")
         return cls(seconds=msg.sec, nanoseconds=msg.nanosec, clock_type=clock_type)

@@ -1,6 +1,6 @@
 """Feeds simulated time from `/clock` to a node's clocks, while its parameter `use_sim_time` is true.
 
-Must not know how parameters are kept or messages arrive: both go through the node.
+Must not know the storage of parameters or the transport of messages: both go through the node.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ USE_SIM_TIME_NAME = "use_sim_time"
 
 @runtime_checkable
 class _Node(Protocol):
-    """A node as its source of time sees it."""
+    """The interface of a node for its time source."""
 
     def get_logger(self) -> RcutilsLogger: ...
     def has_parameter(self, name: str) -> bool: ...
@@ -43,12 +43,12 @@ class _Node(Protocol):
 
 
 class TimeSource:
-    """The source of time of one node, for all clocks that are attached."""
+    """The time source of one node, for all attached clocks."""
 
     def __init__(self, *, node: _Node | None = None) -> None:
         self._node: _Node | None = None
         self._subscription: Subscription[Any] | None = None
-        # A callback that sleeps in the node's own group must not stop the clock it sleeps by.
+        # A separate group: a sleeping callback in the node's default group must not stop its clock.
         self._group = MutuallyExclusiveCallbackGroup()
         self._clocks: list[ROSClock] = []
         self._last: Time | None = None
@@ -74,7 +74,7 @@ class TimeSource:
             self._unsubscribe()
 
     def attach_node(self, node: _Node) -> None:
-        """Follow this node's `use_sim_time`, which is declared where it is not; raises TypeError."""
+        """Follow this node's `use_sim_time`, and declare it if it is undeclared; raises TypeError."""
         if not isinstance(node, _Node):
             raise TypeError("Node must be of type rclpy.node.Node")
         if self._node is not None:
@@ -88,14 +88,14 @@ class TimeSource:
             self._subscribe()
 
     def detach_node(self) -> None:
-        """The clocks stay as they are, without news."""
+        """Stop following the node; the clocks keep their last time."""
         self._unsubscribe()
         if self._node is not None:
             self._node.remove_post_set_parameters_callback(self._on_parameters)
             self._node = None
 
     def attach_clock(self, clock: Clock) -> None:
-        """Raises TypeError for what is no clock, ValueError for a clock of another type than ROS_TIME."""
+        """Attach a clock. Raises TypeError for another object, ValueError if its type is not ROS_TIME."""
         if not isinstance(clock, Clock):
             raise TypeError("Clock must be of type rclpy.clock.Clock")
         if not isinstance(clock, ROSClock):
@@ -106,12 +106,12 @@ class TimeSource:
         self._clocks.append(clock)
 
     def detach_clock(self, clock: Clock) -> None:
-        """Nothing happens where the clock is not attached."""
+        """Detach a clock; does nothing if it is not attached."""
         if isinstance(clock, ROSClock) and clock in self._clocks:
             self._clocks.remove(clock)
 
     def clock_callback(self, msg: Any) -> None:
-        """A rosgraph_msgs.msg.Clock has come."""
+        """Handle a rosgraph_msgs.msg.Clock."""
         try:
             self._last = Time.from_msg(msg.clock)
         except ValueError as error:  # a publisher's mistake must not end this program

@@ -1,4 +1,4 @@
-"""Timers and rates. A timer keeps its phase and skips what it missed, as ROS 2's do (rcl/timer.c)."""
+"""Timers and rates. A timer keeps its phase and skips missed calls, as in ROS 2 (rcl/timer.c)."""
 
 from collections.abc import Callable
 from time import monotonic_ns
@@ -14,11 +14,11 @@ __all__ = ["Rate", "Timer"]
 
 NEVER_NS = 1 << 62
 _GRACE_NS = 10_000_000
-"""For so long the sleepers of a rate leave its timer to an executor that waits for it."""
+"""For this time, the sleepers of a rate leave its timer to an executor that waits for it."""
 
 
 def _now_ns(clock: Clock) -> int:
-    """By the monotonic clock where time is not simulated: setting the date must not stall a timer."""
+    """The clock's time, or the monotonic time if it is not simulated: a new date must not stall a timer."""
     return clock.now().nanoseconds if clock.ros_time_is_active else monotonic_ns()
 
 
@@ -58,22 +58,22 @@ class Timer(Entity, Handled):
 
     @property
     def timer_period_ns(self) -> int:
-        """Setting it holds from the next `reset` on, or from the next call."""
+        """Setting it takes effect at the next `reset` or call."""
         return self._period_ns
 
     @timer_period_ns.setter
     def timer_period_ns(self, value: int) -> None:
         self._period_ns = int(value)
 
-    # These raise InvalidHandle where the timer is destroyed.
+    # These raise InvalidHandle if the timer is destroyed.
 
     def cancel(self) -> None:
-        """No more calls, until `reset`."""
+        """Stop the calls, until `reset`."""
         self._check()
         self._is_canceled = True
 
     def reset(self) -> None:
-        """The next call comes one period from now."""
+        """Restart the period: the next call comes one period from now."""
         self._check()
         self._is_canceled = False
         self._next_ns = self._now_ns() + self._period_ns
@@ -89,12 +89,12 @@ class Timer(Entity, Handled):
         return not self._is_canceled and self._now_ns() >= self._next_ns
 
     def time_since_last_call(self) -> int:
-        """Nanoseconds."""
+        """In nanoseconds."""
         self._check()
         return self._now_ns() - self._last_ns
 
     def time_until_next_call(self) -> int | None:
-        """Nanoseconds, below zero where it is late; None where it is canceled."""
+        """In nanoseconds, negative if it is late; None if it is canceled."""
         self._check()
         return None if self._is_canceled else self._next_ns - self._now_ns()
 
@@ -102,7 +102,7 @@ class Timer(Entity, Handled):
         self.node.destroy_timer(self)
 
     def forget_clock(self) -> None:
-        """It is destroyed."""
+        """Leave the clock: the timer is destroyed."""
         self.wake_sleepers()
         if self._jumps is not None:
             self._jumps.unregister()
@@ -124,11 +124,11 @@ class Timer(Entity, Handled):
     # --- for the executor, under the guard
 
     def due_ns(self) -> int:
-        """When a call is due, on the monotonic clock; NEVER_NS where that can't be told."""
+        """The time of the next call, on the monotonic clock; NEVER_NS if it is unknown."""
         if self._is_canceled or self.is_destroyed or self.is_queued:
             return NEVER_NS
         if self.is_simulated:
-            return 0 if self._now_ns() >= self._next_ns else NEVER_NS  # the executor is told of each change
+            return 0 if self._now_ns() >= self._next_ns else NEVER_NS  # the executor learns each change
         return self._next_ns
 
     def take(self, most: int) -> Work | None:
@@ -142,16 +142,16 @@ class Timer(Entity, Handled):
         return self.callback, ()
 
     def wake_ns(self) -> int:
-        """When to look at it again, on the monotonic clock; 0 = when it is told: by the simulation's time."""
+        """When to look again, on the monotonic clock; 0: after a notification, by the simulation's time."""
         return 0 if self.is_simulated or self._is_canceled else self._next_ns
 
     def wake_sleepers(self) -> None:
-        """Something has changed: they look again."""
+        """Make the sleepers look again after a change."""
         for waiter in self.sleepers:
             waiter.set()
 
     def rearm(self) -> None:
-        """Have the executor and the sleepers look at the time anew."""
+        """Make the executor and the sleepers read the time again."""
         self.wake_sleepers()
         executor = self.node.own_executor
         if executor is not None:
@@ -168,22 +168,22 @@ class Timer(Entity, Handled):
 class Rate:
     """`sleep` ends when the rate's timer fires; made by `Node.create_rate`.
 
-    The timer is one of its node: an executor that works for the node fires it, in a group of its own. Where
-    no thread spins, or all are in callbacks, a sleeper fires it itself.
+    The timer belongs to its node: an executor that works for the node fires it, in a separate group. If no
+    thread spins, or all are in callbacks, a sleeper fires it itself.
     """
 
     def __init__(self, timer: Timer, *, context: Lifetime) -> None:
         self._timer = timer
         self._context = context
-        self._has_fired = False  # and no sleep has ended by it
+        self._has_fired = False  # no sleep has ended by it yet
         self._is_destroyed = False
         timer.callback = self._fire
 
     def sleep(self) -> None:
-        """Where the timer has fired since the last sleep, do not block.
+        """Block until the timer fires; return at once if it has fired since the last sleep.
 
-        Raises ROSInterruptException where the context ends meanwhile, or has ended; RuntimeError where the
-        rate is destroyed, InvalidHandle where its node is. A destruction meanwhile ends the sleep.
+        Raises ROSInterruptException if the context ends meanwhile, or has ended; RuntimeError if the rate is
+        destroyed, InvalidHandle if its node is. A destruction meanwhile ends the sleep.
         """
         self._check()
         timer, mover = self._timer, engine()
@@ -200,7 +200,7 @@ class Rate:
             raise ROSInterruptException
 
     def destroy(self) -> None:
-        """No more sleep; threads that sleep return."""
+        """End the rate; sleeping threads return."""
         self._is_destroyed = True
         engine().call(self._timer.wake_sleepers)
 
@@ -226,7 +226,7 @@ class Rate:
                 deadline_ns = monotonic_ns() + _GRACE_NS
             waiter.is_set = False
             if not waiter.wait(deadline_ns) and mover.loop.is_interrupted and mover.is_main():
-                return  # KeyboardInterrupt comes where the guard ends
+                return  # the end of the guard raises KeyboardInterrupt
 
     def _fire(self) -> None:
         engine().call(self._notify_sleepers)

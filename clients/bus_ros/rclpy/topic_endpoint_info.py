@@ -1,4 +1,4 @@
-"""An endpoint in the graph, as `get_publishers_info_by_topic` returns it. Values only."""
+"""An endpoint in the graph, as returned by `get_publishers_info_by_topic`. Values only."""
 
 from collections.abc import Sequence
 from enum import IntEnum
@@ -59,7 +59,7 @@ class TopicEndpointInfo:
 
     @classmethod
     def from_graph(cls, endpoint: GraphEndpoint) -> "TopicEndpointInfo":
-        """Of an endpoint in the bus's graph."""
+        """From an endpoint in the bus's graph."""
         return cls(
             node_name=endpoint.node.name,
             node_namespace=endpoint.node.namespace,
@@ -95,7 +95,7 @@ class TopicEndpointInfo:
 
 
 class ServiceEndpointInfo(NamedTuple):
-    """A client or a server, which sends by one end and receives by another: `endpoint_count` is 2."""
+    """A client or a server, which sends by one endpoint and receives by another: `endpoint_count` is 2."""
 
     node_name: str
     node_namespace: str
@@ -108,7 +108,7 @@ class ServiceEndpointInfo(NamedTuple):
 
     @classmethod
     def of_ends(cls, kind: EndpointTypeEnum, ends: Sequence[GraphEndpoint]) -> "ServiceEndpointInfo":
-        """Of what carries its requests, and its answers, in the bus's graph."""
+        """From the endpoints of its requests and answers in the bus's graph."""
         request = ends[0]
         service_type = request.type_name.removesuffix("_Request")
         return cls(
@@ -128,5 +128,5 @@ def _hash_of_service(service_type: str) -> TypeHash:
 
     try:
         return TypeHash.parse(service_hash(service_type))
-    except ConfigurationError:  # of a program with a definition of its own
+    except ConfigurationError:  # the program has its own definition
         return TypeHash()

@@ -1,6 +1,6 @@
-"""The service `~/get_type_description`: what a type is like that the node uses, asked for by its hash.
+"""The service `~/get_type_description`: the description of a type that the node uses, by its hash.
 
-Owns the parameter that switches it on, and its answers. Must not know how services are carried.
+Owns the parameter that switches it on, and its answers. Must not know the transport of services.
 """
 
 from typing import Any
@@ -21,7 +21,7 @@ START_TYPE_DESCRIPTION_SERVICE_PARAM = "start_type_description_service"
 class TypeDescriptionService:
     """Serves the types of `node`, unless its parameter `start_type_description_service` is false.
 
-    Raises InvalidParameterTypeException where an override of that is no bool.
+    Raises InvalidParameterTypeException if an override of the parameter is no bool.
     """
 
     def __init__(self, node: Any) -> None:
@@ -39,14 +39,14 @@ class TypeDescriptionService:
         if parameter.type_ is not Parameter.Type.BOOL:
             raise InvalidParameterTypeException(parameter, Parameter.Type.BOOL.name)
         if parameter.value:
-            # A node goes on without its own services.
+            # If access is denied, a node works without this service.
             try:
                 self._start()
             except AccessDenied as denied:
                 node.get_logger().warning(f"nobody else can ask what types this node uses: {denied}")
 
     def destroy(self) -> None:
-        """Answer no more."""
+        """Stop serving."""
         if self._service is not None:
             self._node.destroy_service(self._service)
             self._service = None
@@ -62,7 +62,7 @@ class TypeDescriptionService:
         )
 
     def _answer(self, request: Any, response: Any) -> Any:
-        from bus_ros.rosidl.description import describe, sources_of  # late: most nodes are never asked
+        from bus_ros.rosidl.description import describe, sources_of  # late: most nodes get no request
 
         if TypeHash.parse(request.type_hash).version < 1:
             response.failure_reason = "Failed to parse type hash"
@@ -82,7 +82,7 @@ class TypeDescriptionService:
         return response
 
     def _types(self) -> list[TypeSupport[Any]]:
-        """Of the node's endpoints, and of the requests and answers of its services and clients."""
+        """The types of the node's endpoints, and of the requests and answers of its services and clients."""
         topics: list[Any] = [*self._node.publishers, *self._node.subscriptions]
         services: list[Any] = [*self._node.services, *self._node.clients]
         found = {one.msg_type for one in topics}

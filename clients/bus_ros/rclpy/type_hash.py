@@ -1,4 +1,4 @@
-"""The hash of a message type as rclpy shows it. Owns its text; must not know how it is computed."""
+"""The hash of a message type as rclpy shows it. Owns its text; must not know its computation."""
 
 __all__ = ["TypeHash"]
 
@@ -6,7 +6,7 @@ _SIZE = 32
 
 
 class TypeHash:
-    """`version` says how `value`, 32 bytes, was made; -1 = unknown."""
+    """`version` is the algorithm of the 32 bytes in `value`; -1: unknown."""
 
     __slots__ = ("_value", "_version")
 
@@ -16,7 +16,7 @@ class TypeHash:
 
     @classmethod
     def parse(cls, text: str) -> "TypeHash":
-        """Of `RIHS01_<64 hex digits>`; anything else, as the hashes of busd's own types, is unknown."""
+        """From `RIHS01_<64 hex digits>`; other texts, such as hashes of busd's own types, are unknown."""
         prefix, _, digits = text.partition("_")
         if not prefix.startswith("RIHS"):
             return cls()

@@ -1,4 +1,4 @@
-"""Whether a class is a message or a service that can be put on the bus. Must not know how that is done."""
+"""Checks that a class is a message or a service for the bus. Must not know their encoding."""
 
 from bus_ros.rclpy.exceptions import NoTypeSupportImportedException
 
@@ -6,12 +6,12 @@ __all__ = ["check_for_type_support", "check_is_valid_msg_type", "check_is_valid_
 
 
 def check_for_type_support(msg_or_srv_type: object) -> None:
-    """Raises AttributeError for what is neither a message nor a service class.
+    """Raises AttributeError if it is neither a message nor a service class.
 
-    NoTypeSupportImportedException for a class of ROS 2's own, which busd can't use.
+    Raises NoTypeSupportImportedException for ROS 2's own classes, which busd can't use.
     """
     has_name = isinstance(getattr(msg_or_srv_type, "__type_name__", None), str)
-    # A msgspec.Struct of the user's own is a message of the native API.
+    # A program's own msgspec.Struct is a message of the native API.
     if not has_name and not hasattr(msg_or_srv_type, "__struct_fields__"):
         cls = msg_or_srv_type if isinstance(msg_or_srv_type, type) else type(msg_or_srv_type)
         if hasattr(type(msg_or_srv_type), "_TYPE_SUPPORT"):  # made by rosidl, or by a program's test
@@ -36,7 +36,7 @@ def check_is_valid_srv_type(srv_type: object) -> None:
     """Raises AttributeError as above, RuntimeError for a message or an action."""
     check_for_type_support(srv_type)
     if getattr(srv_type, "__described__", None) is not None:
-        return  # a service: its messages need not be made to see that
+        return  # a service: this needs no message classes
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
         raise RuntimeError(
             f"The service type provided is not valid ({srv_type}), this might be a message or action"

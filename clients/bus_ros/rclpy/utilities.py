@@ -1,4 +1,4 @@
-"""Questions about the default context and the command line. Must not know executors or nodes."""
+"""Functions for the default context and the command line. Must not know executors or nodes."""
 
 import sys
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ __all__ = [
 
 
 def get_default_context(*, shutting_down: bool = False) -> "Context":
-    """The context of all calls that are given none; `shutting_down`: the caller is going to end it."""
+    """The context of all calls without one; `shutting_down`: the caller is going to end it."""
     from bus_ros.rclpy import context  # late: a parser of arguments needs none
 
     return context.get_default_context(shutting_down=shutting_down)
@@ -34,12 +34,12 @@ def ok(*, context: "Context | None" = None) -> bool:
 
 
 def shutdown(*, context: "Context | None" = None) -> None:
-    """Shut it down; raises RuntimeError where it is shut down already, or was never initialized."""
+    """Shut it down; raises RuntimeError if it is shut down already, or was never initialized."""
     (context or get_default_context(shutting_down=True)).shutdown()
 
 
 def try_shutdown(*, context: "Context | None" = None) -> None:
-    """Shut it down, unless that was done already."""
+    """Shut it down, unless it is already."""
     (context or get_default_context(shutting_down=True)).try_shutdown()
 
 
@@ -55,12 +55,12 @@ def get_rmw_implementation_identifier() -> str:
 
 
 def get_available_rmw_implementations() -> set[str]:
-    """There is this one."""
+    """The names of the implementations: one."""
     return {get_rmw_implementation_identifier()}
 
 
 def timeout_sec_to_nsec(timeout_sec: float | None) -> int:
-    """None and negative numbers mean for ever: -1."""
+    """A timeout in nanoseconds; None and negative numbers mean for ever: -1."""
     if timeout_sec is None or timeout_sec < 0:
         return -1
     return int(float(timeout_sec) * S_TO_NS)

@@ -1,6 +1,6 @@
-"""Checks names, and makes full ones of them, with rclpy's exceptions. The rules are those of `bus.names`.
+"""Checks names and expands them, with rclpy's exceptions. `bus.names` has the rules.
 
-rclpy has a module for each function; those are in the table of `bus_ros.aliases`.
+rclpy has a module for each function; `bus_ros.aliases` has the table of them.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ HIDDEN_TOPIC_PREFIX = "_"
 
 
 def validate_topic_name(name: str, *, is_service: bool = False) -> bool:
-    """As people type it. True, or raises InvalidTopicNameException (InvalidServiceNameException)."""
+    """Check a name as typed. True, or raises InvalidTopicNameException (InvalidServiceNameException)."""
     try:
         names.validate_topic_name(name)
     except ConfigurationError as error:
@@ -44,7 +44,7 @@ def validate_topic_name(name: str, *, is_service: bool = False) -> bool:
 
 
 def validate_full_topic_name(name: str, *, is_service: bool = False) -> bool:
-    """As it stands in the graph; returns and raises as `validate_topic_name`."""
+    """Check a full name, as in the graph; returns and raises as `validate_topic_name`."""
     try:
         names.validate_full_topic_name(name)
     except ConfigurationError as error:
@@ -79,7 +79,7 @@ def validate_parameter_name(name: str) -> bool:
 
 
 def expand_topic_name(topic_name: str, node_name: str, node_namespace: str) -> str:
-    """With `~` and `{node}` put in and the namespace in front; raises ValueError for a wrong name."""
+    """The name with `~` and `{node}` replaced, and the namespace in front; ValueError for a wrong name."""
     try:
         return names.expand_topic_name(topic_name, node_name, node_namespace)
     except ConfigurationError as error:
@@ -87,10 +87,10 @@ def expand_topic_name(topic_name: str, node_name: str, node_namespace: str) -> s
 
 
 def full_name(name: str, resolve: Callable[[str], str], *, is_service: bool = False) -> str:
-    """The full name that `resolve` finds; what is wrong with `name` is said as rclpy's node says it.
+    """The full name that `resolve` finds; errors in `name` have the texts of rclpy's node.
 
-    Raises ValueError for what is typed wrong, InvalidTopicNameException (InvalidServiceNameException) where
-    only the full name is wrong.
+    Raises ValueError if the typed name is wrong, InvalidTopicNameException (InvalidServiceNameException) if
+    only the full name is.
     """
     is_typed_right = False
     try:

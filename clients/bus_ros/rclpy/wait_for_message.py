@@ -20,7 +20,10 @@ def wait_for_message(
     qos_profile: QoSProfile | int = 1,
     time_to_wait: float = -1,
 ) -> tuple[bool, M | None]:
-    """Whether a message came on `topic` within `time_to_wait` seconds (below zero: for ever), and which."""
+    """Wait for a message on `topic`, `time_to_wait` seconds at most (negative: for ever).
+
+    Returns whether it came, and the message.
+    """
     return node.receive_one(
         msg_type, topic, to_native(qos_profile), None if time_to_wait < 0 else time_to_wait
     )

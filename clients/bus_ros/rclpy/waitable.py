@@ -1,7 +1,7 @@
-"""`rclpy.waitable`: what waits for several entities at once, as one thing of a node.
+"""`rclpy.waitable`: an entity of a node that waits for several entities at once.
 
-A program's Waitable makes entities of `rclpy_implementation`, adds them to the wait set that it is given, and
-says whether it is ready. Owns the base class only; `impl.wait_set` has the rest.
+A program's Waitable makes entities of `rclpy_implementation`, adds them to a given wait set, and returns
+whether it is ready. Owns only the base class; `impl.wait_set` has the rest.
 """
 
 from typing import Any
@@ -10,7 +10,7 @@ __all__ = ["NumberOfEntities", "Waitable"]
 
 
 class NumberOfEntities:
-    """How many entities of each kind a Waitable adds to a wait set."""
+    """The number of entities of each kind that a Waitable adds to a wait set."""
 
     __slots__ = (
         "num_clients",
@@ -59,10 +59,10 @@ _IN_ORDER = (
 
 
 class Waitable:
-    """Base of what programs add to a node by `Node.add_waitable`.
+    """Base of waitables that programs add to a node by `Node.add_waitable`.
 
-    An executor has it add its entities, and once they are ready asks `is_ready`, then `take_data`, and runs
-    `execute` with what that returned; all of them are a program's own.
+    An executor makes it add its entities. Once they are ready, it calls `is_ready`, then `take_data`, and
+    runs `execute` with the result. A program defines all of these methods.
     """
 
     def __init__(self, callback_group: Any) -> None:
@@ -78,11 +78,11 @@ class Waitable:
         self._futures.remove(future)
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether any of its entities is."""
+        """Whether any of its entities is ready."""
         raise NotImplementedError("Must be implemented by subclass")
 
     def take_data(self) -> Any:
-        """What came, so that it is not ready any more."""
+        """Take its data; then it is not ready any more."""
         raise NotImplementedError("Must be implemented by subclass")
 
     async def execute(self, taken_data: Any) -> None:
