@@ -1,4 +1,4 @@
-"""rclpy.action: servers and clients of actions, and who has them.
+"""rclpy.action: servers and clients of actions, and the graph of actions.
 
 Goals, their states and the endpoints come from `bus_actions`. `entity.py` queues calls for an executor;
 `server.py` and `client.py` have rclpy's classes, handles and futures; `graph.py` rclpy's questions about

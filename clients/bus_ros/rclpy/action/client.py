@@ -1,4 +1,4 @@
-"""Action clients: goals out; answers, feedback and states in, as an executor takes them.
+"""Action clients: they send goals; an executor takes answers, feedback and states.
 
 Owns: the futures of goals, results and cancellations, and the program's callbacks for feedback.
 """
@@ -50,7 +50,7 @@ class ClientGoalHandle:
         self._status = _UNKNOWN
 
     def __eq__(self, other: object) -> bool:
-        # As in rclpy, comparing it with something else is an AttributeError.
+        # As in rclpy, a comparison with another type raises AttributeError.
         return bool(self._goal_id == other.goal_id)  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:
@@ -66,12 +66,12 @@ class ClientGoalHandle:
 
     @property
     def stamp(self) -> Any:
-        """When it was accepted."""
+        """The time of its acceptance."""
         return self._goal_response.stamp
 
     @property
     def accepted(self) -> bool:
-        """Whether the server takes it."""
+        """Whether the server accepted it."""
         return bool(self._goal_response.accepted)
 
     @property
@@ -84,7 +84,7 @@ class ClientGoalHandle:
         return self._action_client._cancel_goal(self)
 
     def cancel_goal_async(self) -> Future[Any]:
-        """Ask the server to cancel it; returns a future of the answer."""
+        """Ask the server to cancel it; returns a future for the answer."""
         return self._action_client._cancel_goal_async(self)
 
     def get_result(self) -> Any:
@@ -92,9 +92,9 @@ class ClientGoalHandle:
         return self._action_client._get_result(self)
 
     def get_result_async(self) -> Future[Any]:
-        """Returns a future of the result, with the status.
+        """A future for the result, with the status.
 
-        Its exception is ActionUnavailable where the server leaves before the goal's end.
+        Its exception is ActionUnavailable if the server leaves before the goal's end.
         """
         return self._action_client._get_result_async(self)
 
@@ -125,10 +125,10 @@ class ActionClient(ActionEntity):
         self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle]] = {}
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
         self._pending_goal_requests: dict[int, tuple[Future[Any], Any]] = {}
-        self._early_feedback: dict[bytes, deque[Any]] = {}  # of goals whose answers are still on their way
+        self._early_feedback: dict[bytes, deque[Any]] = {}  # of goals without an answer yet
         self._pending_cancel_requests: dict[int, Future[Any]] = {}
         self._pending_result_requests: dict[int, tuple[Future[Any], bytes]] = {}
-        self._waiters: list[Waiter] = []  # threads in calls that wait
+        self._waiters: list[Waiter] = []  # threads in waiting calls
         self._ends = ClientEndpoints()
         qos = action_qos(
             goal_service_qos_profile,
@@ -154,23 +154,23 @@ class ActionClient(ActionEntity):
         )
         with self._engine.loop:
             self._begin_to_hear()
-            self.notify()  # for what has come before
+            self.notify()  # for earlier arrivals
 
     def _begin_to_hear(self) -> None:
         for subscription in (self._ends.feedback, self._ends.status):
             subscription.set_arrival_callback(self.notify)
 
     def get_num_entities(self) -> NumberOfEntities:
-        """Of rclpy's wait sets: two subscriptions and three clients."""
+        """The numbers in rclpy's wait sets: two subscriptions and three clients."""
         return NumberOfEntities(num_subs=2, num_clients=3)
 
     # --- calls
 
     def send_goal(self, goal: Any, **kwargs: Any) -> Any:
-        """Send a goal and wait for its result; arguments as those of `send_goal_async`.
+        """Send a goal and wait for its result; arguments as for `send_goal_async`.
 
-        An executor must work for the node, in another thread, where feedback is to be heard. Raises TypeError
-        for what is no goal, ActionUnavailable where the server leaves before the end.
+        Feedback needs an executor that works for the node, in another thread. Raises TypeError if `goal` is
+        not a Goal of the action, ActionUnavailable if the server leaves before the end.
         """
         goal_handle = self._wait(self.send_goal_async(goal, **kwargs))
         return self._get_result(goal_handle)
@@ -181,9 +181,10 @@ class ActionClient(ActionEntity):
         feedback_callback: Callable[[Any], Any] | None = None,
         goal_uuid: Any = None,
     ) -> Future[Any]:
-        """Send a goal; returns a future of a ClientGoalHandle, which says whether it is accepted.
+        """Send a goal; returns a future for a ClientGoalHandle, which says whether it is accepted.
 
-        Raises TypeError for what is no goal, InvalidHandle after the client, or its node, was destroyed.
+        Raises TypeError if `goal` is not a Goal of the action, InvalidHandle after the client, or its node,
+        was destroyed.
         """
         if not isinstance(goal, self._action_type.Goal):
             raise TypeError
@@ -198,18 +199,18 @@ class ActionClient(ActionEntity):
         return future
 
     def server_is_ready(self) -> bool:
-        """Whether a server is there."""
+        """Whether a server exists."""
         with self._engine.loop:
             return not self.is_destroyed and self._ends.is_ready()
 
     def wait_for_server(self, timeout_sec: float | None = None) -> bool:
-        """Wait for a server, `timeout_sec` at most (None: for ever); returns whether one is there."""
+        """Wait for a server, at most `timeout_sec` (None: for ever); returns whether one exists."""
         with suppress(TimeoutError, BusError):
             self._engine.run(self._ends.wait_until_ready, timeout_sec, context=self.node.context)
         return self.server_is_ready()
 
     def destroy(self) -> None:
-        """Leave the graph; futures that are open stay so."""
+        """Leave the graph; unfinished futures stay so."""
         if not self._node._evict_entity(self, self._ends):
             raise ValueError("list.remove(x): x not in list")
 
@@ -255,7 +256,7 @@ class ActionClient(ActionEntity):
         return number
 
     def _is_served(self, end: Any, future: Future[Any]) -> bool:
-        """Where nobody serves any more, the future has the error."""
+        """Whether there is still a server; otherwise the future gets the error."""
         try:
             end._check_served()
         except ServiceUnavailable:
@@ -273,7 +274,7 @@ class ActionClient(ActionEntity):
         self._put_answer(self._finish_cancel, number, outcome)
 
     def _on_result(self, number: int, outcome: Any) -> None:
-        if isinstance(outcome, CallLost) and not self.is_destroyed:  # the goal is not: ask again
+        if isinstance(outcome, CallLost) and not self.is_destroyed:  # the goal is not lost: ask again
             self._ask_for_result(*self._pending_result_requests.pop(number))
             return
         self._put_answer(self._finish_result, number, outcome)
@@ -289,12 +290,13 @@ class ActionClient(ActionEntity):
         self.is_single = False
         if self._calls and self._calls[0][0] != self._finish_result:
             call = self._calls.popleft()
-            # Back in line only behind the callbacks of the goal's future: they come before its feedback.
+            # The callbacks of the goal's future come before its feedback, so this is queued again behind
+            # them.
             self.is_single = call[0] == self._finish_goal
             return call
         while (
             taken := self._ends.feedback._receiver.take()
-        ) is not None:  # which was published before the result
+        ) is not None:  # feedback was published before the result
             key = bytes(taken[0].goal_id.uuid)
             if self._pending_goal_requests and self._is_pending(key):
                 self._early_feedback.setdefault(key, deque(maxlen=FEEDBACK_QOS.depth)).append(taken[0])
@@ -307,10 +309,10 @@ class ActionClient(ActionEntity):
         return super().take(most)
 
     def _is_pending(self, key: bytes) -> bool:
-        """Whether the goal's answer is still on its way: its feedback, on another topic, may overtake it."""
+        """Whether the goal's answer is still to come: its feedback, on another topic, may overtake it."""
         return any(bytes(goal_id.uuid) == key for _, goal_id in self._pending_goal_requests.values())
 
-    # --- calls of the executor, or of a thread that waits
+    # --- calls of the executor, or of a waiting thread
 
     def _finish_goal(self, number: int, outcome: Any) -> None:
         key = bytes(self._pending_goal_requests[number][1].uuid)
@@ -336,7 +338,7 @@ class ActionClient(ActionEntity):
             if key in self._goal_handles:
                 raise RuntimeError(f"Two goals were accepted with the same ID ({goal_handle})")
             self._goal_handles[key] = weakref.ref(goal_handle)
-            # As in rclpy, where a status has come together with the answer it is known from the start.
+            # As in rclpy, a status that has arrived together with the answer is known from the start.
             with self._engine.loop:
                 while (taken := self._ends.status._receiver.take()) is not None:
                     self._apply_status(taken[0])
@@ -369,7 +371,7 @@ class ActionClient(ActionEntity):
     # --- inside, without the guard
 
     def _wait(self, future: Future[Any]) -> Any:
-        """Until the future is done, whoever spins. Raises what it has as its exception."""
+        """Wait until the future is done, with or without a spinning thread. Raises the future's exception."""
         mover = self._engine
         with mover.loop:
             waiter = Waiter(mover, self.node.context)
@@ -390,7 +392,7 @@ class ActionClient(ActionEntity):
         return future.result()
 
     def _next_answer(self) -> Any:
-        """The next call, where no executor works for the node to make it."""
+        """The next call, if no executor works for the node to make it."""
         executor = self.node.own_executor
         if executor is not None and executor.is_looking():
             return None
@@ -410,7 +412,7 @@ def _check_handle(goal_handle: object) -> None:
 
 
 def __getattr__(name: str) -> Any:
-    if name == "GoalStatus":  # a message class, and made as late as all of them
+    if name == "GoalStatus":  # a message class, made at its first use as all of them
         from bus_ros.rosidl import message_class
 
         return message_class("action_msgs/msg/GoalStatus")

@@ -1,4 +1,4 @@
-"""What action servers and clients share: a queue of calls for an executor, and how names are refused.
+"""The common base of action servers and clients: a queue of calls for an executor, and checks of names.
 
 Owns: the queue. Must not know: goals, messages.
 """
@@ -24,13 +24,13 @@ from bus_ros.rclpy.waitable import Waitable
 __all__ = ["FEEDBACK_QOS", "ActionEntity", "action_qos", "check_action_name", "check_action_type"]
 
 FEEDBACK_QOS: Final = QoSProfile(depth=10)
-"""The default of feedback."""
+"""The default QoS of feedback."""
 
 
 class ActionEntity(Entity, Waitable):
     """Base of ActionServer and ActionClient: one entity, in one callback group, as in rclpy.
 
-    An executor takes its calls; a program that has a wait set of its own may do that instead.
+    An executor takes its calls; a program with its own wait set may take them instead.
     """
 
     is_async = True
@@ -41,7 +41,7 @@ class ActionEntity(Entity, Waitable):
         self._node = node
         super().__init__(node, callback_group or node.default_callback_group)
         self._logger = node.get_logger()
-        self.is_queued = True  # until it is open: no executor takes what comes before
+        self.is_queued = True  # until it is open: no executor takes earlier calls
         self._futures: list[Any] = []
         self._source: Any = None  # for wait sets
         self._index: int | None = None
@@ -53,7 +53,7 @@ class ActionEntity(Entity, Waitable):
         return self._calls.popleft() if self._calls else None
 
     def _put(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Under the guard: have an executor call it."""
+        """Under the guard: queue a call for an executor."""
         self._calls.append((function, arguments))
         self.notify()
 
@@ -88,17 +88,17 @@ class ActionEntity(Entity, Waitable):
         self._source.come()
 
     def _begin_to_hear(self) -> None:
-        """Have what comes without a call of its own told by `notify`."""
+        """Let `notify` announce arrivals that do not make a call themselves."""
 
     def __enter__(self) -> "ActionEntity":
         return self
 
     def __exit__(self, *_: object) -> None:
-        """As in rclpy, leaving it destroys nothing."""
+        """Destroys nothing, as in rclpy."""
 
 
 def check_action_type(action_type: Any) -> None:
-    """Raises AttributeError, as rclpy does, for what is no type of ROS's; RuntimeError for no action."""
+    """Raises AttributeError, as rclpy does, if it is not a ROS type; RuntimeError if it is no action."""
     check_for_type_support(action_type)
     if not hasattr(action_type, "Goal"):
         raise RuntimeError(
@@ -107,7 +107,7 @@ def check_action_type(action_type: Any) -> None:
 
 
 def check_action_name(name: str, *, is_server: bool) -> None:
-    """Raises ValueError, in rclpy's words."""
+    """Raises ValueError for an invalid name, in rclpy's words."""
     try:
         validate_topic_name(name)
     except ConfigurationError as error:
@@ -131,7 +131,7 @@ def action_qos(
     *,
     is_server: bool,
 ) -> ActionQoS:
-    """The native policies."""
+    """The policies as native ones."""
 
     def topic(profile: QoSProfile | int) -> NativeProfile:
         return to_native(profile_of(profile), for_publisher=is_server)

@@ -1,4 +1,4 @@
-"""Names and types of actions, out of what a node says of topics: as rcl_action finds them."""
+"""Names and types of actions, found in a node's view of topics, as rcl_action does."""
 
 from bus_actions.graph import actions_of_topics
 from bus_ros.rclpy.node import Node
@@ -31,7 +31,7 @@ def get_action_server_names_and_types_by_node(
 
 
 def get_action_names_and_types(node: Node) -> NamesAndTypes:
-    """All actions that are served or called."""
+    """All actions that have a server or a client."""
     return _actions(node.get_topic_names_and_types(no_demangle=True))
 
 

@@ -1,7 +1,7 @@
-"""Action servers: what is asked of them waits for an executor, which calls the program's callbacks.
+"""Action servers: requests wait for an executor, which calls the program's callbacks.
 
-Owns: the program's callbacks, the handles of its goals and their results. The states of goals, and whom a
-cancel request means, are those of `bus_actions`, which programs of the bus have, too.
+Owns: the program's callbacks, the handles of its goals and their results. `bus_actions`, which native
+programs use, too, has the states of goals and the selection of goals to cancel.
 """
 
 import asyncio
@@ -65,10 +65,10 @@ class CancelResponse(Enum):
 
 
 class ServerGoalHandle:
-    """A goal that was accepted; made by its server, given to the program's callbacks."""
+    """An accepted goal; made by its server, passed to the program's callbacks."""
 
     def __init__(self, action_server: "ActionServer", goal_info: Any, goal_request: Any) -> None:
-        """Raises RCLError where the server has such a goal already."""
+        """Raises RCLError if the server has such a goal already."""
         self._goal_handle: Goal | None = action_server._accept(goal_info)
         self._action_server = action_server
         self._goal_info = goal_info
@@ -77,7 +77,7 @@ class ServerGoalHandle:
         self._lock = RLock()
 
     def __eq__(self, other: object) -> bool:
-        # As in rclpy, comparing it with something else is an AttributeError.
+        # As in rclpy, a comparison with another type raises AttributeError.
         return bool(_same(self.goal_id, other.goal_id))  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:
@@ -109,35 +109,35 @@ class ServerGoalHandle:
         return int(GoalStatus.UNKNOWN if self._goal_handle is None else self._goal_handle.status)
 
     def execute(self, execute_callback: Callable[["ServerGoalHandle"], Any] | None = None) -> None:
-        """Have the executor call `execute_callback`, or the server's."""
-        # A goal may be canceled before it is executed; the program's callback is called all the same.
+        """Let the executor call `execute_callback`, or the server's."""
+        # A goal may be canceled before it is executed; the program's callback is called nevertheless.
         if not self.is_cancel_requested:
             self._update_state(GoalEvent.EXECUTE)
         self._action_server.notify_execute(self, execute_callback)
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Raises TypeError for another class than the action's Feedback."""
+        """Publish feedback; raises TypeError for another class than the action's Feedback."""
         if not isinstance(feedback, self._action_server._action_type.Feedback):
             raise TypeError
         if self._goal_handle is not None:
             self._action_server._publish_feedback(self, feedback)
 
-    # These raise RCLError where the goal's state does not allow it.
+    # These raise RCLError if the goal's state does not allow it.
 
     def succeed(self) -> None:
-        """End it: what was asked for is done."""
+        """End the goal as succeeded."""
         self._update_state(GoalEvent.SUCCEED)
 
     def abort(self) -> None:
-        """End it: it can't be done."""
+        """End the goal as failed."""
         self._update_state(GoalEvent.ABORT)
 
     def canceled(self) -> None:
-        """End it, after a cancellation was accepted."""
+        """End the goal as canceled, after a cancellation was accepted."""
         self._update_state(GoalEvent.CANCELED)
 
     def destroy(self) -> None:
-        """Forget it: what is done with it from now on does nothing."""
+        """Forget the goal: from now on, methods do nothing."""
         self._goal_handle = None
 
     def _update_state(self, event: GoalEvent) -> None:
@@ -147,7 +147,7 @@ class ServerGoalHandle:
 
 
 def default_handle_accepted_callback(goal_handle: ServerGoalHandle) -> None:
-    """Execute it at once."""
+    """Execute the goal at once."""
     goal_handle.execute()
 
 
@@ -225,15 +225,15 @@ class ActionServer(ActionEntity):
         return self._action_type
 
     def get_num_entities(self) -> NumberOfEntities:
-        """Of rclpy's wait sets: three services and a timer."""
+        """The numbers in rclpy's wait sets: three services and a timer."""
         return NumberOfEntities(num_services=3, num_timers=1)
 
-    # --- callbacks; None puts back the default
+    # --- callbacks; None restores the default
 
     def register_handle_accepted_callback(
         self, handle_accepted_callback: Callable[[ServerGoalHandle], Any] | None
     ) -> None:
-        """Called with the handle of each goal that was accepted; the default executes it at once."""
+        """Called with the handle of each accepted goal; the default executes it at once."""
         self._handle_accepted_callback = handle_accepted_callback or default_handle_accepted_callback
 
     def register_goal_callback(self, goal_callback: Callable[[Any], Any] | None) -> None:
@@ -241,11 +241,11 @@ class ActionServer(ActionEntity):
         self._goal_callback = goal_callback or default_goal_callback
 
     def register_cancel_callback(self, cancel_callback: Callable[[ServerGoalHandle], Any] | None) -> None:
-        """Called with the handle of a goal that is to be canceled; returns a CancelResponse."""
+        """Called with the handle of a goal to be canceled; returns a CancelResponse."""
         self._cancel_callback = cancel_callback or default_cancel_callback
 
     def register_execute_callback(self, execute_callback: Callable[[ServerGoalHandle], Any]) -> None:
-        """Called with a goal's handle; returns the result. Raises TypeError for what can't be called."""
+        """Called with a goal's handle; returns the result. Raises TypeError if it is not callable."""
         if not callable(execute_callback):
             raise TypeError("Failed to register goal execution callback: not callable")
         self._execute_callback = execute_callback
@@ -255,22 +255,22 @@ class ActionServer(ActionEntity):
     def notify_execute(
         self, goal_handle: ServerGoalHandle, execute_callback: Callable[[ServerGoalHandle], Any] | None
     ) -> None:
-        """Have the executor call `execute_callback`, or the server's."""
+        """Let the executor call `execute_callback`, or the server's."""
         callback = execute_callback or self._execute_callback
         with self._engine.loop:
             executor = self.node.own_executor
-            if executor is None:  # the next one that works for the node
+            if executor is None:  # the next executor of the node begins it
                 self._put(self._begin_goal, callback, goal_handle)
         if executor is not None:
             executor.create_task(self._execute_goal, callback, goal_handle)
 
     def notify_goal_done(self) -> None:
-        """A goal has ended: its result expires after its time, and after those that ended before."""
+        """Note the end of a goal: its result expires after its time, and after results of earlier ends."""
         if self._expiry is None or self._table.is_overfull:
             self._engine.call(self._expire)
 
     def destroy(self) -> None:
-        """Leave the graph; what goals do from now on does nothing."""
+        """Leave the graph; from now on, methods of goals do nothing."""
         for goal_handle in self._goal_handles.values():
             goal_handle.destroy()
         with self._engine.loop:
@@ -283,7 +283,7 @@ class ActionServer(ActionEntity):
     def _accept(self, goal_info: Any) -> Goal:
         with self._engine.loop:
             try:
-                # As in rcl, not the time that the client is told, which is a little earlier.
+                # As in rcl, not the time in the answer to the client, which is a little earlier.
                 return self._table.accept(bytes(goal_info.goal_id.uuid), self._now_ns())
             except (GoalExists, TooManyGoals) as error:
                 raise RCLError(f"Failed to accept new goal: {error}") from None
@@ -302,7 +302,7 @@ class ActionServer(ActionEntity):
         loop = self._engine.loop
         with loop.guard:
             message = goal_handle._feedback_message
-            if message is None:  # one for all, which is encoded at once
+            if message is None:  # one for all feedback: it is encoded at once
                 message = self._support.feedback_message(goal_id=goal_handle.goal_id)
                 goal_handle._feedback_message = message
             message._feedback = feedback  # its class was checked
@@ -326,13 +326,13 @@ class ActionServer(ActionEntity):
             try:
                 respond(request_id, response)
             except ConnectionClosed:
-                pass  # destroyed meanwhile: its clients are told
+                pass  # destroyed meanwhile: its clients get an error
             except BusError as error:
                 respond(request_id, None, f"{type(error).__name__}: {error}")
 
     @contextmanager
     def _telling(self, end: Any, request_id: RequestId) -> Iterator[None]:
-        """Where a callback of the program's raises, its client is told: in ROS it would wait for ever."""
+        """If a callback of the program raises, answer with the error: in ROS the client would never know."""
         try:
             yield
         except Exception as error:
@@ -347,7 +347,7 @@ class ActionServer(ActionEntity):
             self._check_open()
 
     def _check_open(self) -> None:
-        """After ConnectionClosed: nothing happens where the server was destroyed, but not with its node."""
+        """After ConnectionClosed: does nothing if the server was destroyed, raises if only its node was."""
         if not self.is_destroyed:
             raise InvalidHandle("cannot use Destroyable because destruction was requested") from None
 
@@ -392,7 +392,7 @@ class ActionServer(ActionEntity):
             if self._handle_accepted_callback is not default_handle_accepted_callback:
                 with self._engine.loop:
                     self._publish_status()
-            # The default executes it at once, which publishes what would replace this status.
+            # The default executes the goal at once, which publishes a status that would replace this one.
             await await_or_execute(self._handle_accepted_callback, goal_handle)
 
     async def _is_wanted(self, goal: Any) -> bool:
@@ -404,7 +404,7 @@ class ActionServer(ActionEntity):
     def _begin_goal(
         self, execute_callback: Callable[[ServerGoalHandle], Any], goal_handle: ServerGoalHandle
     ) -> None:
-        """Have it executed as a task, which does not hold the server's group."""
+        """Execute the goal as a task, which does not hold the server's group."""
         self.notify_execute(goal_handle, execute_callback)
 
     async def _execute_goal(
@@ -423,7 +423,7 @@ class ActionServer(ActionEntity):
         future = self._result_futures.get(bytes(goal_handle.goal_id.uuid))
         try:
             response.result = result
-        finally:  # where it is no result, its client gets an empty one, and the program the error
+        finally:  # if it is no result, the client gets an empty one, and the program the error
             if future is not None:
                 future.set_result(response)
 
@@ -445,7 +445,7 @@ class ActionServer(ActionEntity):
         self._respond(self._ends.cancel.respond, request_id, response)
 
     def _cancel(self, goal_handle: ServerGoalHandle) -> bool:
-        """Whether it is canceled: it may have ended while the program was asked."""
+        """Whether it is canceled: it may have ended during the program's callback."""
         try:
             goal_handle._update_state(GoalEvent.CANCEL_GOAL)
         except RCLError as error:

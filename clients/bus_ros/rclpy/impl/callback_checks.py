@@ -1,4 +1,4 @@
-"""Whether a callback can be called as its entity will do it. Knows functions only."""
+"""Checks that an entity can call a callback with its arguments. Must know only functions."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ def check_callback(callback: object) -> None:
 
 
 def check_arguments(callback: Callable[..., object]) -> None:
-    """Of a subscription's callback. Raises RuntimeError, with rclpy's text."""
+    """Check a subscription's callback. Raises RuntimeError, with rclpy's text."""
     if takes(callback, 1) or takes(callback, 2):
         return
     raise RuntimeError(

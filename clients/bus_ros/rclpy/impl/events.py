@@ -1,7 +1,7 @@
 """Events of publishers and subscriptions for wait sets: `rclpy_implementation.EventHandle`.
 
-Owns how several events become one value until a program takes it. What an event's value is comes from the
-endpoint.
+Owns the combination of several events into one value until a program takes it. The endpoint defines the value
+of an event.
 """
 
 from enum import IntEnum
@@ -17,8 +17,8 @@ __all__ = ["EventHandle"]
 class EventHandle(Source):
     """Ready from an event of this kind until it is taken.
 
-    `parent` is the handle of a publisher or a subscription. Raises TypeError where the kind is not one of the
-    endpoint's. Incompatible endpoints are not warned of any more: a program with this is told.
+    `parent` is the handle of a publisher or a subscription. Raises TypeError if the endpoint has no events of
+    the kind. Warnings of incompatible endpoints end: a program with this handle gets the events.
     """
 
     def __init__(self, parent: Handle, event_type: IntEnum) -> None:
@@ -34,7 +34,7 @@ class EventHandle(Source):
         return self._is_new
 
     def take_event(self) -> Any:
-        """The counts, and their changes since they were taken before."""
+        """The counts, and their changes since they were last taken."""
         self.check()
         with engine().loop:
             value, self._is_new = self._value, False
@@ -42,7 +42,7 @@ class EventHandle(Source):
         return value
 
     def _come(self, callback: object, value: Any) -> None:
-        """Under the guard."""
+        """Add an event; under the guard."""
         added = {name: getattr(self._value, name) + getattr(value, name) for name in _changes(value)}
         self._value, self._is_new = value._replace(**added), True
         self._notify()

@@ -1,4 +1,4 @@
-"""What executors of a program's own use beside `wait_for_ready_callbacks`, by rclpy's names."""
+"""Names of rclpy that a program's own executors use besides `wait_for_ready_callbacks`."""
 
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -7,20 +7,20 @@ __all__ = ["TimeoutObject", "WakeGuard", "await_or_execute"]
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
-    """Call it, and await what it returns where that is a coroutine."""
+    """Call a callback, and await its result if that is a coroutine."""
     result = callback(*args)
     return await result if isinstance(result, Coroutine) else result
 
 
 class TimeoutObject:
-    """Seconds to wait, which may be changed from one wait to the next."""
+    """Seconds to wait; a program may change them from one wait to the next."""
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
 
 
 class WakeGuard:
-    """Stands for the guard condition by which rclpy wakes an executor: `trigger` has it look again."""
+    """Replaces the guard condition by which rclpy wakes an executor: `trigger` makes it look again."""
 
     callback = None
     callback_group = None
@@ -29,4 +29,4 @@ class WakeGuard:
         self.trigger = wake
 
     def destroy(self) -> None:
-        """The executor's end ends it."""
+        """Does nothing: it ends with the executor."""

@@ -1,8 +1,8 @@
-"""The short way of a message: from the native reader to an executor that has nothing to do but wait for it.
+"""The short way of a message: from the native reader directly to an executor that only waits for it.
 
 An executor takes messages from the queue of a subscription, in the order in which subscriptions are ready.
 While its thread waits with nothing else to do, the reader hands each message over as it comes (`receive`). If
-only one subscription has had messages of late, the thread waits for that one alone (`sleep`), without the
+only one subscription has had messages lately, the thread waits for that one alone (`sleep`), without the
 event loop. All under the engine's guard.
 """
 
@@ -18,7 +18,7 @@ __all__ = ["Handover"]
 
 
 class Receiving(Protocol):
-    """A subscription as its handover sees it."""
+    """The interface of a subscription for its handover."""
 
     batch: int
     is_queued: bool
@@ -32,7 +32,7 @@ class Receiving(Protocol):
 
 
 class Handover:
-    """Of the messages of one subscription, to the executor of its node."""
+    """The handover of one subscription's messages to the executor of its node."""
 
     def __init__(self, engine: Engine, subscription: Receiving) -> None:
         self._engine = engine
@@ -42,11 +42,12 @@ class Handover:
         """The executor that may be handed a message as it comes. None: messages wait until it takes them."""
         self._wait: Any = None  # the reader's
         self.is_waited_for = False
-        """A thread is in `sleep` and takes what comes. Nothing else may, so that the order stays."""
-        self._is_quiet = False  # nobody wants to hear of losses, for which each message would be looked at
+        """A thread is in `sleep` and takes the next message. To keep the order, no other code may take one.
+        """
+        self._is_quiet = False  # losses have no callback, which would need a look at each message
 
     def begin(self, executor: Line | None) -> None:
-        """From now on hand messages to `executor`, which the node has now."""
+        """Hand messages to `executor` from now on, the present one of the node."""
         subscription = self.subscription
         self.end()
         if executor is not None and self._receiver.reader is not None and not subscription.is_destroyed:
@@ -68,7 +69,7 @@ class Handover:
             self._receiver.reader.forget_callback()
 
     def receive(self, message: Any) -> None:
-        """The native reader took it, while the executor's thread runs the loop and has nothing else to do."""
+        """Queue a message from the native reader; called while the executor's thread only runs the loop."""
         subscription = self.subscription
         subscription.batch = 2
         self._receiver.ahead.append((message, 0, 0, None, 0))
@@ -80,9 +81,9 @@ class Handover:
             executor.last_handed = self
 
     def sleep(self, waiter: Waiter, deadline_ns: int) -> bool:
-        """Wait for the next message alone, in fewer steps than the loop does; returns whether it is in line.
+        """Wait only for the next message, in fewer steps than the loop does; returns whether it is queued.
 
-        False where something else has happened, or is to be done first.
+        False if something else has happened, or has to be done first.
         """
         if self.is_waited_for or (executor := self.executor) is None:
             return False
@@ -97,7 +98,7 @@ class Handover:
             return message is not None
         if message is not None:
             self._receiver.put_back([message])
-        self.subscription.notify()  # another executor passed over it, or `take` is to report something
+        self.subscription.notify()  # another executor passed over it, or `take` has something to report
         return False
 
 

@@ -1,4 +1,4 @@
-"""Stands where rclpy keeps its C extension: its errors, enums of programs, and entities for wait sets."""
+"""A module in the place of rclpy's C extension: its errors, enums, and entities for wait sets."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,7 @@ _ENTITIES = (
 
 
 class _Implementation(SimpleNamespace):
-    """Its entities are imported when they are asked for: few programs have waitables of their own."""
+    """Imports its entities at their first use: few programs have their own waitables."""
 
     def __getattr__(self, name: str) -> Any:
         if name in _ENTITIES:

@@ -1,6 +1,6 @@
-"""Base of clients and services that tell of their requests and answers on `<service>/_service_event`.
+"""Base of clients and services that publish their requests and answers on `<service>/_service_event`.
 
-Owns the publisher of that topic. Must not know how requests are carried.
+Owns the publisher of that topic. Must not know the transport of requests.
 """
 
 from typing import Any
@@ -35,7 +35,7 @@ class ServiceEvents:
 
 
 class Introspected:
-    """Has `node`, `srv_type` and `service_name`."""
+    """Base of classes with `node`, `srv_type` and `service_name`."""
 
     node: Any
     srv_type: Any
@@ -48,9 +48,9 @@ class Introspected:
         service_event_qos_profile: QoSProfile,
         introspection_state: ServiceIntrospectionState,
     ) -> None:
-        """Tell of each request and each answer from now on, with the time of `clock`, or no more.
+        """From now on, publish an event for each request and answer, with the time of `clock`; or stop it.
 
-        Raises TypeError for what is no state, InvalidHandle where it is destroyed.
+        Raises TypeError for an invalid state, InvalidHandle if the client or service is destroyed.
         """
         if not isinstance(introspection_state, ServiceIntrospectionState):
             raise TypeError(
@@ -65,7 +65,7 @@ class Introspected:
             self.events = ServiceEvents(publisher, clock, has_contents)
 
     def forget_events(self) -> None:
-        """Tell nothing more."""
+        """Stop publishing events."""
         events, self.events = self.events, None
         if events is not None:
             events.publisher.destroy()

@@ -1,4 +1,4 @@
-"""The severities of a log; the numbers are those of rcutils and `bus.logger`. Knows nothing else."""
+"""The severities of a log, with the numbers of rcutils and `bus.logger`."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ __all__ = ["LoggingSeverity"]
 
 
 class LoggingSeverity(IntEnum):
-    """UNSET as a logger's level means: as its parent's."""
+    """UNSET as a logger's level means: the level of its parent."""
 
     UNSET = 0
     DEBUG = 10

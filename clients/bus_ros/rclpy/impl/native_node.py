@@ -1,4 +1,4 @@
-"""The node of the bus beneath one of rclpy: how it is made, and with which policies its services."""
+"""The native node below a node of rclpy: how to make it, and the policies of its services."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ __all__ = ["make_native", "service_qos"]
 
 
 class _Native(Node):
-    """Parameters are those of the facade's node; the one beneath has none.
+    """A native node without parameters, because the facade's node has them.
 
     In rclpy a node may be left to the garbage collector.
     """
@@ -37,5 +37,5 @@ def make_native(
 
 
 def service_qos(profile: QoSProfile) -> native.QoSProfile:
-    """With ROS's default depth of 10, a burst of calls would lose some without a word."""
+    """The policies of a service. With ROS's default depth of 10, a burst of calls loses some silently."""
     return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile, for_both=True)

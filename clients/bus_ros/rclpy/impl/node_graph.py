@@ -20,7 +20,7 @@ NamesAndTypes = list[tuple[str, list[str]]]
 
 
 class NodeGraph:
-    """Base of Node. Its private names are its own: those of a program's nodes may be the same."""
+    """Base of Node. Its private names are mangled: a program's nodes may use the same names."""
 
     def __init__(self, engine: Engine, native: NativeNode, context: Context, handle: Handle) -> None:
         self._context = context
@@ -30,7 +30,7 @@ class NodeGraph:
 
     @property
     def handle(self) -> Handle:
-        """For programs that enter rclpy's handles: `with node.handle:`."""
+        """The handle for programs that use rclpy's handles: `with node.handle:`."""
         return self.__handle
 
     def get_name(self) -> str:
@@ -43,9 +43,9 @@ class NodeGraph:
         return self.__native.full_name
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
-        """The full name; after remapping, unless it is only to be expanded.
+        """The full name; after remapping, unless `only_expand`.
 
-        Raises RCLError for a wrong one.
+        Raises RCLError for an invalid name.
         """
         return self.__resolve(topic, self.__native.resolve_topic_name, only_expand)
 
@@ -54,7 +54,7 @@ class NodeGraph:
         return self.__resolve(service, self.__native.resolve_service_name, only_expand)
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait until such a node is in the graph, `timeout` seconds at most; returns whether."""
+        """Wait at most `timeout` seconds until such a node is in the graph; returns whether it is."""
         wanted = fully_qualified_node_name
         if not wanted.startswith("/"):
             wanted = f"{self.get_namespace().rstrip('/')}/{wanted}"
@@ -68,10 +68,10 @@ class NodeGraph:
             return False
         return True
 
-    # --- what the graph says; lists are sorted by name
+    # --- the content of the graph; lists are sorted by name
 
     def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
-        """All topics; with `no_demangle` also those that carry services."""
+        """All topics; with `no_demangle` also topics of services."""
         graph = self.__graph()
         return _names_and_types((*graph.publishers, *graph.subscriptions), no_demangle)
 
@@ -135,7 +135,7 @@ class NodeGraph:
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
-        """Raises NodeNameNonExistentError, as all of these do."""
+        """The publishers of a node; as all of these, raises NodeNameNonExistentError."""
         graph = self.__graph()
         return _names_and_types(_of_node(graph, graph.publishers, node_name, node_namespace), no_demangle)
 
@@ -186,7 +186,7 @@ def _of_node(
 def _service_infos(
     kind: EndpointTypeEnum, requests: Iterable[GraphEndpoint], replies: Iterable[GraphEndpoint]
 ) -> list[ServiceEndpointInfo]:
-    """Of each end that carries requests, together with its node's next one for answers."""
+    """For each endpoint of requests, that endpoint and its node's next one for answers."""
     left = list(replies)
     found = []
     for request in requests:

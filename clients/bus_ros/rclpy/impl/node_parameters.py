@@ -1,8 +1,8 @@
 """The parameters of one node: declared, read, set, described, and the callbacks around a change.
 
-Owns: rclpy's calls, results and exceptions, and how a parameter is declared and described in rclpy's words;
-the values and how they change are those of `bus.parameters.store`. Must not know: nodes, the
-bus, files and command lines. Message classes are made when one is first needed.
+Owns: rclpy's calls, results and exceptions, and declarations and descriptions in rclpy's form.
+`bus.parameters.store` has the values and their changes. Must not know: nodes, the bus, files and command
+lines. Message classes are made at their first use.
 """
 
 import warnings
@@ -47,9 +47,9 @@ _ONLY_A_NAME = (
 class NodeParameters:
     """The parameters of a node.
 
-    `overrides` are the values of the command line by name (`bus.parameters.file.overrides`); those of the
-    node's constructor, `parameter_overrides`, go before them. `on_change` is told each change, before the
-    post-set callbacks. Raises what `declare_parameters` raises where overrides are to be declared at once.
+    `overrides` are the values of the command line by name (`bus.parameters.file.overrides`). The values of
+    the node's constructor, `parameter_overrides`, override them. `on_change` is called with each change,
+    before the post-set callbacks. If overrides are declared at once, raises as `declare_parameters`.
     """
 
     def __init__(
@@ -76,11 +76,11 @@ class NodeParameters:
     def declare_parameter(
         self, name: str, value: Any = None, descriptor: Any = None, ignore_override: bool = False
     ) -> Parameter:
-        """Declare one; `value` is a default, or a Parameter.Type for one that must come from outside.
+        """Declare a parameter; `value` is a default, or a Parameter.Type if the value must come from outside.
 
         Raises ParameterAlreadyDeclaredException, InvalidParameterException (the name),
         InvalidParameterTypeException, InvalidParameterValueException (a callback or a range refuses),
-        TypeError for a value that no parameter can have.
+        TypeError if no parameter can have the value.
         """
         only_a_name = value is None and descriptor is None
         entry = (name,) if only_a_name else (name, value, descriptor)
@@ -91,8 +91,8 @@ class NodeParameters:
     ) -> list[Parameter]:
         """Declare several: each (name), (name, value) or (name, value, descriptor), `namespace.` in front.
 
-        Those before one that fails stay declared. Raises as `declare_parameter`, and ValueError for a type
-        that contradicts its descriptor.
+        After an error, the parameters before it stay declared. Raises as `declare_parameter`, and ValueError
+        if a type contradicts its descriptor.
         """
         prefix = f"{namespace}{PARAMETER_SEPARATOR_STRING}" if namespace else ""
         entries = [_check_declaration(index, entry) for index, entry in enumerate(parameters)]
@@ -105,7 +105,7 @@ class NodeParameters:
         ]
 
     def undeclare_parameter(self, name: str) -> None:
-        """Raises ParameterNotDeclaredException, ParameterImmutableException."""
+        """Undeclare a parameter. Raises ParameterNotDeclaredException, ParameterImmutableException."""
         if self.__find(name).rules.is_read_only:
             raise ParameterImmutableException(name)
         del self.__declared[name]
@@ -116,7 +116,7 @@ class NodeParameters:
     # --- reading
 
     def get_parameter(self, name: str) -> Parameter:
-        """Raises ParameterNotDeclaredException; ParameterUninitializedException where it has no value."""
+        """Raises ParameterNotDeclaredException; ParameterUninitializedException if it has no value."""
         declared = self.__declared.get(name)
         if declared is None:
             if self.__allow_undeclared:
@@ -127,18 +127,18 @@ class NodeParameters:
         return declared.parameter
 
     def get_parameters(self, names: Iterable[str]) -> list[Parameter]:
-        """Raises as `get_parameter`; TypeError where a name is no text."""
+        """Raises as `get_parameter`; TypeError if a name is not a text."""
         return [self.get_parameter(name) for name in _texts("names", names)]
 
     def get_parameter_or(self, name: str, alternative_value: Parameter | None = None) -> Parameter:
-        """The alternative (default: a parameter that is not set) where it is not declared or has no value."""
+        """The parameter; the alternative (default: an unset one) if it is undeclared or has no value."""
         declared = self.__declared.get(name)
         if declared is None or declared.parameter.type_ is ValueType.NOT_SET:
             return alternative_value or Parameter(name, ValueType.NOT_SET)
         return declared.parameter
 
     def get_parameters_by_prefix(self, prefix: str) -> dict[str, Parameter]:
-        """Those below `prefix`, by what comes after it; "" = all."""
+        """The parameters below `prefix`, by the rest of their names; "": all."""
         start = f"{prefix}{PARAMETER_SEPARATOR_STRING}" if prefix else ""
         return {
             name[len(start) :]: declared.parameter
@@ -147,19 +147,19 @@ class NodeParameters:
         }
 
     def get_parameter_type(self, name: str) -> ValueType:
-        """Raises ParameterNotDeclaredException."""
+        """The type of a parameter. Raises ParameterNotDeclaredException."""
         if name not in self.__declared and self.__allow_undeclared:
             return ValueType.NOT_SET
         return self.__find(name).parameter.type_
 
     def get_parameter_types(self, names: Iterable[str]) -> list[ValueType]:
-        """Raises as `get_parameter_type`; TypeError where a name is no text."""
+        """Raises as `get_parameter_type`; TypeError if a name is not a text."""
         return [self.get_parameter_type(name) for name in _texts("names", names)]
 
     def list_parameters(self, prefixes: list[str], depth: int) -> Any:
-        """Names below any of `prefixes` (none = all), at most `depth` levels down (0 = all).
+        """List names below any of `prefixes` (none: all), at most `depth` levels down (0: all).
 
-        Returns rcl_interfaces/msg/ListParametersResult. Raises TypeError, ValueError for what is neither.
+        Returns rcl_interfaces/msg/ListParametersResult. Raises TypeError or ValueError for invalid arguments.
         """
         if not isinstance(prefixes, list):
             raise TypeError("The prefixes argument must be a list")
@@ -172,16 +172,16 @@ class NodeParameters:
     # --- setting
 
     def set_parameters(self, parameter_list: Iterable[Parameter]) -> list[Any]:
-        """Set each by itself; returns a rcl_interfaces/msg/SetParametersResult for each.
+        """Set each separately; returns a rcl_interfaces/msg/SetParametersResult for each.
 
-        Raises ParameterNotDeclaredException, and those before it are set.
+        Raises ParameterNotDeclaredException, after setting the parameters before it.
         """
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: Iterable[Parameter]) -> Any:
-        """Set all or none; returns a SetParametersResult. One without a value is undeclared.
+        """Set all or none; returns a SetParametersResult. A parameter without a value is undeclared.
 
-        Raises ParameterNotDeclaredException, TypeError for what is no Parameter.
+        Raises ParameterNotDeclaredException, TypeError for anything but a Parameter.
         """
         wanted = list(parameter_list)
         if not all(isinstance(one, Parameter) for one in wanted):
@@ -202,13 +202,13 @@ class NodeParameters:
         return _describe(self.__find(name))
 
     def describe_parameters(self, names: Iterable[str]) -> list[Any]:
-        """Raises as `describe_parameter`; TypeError where a name is no text."""
+        """Raises as `describe_parameter`; TypeError if a name is not a text."""
         return [self.describe_parameter(name) for name in _texts("names", names)]
 
     def set_descriptor(self, name: str, descriptor: Any, alternative_value: Any = None) -> Any:
-        """Replace a parameter's descriptor; returns the value (a ParameterValue) that it has then.
+        """Replace a parameter's descriptor; returns the value (a ParameterValue) after it.
 
-        `alternative_value`, a ParameterValue, is set where the present one does not fit. Raises
+        `alternative_value`, a ParameterValue, is set if the present value does not fit. Raises
         ParameterNotDeclaredException, ParameterImmutableException, InvalidParameterValueException.
         """
         if name not in self.__declared and self.__allow_undeclared:
@@ -235,11 +235,11 @@ class NodeParameters:
     # --- callbacks
 
     def add_pre_set_parameters_callback(self, callback: PreSet) -> None:
-        """Before a change: gets the parameters to set, returns those to set instead."""
+        """Before a change: gets the parameters to set, returns the parameters to set instead."""
         self.__store.pre_set.insert(0, callback)
 
     def add_on_set_parameters_callback(self, callback: OnSet) -> None:
-        """May refuse a change: returns a SetParametersResult. The one that was added last is asked first."""
+        """May refuse a change: returns a SetParametersResult. The newest callback is called first."""
         self.__store.on_set.insert(0, callback)
 
     def add_post_set_parameters_callback(self, callback: PostSet) -> None:
@@ -247,15 +247,15 @@ class NodeParameters:
         self.__store.post_set.insert(0, callback)
 
     def remove_pre_set_parameters_callback(self, callback: PreSet) -> None:
-        """Raises ValueError where it was not added."""
+        """Raises ValueError if it was not added."""
         self.__store.pre_set.remove(callback)
 
     def remove_on_set_parameters_callback(self, callback: OnSet) -> None:
-        """Raises ValueError where it was not added."""
+        """Raises ValueError if it was not added."""
         self.__store.on_set.remove(callback)
 
     def remove_post_set_parameters_callback(self, callback: PostSet) -> None:
-        """Raises ValueError where it was not added."""
+        """Raises ValueError if it was not added."""
         self.__store.post_set.remove(callback)
 
     # --- inside
@@ -292,7 +292,7 @@ def _texts(what: str, values: Iterable[str]) -> list[str]:
 
 
 def _with_required(rules: Rules, name: str, type_: ValueType) -> Rules:
-    """For a parameter declared by its type only. Raises ValueError where that means nothing."""
+    """Rules for a parameter with a type but no value. Raises ValueError for NOT_SET or a dynamic type."""
     if type_ is ValueType.NOT_SET:
         raise ValueError(f"Cannot declare parameter {{{name}}} as statically typed of type NOT_SET")
     if rules.is_dynamic:
@@ -304,7 +304,7 @@ def _with_required(rules: Rules, name: str, type_: ValueType) -> Rules:
 
 
 def _describe(declared: Declared[Parameter]) -> Any:
-    """Its rcl_interfaces/msg/ParameterDescriptor, made when first asked for; always the same object."""
+    """Its rcl_interfaces/msg/ParameterDescriptor, made at its first use; always the same object."""
     if declared.description is None:
         declared.description = parameter_message("ParameterDescriptor")()
     descriptor = declared.description
@@ -317,7 +317,7 @@ def _describe(declared: Declared[Parameter]) -> Any:
 def _check_declaration(index: int, entry: Sequence[Any]) -> tuple[str, Any, Any]:
     """Name, value and descriptor of the declaration at `index` of a list.
 
-    Raises TypeError for what is no declaration, ValueError for a static one with a value that is not set.
+    Raises TypeError for an invalid declaration, ValueError for a static one with a value that is not set.
     """
     if not 1 <= len(entry) <= 3:
         raise TypeError(

@@ -1,4 +1,4 @@
-"""The waitables of a node: what programs add that waits for several entities at once."""
+"""The waitables of a node: objects of programs that wait for several entities at once."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -19,21 +19,21 @@ class NodeWaitables:
         self.__remove = remove
         self.__waitables: list[tuple[Waitable, Entity]] = []
         self.waiting: list[Entity] = []
-        """Of all its entities, those that may have something to take while no executor works for it."""
+        """Entities that may have something to take while no executor works for the node."""
 
     def own_entities(self) -> Iterable[Entity]:
         raise NotImplementedError
 
     @property
     def waitables(self) -> Iterator["Waitable"]:
-        """Those that were added, action servers and action clients."""
+        """The added waitables, action servers and action clients."""
         from bus_ros.rclpy.waitable import Waitable  # late: few programs ask
 
         actions = [one for one in self.own_entities() if isinstance(one, Waitable)]
         return iter([*(waitable for waitable, _ in self.__waitables), *actions])
 
     def add_waitable(self, waitable: "Waitable") -> None:
-        """Have the executor of this node work for it, too."""
+        """Let the executor of this node work for a waitable, too."""
         from bus_ros.rclpy.impl.wait_set import WaitableEntity  # late: few nodes have any
 
         entity = WaitableEntity(waitable, self)
@@ -41,7 +41,7 @@ class NodeWaitables:
         self.__add(entity)
 
     def remove_waitable(self, waitable: "Waitable") -> None:
-        """Raises ValueError where the node has it not."""
+        """Remove a waitable; raises ValueError if the node does not have it."""
         found: list[tuple[Any, Entity]] = [one for one in self.__waitables if one[0] is waitable]
         if not found:
             raise ValueError(f"the node has no such waitable: {waitable!r}")

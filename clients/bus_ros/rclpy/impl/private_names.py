@@ -1,7 +1,7 @@
-"""Attributes of rclpy's nodes that bear an underscore, and are read all the same: `node._parameters`.
+"""Attributes of rclpy's nodes with an underscore that programs read nevertheless: `node._parameters`.
 
-Looked up where a node has no such attribute: a program may have others by these names. What comes is a copy,
-but for the lists of callbacks.
+Looked up only if a node has no such attribute: a program may use these names itself. The values are copies,
+except the lists of callbacks.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,7 +34,7 @@ _NAMES: Final[Mapping[str, Callable[[Any], Any]]] = {
 
 
 def look_up(node: Any, name: str) -> Any:
-    """An attribute that the node lacks. Raises AttributeError where rclpy's nodes lack it, too."""
+    """An attribute that the node lacks. Raises AttributeError if rclpy's nodes lack it, too."""
     is_made = "_logger" in vars(node)
     if is_made and name in _NAMES:
         return _NAMES[name](node)

@@ -1,7 +1,7 @@
 """The logger of a node, with rclpy's filters and its rules for them.
 
-Owns `once`, `skip_first` and `throttle_*`, whose state belongs to the place in the program that calls.
-Levels, the format and where lines go are `bus.logger`'s.
+Owns `once`, `skip_first` and `throttle_*`; their state belongs to the calling line of the program.
+`bus.logger` has levels, the format and outputs.
 """
 
 import logging
@@ -18,23 +18,23 @@ __all__ = ["LoggingFilter", "Once", "RcutilsLogger", "SkipFirst", "Throttle"]
 
 
 class LoggingFilter:
-    """Base of the filters: the state of one place that calls.
+    """Base of the filters: the state for one calling place.
 
-    `params` are its keywords with their defaults; None = the keyword is required.
+    `params` are its keywords with their defaults; None: the keyword is required.
     """
 
     params: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, keywords: Mapping[str, Any]) -> None:
-        """Raises ValueError for a keyword's value that can't be used."""
+        """Raises ValueError for an invalid value of a keyword."""
 
     def should_log(self) -> bool:
-        """Whether this call, which came now, is logged."""
+        """Whether the present call is logged."""
         return True
 
 
 class Throttle(LoggingFilter):
-    """No more often than every `throttle_duration_sec`, by the clock `throttle_time_source_type`."""
+    """Passes at most one call in `throttle_duration_sec`, by the clock `throttle_time_source_type`."""
 
     params: ClassVar[dict[str, Any]] = {
         "throttle_duration_sec": None,
@@ -57,7 +57,7 @@ class Throttle(LoggingFilter):
 
     def should_log(self) -> bool:
         now_ns = time.monotonic_ns() if self._clock is None else self._clock.now().nanoseconds
-        # A clock that was set back starts anew.
+        # If the clock was set back, the filter starts again.
         if self._last_ns is not None and 0 <= now_ns - self._last_ns < self._period_ns:
             return False
         self._last_ns = now_ns
@@ -65,7 +65,7 @@ class Throttle(LoggingFilter):
 
 
 class SkipFirst(LoggingFilter):
-    """All calls but the first."""
+    """Passes all calls except the first."""
 
     params: ClassVar[dict[str, Any]] = {"skip_first": None}
 
@@ -78,7 +78,7 @@ class SkipFirst(LoggingFilter):
 
 
 class Once(LoggingFilter):
-    """The first call only."""
+    """Passes only the first call."""
 
     params: ClassVar[dict[str, Any]] = {"once": None}
 
@@ -90,13 +90,13 @@ class Once(LoggingFilter):
         return not has_logged
 
 
-# In this order they are asked; each sees only the calls that those before it let pass.
+# Filters are applied in this order; each gets only calls that the previous ones pass.
 _FILTERS: dict[str, type[LoggingFilter]] = {"throttle": Throttle, "skip_first": SkipFirst, "once": Once}
 _KEYWORDS = [keyword for kind in _FILTERS.values() for keyword in kind.params]
 
 
 class _CallSite:
-    """A place that logs: what it said at its first call, and its filters."""
+    """A calling place: the arguments of its first call, and its filters."""
 
     __slots__ = ("filters", "keywords", "names", "severity")
 
@@ -108,10 +108,10 @@ class _CallSite:
 
 
 class RcutilsLogger(Logger):
-    """A named logger; `debug`, `info`, `warning` (`warn`), `error`, `fatal` and `log` return if they logged.
+    """A named logger. `debug`, `info`, `warning` (`warn`), `error`, `fatal`, `log`: whether they logged.
 
-    One place must call with the same severity and filters each time, else ValueError; TypeError for a
-    keyword that is no filter's. Neither is looked at where the severity is not enabled.
+    One place must call with the same severity and filters each time; otherwise ValueError. An unknown keyword
+    is a TypeError. Neither is checked if the severity is not enabled.
     """
 
     __slots__ = ("_sites",)
@@ -129,9 +129,9 @@ class RcutilsLogger(Logger):
         return RcutilsLogger(f"{self.name}.{name}" if self.name else name)
 
     def set_level(self, level: LoggingSeverity | Severity | int | str) -> None:
-        """Log this severity and above, here and in children; UNSET = as the parent.
+        """Log this severity and above, here and in children; UNSET: as the parent.
 
-        Raises ValueError for what is no severity.
+        Raises ValueError for an invalid severity.
         """
         if self.name:
             super().set_level(_native(level))
@@ -143,7 +143,7 @@ class RcutilsLogger(Logger):
         return LoggingSeverity(super().get_effective_level())
 
     def log(self, message: object, severity: LoggingSeverity | Severity | int | str, **filters: Any) -> bool:
-        """`name=` logs as another logger."""
+        """Log a message; `name=` uses another logger."""
         other = filters.pop("name", self.name)
         level = Severity[severity.upper()] if isinstance(severity, str) else Severity(severity)
         logger = self if other == self.name else _shared(other)
@@ -151,7 +151,7 @@ class RcutilsLogger(Logger):
 
     def _is_wanted(self, frame: FrameType, severity: Severity, filters: Filters) -> bool:
         code = frame.f_code
-        # f_lasti tells two calls on one line apart.
+        # f_lasti distinguishes two calls on one line.
         key = (code.co_filename, code.co_firstlineno, frame.f_lasti)
         site = self._sites.get(key)
         if site is None:
@@ -167,7 +167,7 @@ class RcutilsLogger(Logger):
 
 
 def _detect(keywords: Mapping[str, Any]) -> list[str]:
-    """The names of the filters that the keywords ask for; raises TypeError."""
+    """The names of the filters for the keywords; raises TypeError for an unknown keyword."""
     for keyword in keywords:
         if keyword not in _KEYWORDS:
             raise TypeError(

@@ -1,4 +1,4 @@
-"""What a callback of a lifecycle node's transition returns; with the names and numbers of rclpy's enum."""
+"""Results of callbacks for lifecycle transitions, with the names and numbers of rclpy's enum."""
 
 from enum import Enum
 
@@ -6,7 +6,7 @@ __all__ = ["TransitionCallbackReturnType"]
 
 
 class TransitionCallbackReturnType(Enum):
-    """What a callback of a transition returns: TransitionCallbackReturn, for programs."""
+    """The result of a transition's callback; programs use it as TransitionCallbackReturn."""
 
     SUCCESS = 97
     FAILURE = 98

@@ -1,6 +1,6 @@
-"""Wait sets, and what a program adds to them: entities that no callback belongs to, as rclpy's C library has.
+"""Wait sets, and the entities that a program adds to them: without callbacks, as in rclpy's C library.
 
-A program takes what has come itself. Owns which of them are ready and who is told of it; the native
+A program takes their data itself. Owns which entities are ready, and notifies listeners; the native
 publishers, subscriptions, clients and servers do the rest.
 """
 
@@ -36,11 +36,11 @@ _INFO = (
     "publication_sequence_number",
     "reception_sequence_number",
 )
-"""What is told of a message, as to a callback of two arguments."""
+"""Information about a message, as for a callback with two arguments."""
 
 
 class Source(Handle):
-    """Something that becomes ready. Listeners are called under the engine's guard, and once."""
+    """An object that becomes ready. Listeners are called under the engine's guard, and once."""
 
     def __init__(self, close: Callable[[], Any] | None = None) -> None:
         super().__init__(lambda: self._is_closed, self._close)
@@ -52,7 +52,7 @@ class Source(Handle):
         raise NotImplementedError
 
     def listen(self, callback: Callable[[], object]) -> None:
-        """Call it when this becomes ready the next time."""
+        """Call `callback` the next time this becomes ready."""
         if callback not in self._listeners:
             self._listeners.append(callback)
 
@@ -85,7 +85,7 @@ class GuardCondition(Source):
 
 
 class Timer(Source):
-    """Ready each `period_ns` of the clock, until it is called."""
+    """Ready after each `period_ns` of the clock, until it is called."""
 
     def __init__(self, clock: Handle, context: Handle, period_ns: int, autostart: bool = True) -> None:
         super().__init__()
@@ -107,7 +107,7 @@ class Timer(Source):
             engine().loop.call_later(max(due_ns - monotonic_ns(), 0) / 1e9, self._notify)
 
     def call_timer(self) -> None:
-        """The next time is one period later."""
+        """Begin the next period."""
         self._timer.take(1)
 
     def cancel_timer(self) -> None:
@@ -133,7 +133,7 @@ class Timer(Source):
 
 
 class Publisher(Handle):
-    """Publishes, and no more."""
+    """A publisher without other functions."""
 
     def __init__(self, node: Handle, msg_type: Any, topic: str, qos_profile: Any) -> None:
         self._publisher = node.owner.create_publisher(msg_type, topic, qos_profile.profile)
@@ -170,7 +170,7 @@ class Subscription(Source):
         return self._next is not None
 
     def take_message(self, msg_type: Any, raw: bool) -> tuple[Any, dict[str, int]] | None:
-        """The next message and what is known of it; None where none waits."""
+        """The next message and information about it; None if none waits."""
         if not self.is_ready():
             return None
         (message, info), self._next = self._next, None
@@ -208,7 +208,7 @@ class Client(Source):
         return bool(self._answers)
 
     def send_request(self, request: Any) -> int:
-        """Returns the number of the call."""
+        """Send a request; returns the number of the call."""
         self.check()
         with engine().loop:
             return self._native.send_request(request)  # type: ignore[no-any-return]
@@ -220,7 +220,7 @@ class Client(Source):
     def take_response(self, response_type: Any) -> tuple[Any, Any]:
         """The number of a call, as `header.request_id.sequence_number`, and its answer.
 
-        None, None where there is none. Raises what the service raised.
+        Returns None, None if there is none. Raises the error of the service.
         """
         if not self._answers:
             return None, None
@@ -258,14 +258,14 @@ class Service(Source):
         return bool(self._requests)
 
     def service_take_request(self, request_type: Any) -> tuple[Any, Any]:
-        """The next request, and its header; None, None where none waits."""
+        """The next request, and its header; None, None if none waits."""
         if not self._requests:
             return None, None
         request, request_id = self._requests.popleft()
         return request, SimpleNamespace(request_id=request_id)
 
     def service_send_response(self, response: Any, request_id: Any) -> None:
-        """Answer the request whose header has that `request_id`."""
+        """Answer the request with the `request_id` of its header."""
         with engine().loop:
             self._native.respond(request_id, response)
 
@@ -275,7 +275,7 @@ class Service(Source):
 
 
 class Calls(Source):
-    """Ready while an entity has calls to make, which no executor makes: those of actions."""
+    """Ready while an entity of an action has calls to make, which no executor makes."""
 
     def __init__(self, entity: Entity) -> None:
         super().__init__()
@@ -288,18 +288,18 @@ class Calls(Source):
         return self._next is not None
 
     def take_call(self) -> Any:
-        """The next call, a function and its arguments; None where there is none."""
+        """The next call, a function and its arguments; None if there is none."""
         self.is_ready()
         found, self._next = self._next, None
         return found
 
     def come(self) -> None:
-        """Under the guard: the entity may have calls."""
+        """Under the guard: note that the entity may have calls."""
         self._notify()
 
 
 class WaitSet(Handle):
-    """What is waited for; arguments say how many of each kind, which nothing here needs."""
+    """A set of entities to wait for; the arguments, numbers of each kind, are not needed here."""
 
     def __init__(self, *_: Any) -> None:
         super().__init__(lambda: self._is_closed, self._close)
@@ -345,15 +345,15 @@ class WaitSet(Handle):
         self._sources, self._ready = {}, {}
 
     def is_ready(self, kind: str, index: int) -> bool:
-        """Whether the entity was ready at the last look."""
+        """Whether the entity was ready at the last `poll`."""
         return self._ready.get(self._sources[kind][index], False)
 
     def get_ready_entities(self, kind: str) -> list[int]:
-        """The pointers of those that were ready."""
+        """The pointers of the ready entities."""
         return [one.pointer for one in self._sources.get(kind, ()) if self._ready.get(one)]
 
     def wait(self, timeout_ns: int) -> None:
-        """Wait until an entity is ready, `timeout_ns` at most; below zero: for ever."""
+        """Wait at most `timeout_ns` until an entity is ready; negative: for ever."""
         mover, end_ns = engine(), _FOREVER_NS if timeout_ns < 0 else monotonic_ns() + timeout_ns
         while not self.poll() and monotonic_ns() < end_ns:
             with mover.loop:
@@ -365,13 +365,13 @@ class WaitSet(Handle):
                 waiter.wait(end_ns if timeout_ns >= 0 else 0)
 
     def poll(self) -> bool:
-        """See which are ready; returns whether any is."""
+        """Check which entities are ready; returns whether any is."""
         every = [source for sources in self._sources.values() for source in sources]
         self._ready = {source: source.is_ready() for source in every}
         return any(self._ready.values())
 
     def listen(self, callback: Callable[[], object]) -> None:
-        """Call it when one becomes ready. Under the guard."""
+        """Call `callback` when an entity becomes ready. Under the guard."""
         for sources in self._sources.values():
             for source in sources:
                 source.listen(callback)

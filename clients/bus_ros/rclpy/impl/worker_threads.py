@@ -1,8 +1,8 @@
 """Threads that make calls for an executor.
 
-A thread that has made a call stays for a while, and gets the next one by a queue: the futures of a pool cost
-more than most calls. Owns the threads, which of them are in a call, and how many wait. Must not know what is
-called, groups, or the event loop.
+After a call, a thread stays for a while, and gets the next call by a queue: the futures of a pool cost more
+than most calls. Owns the threads, their states (in a call or waiting) and their number. Must not know the
+calls, groups, or the event loop.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,8 @@ _STAY_S = 0.1
 class WorkerThreads(Generic[C]):
     """Up to `number` threads, which call `work(call)`. "Under the guard" means: the caller holds it.
 
-    `work` says, under the guard, when its thread is to `stay`. Raises ValueError where `number` is below 1.
+    `work` calls `stay` under the guard if its thread should continue. Raises ValueError if `number` is below
+    1.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class WorkerThreads(Generic[C]):
         self._busy: set[int] = set()
 
     def hand(self, call: C) -> None:
-        """Under the guard: have a thread make it. Raises RuntimeError after `end`, and at the program's."""
+        """Under the guard: give a call to a thread. Raises RuntimeError after `end`, and at the exit."""
         if self._waiting:
             self._waiting -= 1
             self._calls.put(call)
@@ -53,7 +54,7 @@ class WorkerThreads(Generic[C]):
         return get_ident() in self._busy
 
     def end(self) -> None:
-        """Under the guard: no more calls. Threads that wait leave; those in a call end that."""
+        """Under the guard: take no more calls. Waiting threads leave; busy ones leave after their call."""
         for _ in range(self._waiting):
             self._calls.put(None)
         self._waiting = 0
@@ -71,13 +72,13 @@ class WorkerThreads(Generic[C]):
             call = self._wait()
 
     def _wait(self) -> C | None:
-        """The next call for this thread; None where it had better leave."""
+        """The next call for this thread; None if it should leave."""
         try:
             return self._calls.get(timeout=_STAY_S)
         except Empty:
             pass
         with self._guard:
-            if not self._calls.empty():  # handed to it meanwhile
+            if not self._calls.empty():  # handed over meanwhile
                 return self._calls.get()
             self._waiting -= 1
             return None

@@ -1,9 +1,9 @@
-"""Lifecycle nodes: nodes that others configure, activate and shut down.
+"""Lifecycle nodes: nodes that other programs configure, activate and shut down.
 
-`Node`, `NodeMixin`, `State` and `Publisher` are short names, which `import *` leaves out: another Node may be
-there.
+`Node`, `NodeMixin`, `State` and `Publisher` are short names, which `import *` leaves out: a program may have
+imported another Node.
 
-    `services.py` (others ask) --> `node.py` --> `state_machine.py` (pure: which state follows)
+    `services.py` (requests) --> `node.py` --> `state_machine.py` (pure: the next state)
                                       +--> callbacks, then `managed_entity.py`, `publisher.py`
 
 Invariants:

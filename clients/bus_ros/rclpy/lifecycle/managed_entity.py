@@ -1,4 +1,4 @@
-"""What goes along with the transitions of a lifecycle node: it is told of each, and may refuse."""
+"""Entities with callbacks for the transitions of a lifecycle node; a callback may refuse a transition."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -19,9 +19,9 @@ class LifecycleState(NamedTuple):
 
 
 class ManagedEntity:
-    """Base of what `add_managed_entity` takes. `state` is the one from which the node comes.
+    """Base of entities for `add_managed_entity`. `state` is the node's previous state.
 
-    Each callback says how it went; the first that is not SUCCESS is the transition's own result.
+    Each callback returns a result; the first that is not SUCCESS is the result of the transition.
     """
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -74,9 +74,9 @@ class SimpleManagedEntity(ManagedEntity):
     def when_enabled(
         wrapped: Callable[..., Any] | None = None, *, when_not_enabled: Callable[[], object] | None = None
     ) -> Any:
-        """A decorator of methods: they do nothing while the entity is not activated, or `when_not_enabled()`.
+        """A decorator of methods: without activation they do nothing, or call `when_not_enabled()`.
 
-        What the method returns is dropped, as in ROS 2.
+        The method's result is dropped, as in ROS 2.
         """
 
         def decorate(method: Callable[..., Any]) -> Callable[..., None]:

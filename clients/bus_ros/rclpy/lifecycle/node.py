@@ -1,7 +1,7 @@
-"""Lifecycle nodes: nodes that others configure, activate, deactivate, clean up and shut down.
+"""Lifecycle nodes: nodes that other programs configure, activate, deactivate, clean up and shut down.
 
-Owns: the callbacks, the managed entities, and how a callback's result moves the state machine. Who asks
-from outside is in `services`, which states there are in `state_machine`.
+Owns: the callbacks, the managed entities, and the effect of a callback's result on the state machine.
+`services` has requests from outside, `state_machine` the states.
 """
 
 from collections.abc import Callable
@@ -37,13 +37,13 @@ _CALLBACKS = {
     14: "on_deactivate",
     15: "on_error",
 }
-"""Of each state between two others: the callback that decides where it goes on."""
+"""For each state between two others: the callback that decides on the next state."""
 
 
 class LifecycleNodeMixin(ManagedEntity):
-    """What a lifecycle node has beyond a node. A class that inherits both calls `Node.__init__` first.
+    """A lifecycle node's additions to a node. A class that inherits both calls `Node.__init__` first.
 
-    Without `enable_communication_interface` nobody outside can ask for transitions, or hears of them.
+    Without `enable_communication_interface`, other programs can neither request transitions nor see them.
     `callback_group` is the group of its services.
     """
 
@@ -54,7 +54,7 @@ class LifecycleNodeMixin(ManagedEntity):
         self._callbacks: dict[int, _Callback] = {}
         for state_id, name in _CALLBACKS.items():
             self.__register_callback(state_id, getattr(self, name))
-        self._managed_entities: dict[ManagedEntity, None] = {}  # in the order in which they are told
+        self._managed_entities: dict[ManagedEntity, None] = {}  # in the order of their calls
         warn = get_logger("rcl_lifecycle").warning
         if not enable_communication_interface:
             self._state_machine = LifecycleStateMachine(lambda _: None, warn)
@@ -63,12 +63,12 @@ class LifecycleNodeMixin(ManagedEntity):
         self._state_machine = LifecycleStateMachine(services.publish_transition, warn)
         services.begin(self._state_machine)
 
-    # --- transitions asked for by the program itself
+    # --- transitions that the program itself requests
 
     def trigger_configure(self) -> TransitionCallbackReturn:
-        """Call `on_configure` and go where its result leads; returns the result. So do the other triggers.
+        """Call `on_configure` and go to the state for its result; returns it. So do the other triggers.
 
-        Raises RCLError where the transition is not possible now, TypeError where the callback returns no
+        Raises RCLError if the transition is not possible now, TypeError if the callback returns no
         TransitionCallbackReturn.
         """
         return self.__trigger("configure")
@@ -89,10 +89,10 @@ class LifecycleNodeMixin(ManagedEntity):
                 return self.__change_state(one.id)
         raise RCLError("Shutdown transtion not possible")
 
-    # --- what goes along
+    # --- managed entities
 
     def add_managed_entity(self, entity: ManagedEntity) -> None:
-        """Have this node's callbacks tell it of each transition; one that a program overrides does not."""
+        """Let this node's callbacks call the entity's at each transition; overridden callbacks do not."""
         if not isinstance(entity, ManagedEntity):
             raise TypeError("Expected a rclpy.lifecycle.ManagedEntity instance.")
         self._managed_entities[entity] = None
@@ -111,17 +111,17 @@ class LifecycleNodeMixin(ManagedEntity):
         return cast(LifecyclePublisher[M], publisher)
 
     def destroy_lifecycle_publisher(self, publisher: LifecyclePublisher[Any]) -> bool:
-        """Returns whether it was this node's."""
+        """Destroy a publisher; returns whether it belonged to this node."""
         self._managed_entities.pop(publisher, None)
         node: Any = self
         return Node.destroy_publisher(node, publisher)
 
-    # --- callbacks; a node of a program's own overrides what it needs
+    # --- callbacks; a program's own node overrides some of them
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Tell the managed entities; returns the first result that is not SUCCESS. So do the other callbacks.
+        """Call the managed entities; returns the first result that is not SUCCESS. So do the other callbacks.
 
-        `state` is the one from which the node comes.
+        `state` is the node's previous state.
         """
         return self.__tell_entities("on_configure", state)
 
@@ -138,8 +138,9 @@ class LifecycleNodeMixin(ManagedEntity):
         return self.__tell_entities("on_deactivate", state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Called after a callback that returned ERROR or raised. On SUCCESS the node is unconfigured, else
-        finalized.
+        """Called after a callback that returned ERROR or raised.
+
+        On SUCCESS the node is unconfigured, otherwise finalized.
         """
         return self.__tell_entities("on_error", state)
 
@@ -176,7 +177,7 @@ class LifecycleNodeMixin(ManagedEntity):
         return result
 
     def __call_back(self, before: LifecycleState) -> TransitionCallbackReturn:
-        """Call what belongs to the current state. Raises TypeError where that returns something else."""
+        """Call the callback of the current state. Raises TypeError for a wrong type of its result."""
         node: Any = self
         callback = self._callbacks[self._state_machine.current_state[0]]
         name = getattr(callback, "__name__", repr(callback))
@@ -198,7 +199,7 @@ class LifecycleNodeMixin(ManagedEntity):
 
 
 class LifecycleNode(LifecycleNodeMixin, Node):
-    """A node that others configure, activate and shut down; it takes the arguments of Node, too.
+    """A node that other programs configure, activate and shut down; it takes the arguments of Node, too.
 
     Raises as Node does, and TypeError for an `enable_communication_interface` that is no bool.
     """

@@ -1,4 +1,4 @@
-"""Publishers of lifecycle nodes: while the node is not active, they publish nothing."""
+"""Publishers of lifecycle nodes: they publish only while the node is active."""
 
 from typing import Any, TypeVar
 
@@ -28,8 +28,9 @@ class LifecyclePublisher(SimpleManagedEntity, Publisher[M]):
         return super().on_activate(state)
 
     def publish(self, msg: M | bytes) -> None:
-        """As `Publisher.publish` while the node is active. Else it publishes nothing, and warns of the first
-        such message since the node was active.
+        """As `Publisher.publish` while the node is active.
+
+        Otherwise it publishes nothing, and warns of the first such message since the node was active.
         """
         if self._enabled:
             Publisher.publish(self, msg)

@@ -1,7 +1,7 @@
-"""The five services by which others see and change the state of a lifecycle node, and its event topic.
+"""The five services for other programs to see and change a lifecycle node's state, and its event topic.
 
-Owns: requests to the state machine, its answers to messages. Must not know: callbacks, or what a transition
-does. What a remote side asks for wrongly is an answer to it, never an error here.
+Owns: conversion of requests for the state machine, and of its results to messages. Must not know: callbacks,
+or the work of a transition. A wrong request from another program gets an answer, never an error here.
 """
 
 from collections.abc import Callable, Iterable
@@ -28,7 +28,7 @@ EVENTS_DEPTH = 10
 
 
 class LifecycleServices:
-    """Those of `node`, whose transitions are made by `change_state`; served from `begin` on."""
+    """The services of `node`; `change_state` makes the transitions. Served from `begin` on."""
 
     def __init__(
         self, node: Any, change_state: Callable[[int], TransitionCallbackReturnType], callback_group: Any
@@ -39,13 +39,13 @@ class LifecycleServices:
         self._state: Any = message_class("lifecycle_msgs/msg/State")
         self._event: Any = message_class("lifecycle_msgs/msg/TransitionEvent")
         self._description: Any = message_class("lifecycle_msgs/msg/TransitionDescription")
-        # None of the node's publishers, as in rclpy: it is not listed, and no program destroys it.
+        # Not one of the node's publishers, as in rclpy: it is not listed, and no program destroys it.
         native, topic = node.native, self._name("transition_event")
         qos = to_native(profile_of(EVENTS_DEPTH), for_publisher=True)
         self._events: Any = engine().run(lambda: native.create_publisher(self._event, topic, qos))
 
     def begin(self, machine: LifecycleStateMachine) -> None:
-        """Serve what `machine` says."""
+        """Begin to serve the state of `machine`."""
         self._machine = machine
         for srv_type, name, callback in (
             ("ChangeState", "change_state", self._change),
@@ -61,7 +61,7 @@ class LifecycleServices:
             setattr(self._node, f"_service_{name}", served)
 
     def publish_transition(self, transition: Transition) -> None:
-        """Publish that the node has made it; a destroyed node makes transitions that nobody hears of."""
+        """Publish that the node has made it; a destroyed node makes transitions without this event."""
         event = self._event(timestamp=self._node.get_clock().now().nanoseconds)
         event.transition.id, event.transition.label = transition.id, transition.label
         event.start_state = self._state(id=transition.start, label=STATES[transition.start])
@@ -75,11 +75,11 @@ class LifecycleServices:
     def _change(self, request: Any, response: Any) -> Any:
         wanted = request.transition
         try:
-            # As in ROS 2, a label goes before an id.
+            # As in ROS 2, a label comes before an id.
             number = self._machine.get_transition_by_label(wanted.label) if wanted.label else wanted.id
             result = self._change_state(number)
         except RCLError:
-            response.success = False  # the log has it; ROS 2's node dies of a wrong id
+            response.success = False  # the log has it; a wrong id ends ROS 2's node
         else:
             response.success = result is TransitionCallbackReturnType.SUCCESS
         return response

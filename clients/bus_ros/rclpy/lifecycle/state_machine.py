@@ -1,7 +1,7 @@
 """The states of a lifecycle node, and the transitions between them.
 
-Pure: owns the table, and which state is the current one. Must not know: nodes, services, callbacks, or that
-others hear of transitions. Numbers and labels are those of lifecycle_msgs and of ROS 2's state machine.
+Pure: owns the table and the current state. Must not know: nodes, services, callbacks, or the reports of
+transitions. Numbers and labels are the same as in lifecycle_msgs and in ROS 2's state machine.
 """
 
 from collections.abc import Callable
@@ -17,11 +17,11 @@ __all__ = [
 ]
 
 Description: TypeAlias = tuple[int, str, int, str, int, str]
-"""Id and label of a transition, of the state where it starts, and of the one to which it leads."""
+"""Id and label of a transition, then of its start state, then of its goal state."""
 
 
 class Transition(NamedTuple):
-    """A way from the state `start` to the state `goal`."""
+    """A transition from the state `start` to the state `goal`."""
 
     id: int
     label: str
@@ -71,12 +71,14 @@ TRANSITIONS: Final = (
     Transition(61, "transition_failure", 15, 4),
     Transition(62, "transition_error", 15, 4),
 )
-"""In the order in which `get_transition_graph` answers them."""
+"""In the order of `get_transition_graph`."""
 
 
 class LifecycleStateMachine:
-    """Begins unconfigured. `on_transition` is called after each transition that is to be told, `warn` with a
-    text for each that is not possible now.
+    """A state machine, unconfigured at first.
+
+    `on_transition` is called after each transition with a notification, `warn` with a text for each
+    transition that is not possible now.
     """
 
     initialized = True
@@ -97,27 +99,27 @@ class LifecycleStateMachine:
 
     @property
     def available_transitions(self) -> list[Description]:
-        """From the current state."""
+        """The transitions from the current state."""
         return [_described(one) for one in TRANSITIONS if one.start == self._state]
 
     @property
     def transition_graph(self) -> list[Description]:
-        """From all states."""
+        """The transitions from all states."""
         return [_described(one) for one in TRANSITIONS]
 
     def get_transition_by_label(self, label: str) -> int:
-        """The id of a transition from the current state. Raises RCLError where there is none."""
+        """The id of a transition from the current state. Raises RCLError if there is none."""
         found = self._find(label)
         if found is None:
             raise RCLError("Failed to get transition from label")
         return found.id
 
     def trigger_transition_by_id(self, transition_id: int, publish_notification: bool = True) -> None:
-        """Go to where it leads. Raises RCLError where it does not start at the current state."""
+        """Go to its goal. Raises RCLError if it does not start at the current state."""
         self._go(self._find(transition_id), publish_notification)
 
     def trigger_transition_by_label(self, label: str, publish_notification: bool = True) -> None:
-        """Go to where it leads. Raises RCLError where it does not start at the current state."""
+        """Go to its goal. Raises RCLError if it does not start at the current state."""
         self._go(self._find(label), publish_notification)
 
     def _find(self, wanted: int | str) -> Transition | None:
