@@ -1,7 +1,7 @@
 """The engine of the facade: one event loop for the process, run by a waiting thread.
 
-A spinning thread runs the loop itself, so that a message needs no change of threads. While that thread is in
-a user's callback, no thread runs the loop. If the callback lasts long, or no thread spins at all, the keeper
+A spinning thread runs the loop itself: a message needs no change of threads. While that thread is in a user's
+callback, no thread runs the loop. If the callback lasts long, or no thread spins at all, the keeper
 (`bus_ros.keeper`), a thread in the background, runs the loop: discovery and delivery go on. Owns the loop and
 the waiting, and the state that all executors share. Must not know nodes or callbacks.
 

@@ -1,10 +1,10 @@
 """`cv_bridge` on the bus: images in messages as arrays, and back.
 
-`encodings.py` (pure) says which steps lead from one encoding to another, `pixels.py` does them on arrays,
-with OpenCV or with NumPy alone, `core.py` has `CvBridge`.
+`encodings.py` (pure) finds the steps from one encoding to another, `pixels.py` applies them to arrays, with
+OpenCV or with NumPy alone, `core.py` has `CvBridge`.
 
-Invariants: results and errors are those of ROS 2's cv_bridge; NumPy and OpenCV are imported only when an
-image is converted; without OpenCV whatever NumPy can do still works.
+Invariants: results and errors are the same as in ROS 2's cv_bridge; NumPy and OpenCV are imported only when
+an image is converted; without OpenCV, all conversions that NumPy can do still work.
 
 Read first: `encodings.py`. Tests: `tests/unit/bus_ros/cv_bridge/`.
 """

@@ -1,7 +1,7 @@
-"""CvBridge: between messages with images and arrays as OpenCV has them.
+"""CvBridge: converts messages with images to OpenCV's arrays, and back.
 
-Must not know topics. NumPy is needed for all, OpenCV for compressed images and for conversions that compute
-(`pixels`). Messages may be of any class that has the fields of sensor_msgs/msg/Image.
+Must not know topics. All conversions need NumPy. Compressed images and conversions that compute (`pixels`)
+also need OpenCV. Messages may be of any class with the fields of sensor_msgs/msg/Image.
 """
 
 import sys
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["CvBridge", "CvBridgeError"]
 
 _OPENCV4_SHIFT = 3
-"""Where the channels stand in OpenCV's number of a type: 5 in OpenCV 5."""
+"""Position of the channels in OpenCV's number of a type; 5 in OpenCV 5."""
 
 
 class CvBridge:
-    """Converts images. It has no state: one is as good as another."""
+    """Converts images. It has no state."""
 
     numpy_type_to_cvtype = {**{kind: name for name, kind in DEPTHS.items()}, **DEPTHS}  # noqa: RUF012
 
@@ -36,13 +36,16 @@ class CvBridge:
         return {self.encoding_to_cvtype2(name): name for name in names}
 
     def dtype_with_channels_to_cvtype2(self, dtype: "np.dtype[Any]", n_channels: int) -> str:
-        """`8UC3` for 3 channels of uint8; raises CvBridgeError for numbers that images don't have."""
+        """The type's name: `8UC3` for 3 channels of uint8.
+
+        Raises CvBridgeError for a number type that images can't have.
+        """
         if dtype.name not in self.numpy_type_to_cvtype:
             raise CvBridgeError(f"an image can't be of {dtype.name}: it is of {', '.join(DEPTHS.values())}")
         return f"{self.numpy_type_to_cvtype[dtype.name]}C{n_channels}"
 
     def cvtype2_to_dtype_with_channels(self, cvtype: int) -> tuple[str, int]:
-        """NumPy's name of a channel's type, and how many channels, of OpenCV's number of a type."""
+        """NumPy's name of a channel's type, and the number of channels, from OpenCV's number of a type."""
         shift = _channel_shift()
         depth = cvtype & ((1 << shift) - 1)
         if cvtype < 0 or depth >= len(DEPTHS):
@@ -50,22 +53,21 @@ class CvBridge:
         return list(DEPTHS.values())[depth], (cvtype >> shift) + 1
 
     def encoding_to_cvtype2(self, encoding: str) -> int:
-        """OpenCV's number of the type; raises CvBridgeError for an encoding that there is not."""
+        """OpenCV's number of the type; raises CvBridgeError for an unknown encoding."""
         found = format_of(encoding)
         return list(DEPTHS.values()).index(found.dtype) + ((found.channels - 1) << _channel_shift())
 
     def encoding_to_dtype_with_channels(self, encoding: str) -> tuple[str, int]:
-        """NumPy's name of a channel's type, and how many channels; raises as `encoding_to_cvtype2`."""
+        """NumPy's name of a channel's type, and the number of channels; raises as `encoding_to_cvtype2`."""
         found = format_of(encoding)
         return found.dtype, found.channels
 
     def imgmsg_to_cv2(self, img_msg: Any, desired_encoding: str = "passthrough") -> "Image":
-        """The image as an array: height x width, and x channels where there are several.
+        """The image as an array: height x width, and x channels if there are several.
 
-        With `passthrough` it is a view of the message's data, where these are in this machine's byte order
-        and its rows have no padding: what is drawn on it is drawn on the message. With an encoding it is
-        always a copy. Raises CvBridgeError for sizes that disagree, and for an encoding or a conversion that
-        there is not.
+        With `passthrough` it is a view of the message's data, if the data are in this machine's byte order
+        and rows have no padding: drawing on the array changes the message. With an encoding it is always a
+        copy. Raises CvBridgeError for inconsistent sizes, and for an unknown encoding or conversion.
         """
         image = _pixels_of(img_msg)
         if desired_encoding == "passthrough":
@@ -73,9 +75,9 @@ class CvBridge:
         return _converted(image, img_msg.encoding, desired_encoding or img_msg.encoding)
 
     def compressed_imgmsg_to_cv2(self, cmprs_img_msg: Any, desired_encoding: str = "passthrough") -> "Image":
-        """The image out of a CompressedImage; with `passthrough` as it was saved, colors in the order BGR.
+        """The image in a CompressedImage; with `passthrough` as it was saved, colors in the order BGR.
 
-        Raises CvBridgeError for data that are no image, and as `imgmsg_to_cv2`.
+        Raises CvBridgeError for invalid data, and as `imgmsg_to_cv2`.
         """
         np, cv2 = extra("numpy", "cv_bridge"), extra("cv2", "cv_bridge with compressed images")
         data = np.frombuffer(cmprs_img_msg.data, np.uint8)
@@ -91,10 +93,10 @@ class CvBridge:
         return _converted(image, f"{name}{8 * image.itemsize}", desired_encoding)
 
     def cv2_to_imgmsg(self, cvim: "Image", encoding: str = "passthrough", header: Any = None) -> Any:
-        """An Image message of a copy of the array; `passthrough`: with the array's type as its encoding.
+        """An Image message with a copy of the array; `passthrough`: with the array's type as its encoding.
 
-        The pixels stay as they are, so they have to be in the encoding's order. Raises TypeError for what is
-        no array, CvBridgeError for a type that the encoding does not have.
+        The pixels are not converted, so they have to be in the encoding's order. Raises TypeError for
+        anything but an array, CvBridgeError if the encoding does not have the array's type.
         """
         _check_array(cvim)
         if cvim.ndim not in (2, 3):
@@ -119,9 +121,9 @@ class CvBridge:
         )
 
     def cv2_to_compressed_imgmsg(self, cvim: "Image", dst_format: str = "jpg") -> Any:
-        """A CompressedImage of the array, whose colors are in the order BGR, in a format that OpenCV writes.
+        """A CompressedImage of the array (colors in the order BGR), in a format that OpenCV writes.
 
-        Raises TypeError for what is no array, CvBridgeError where OpenCV can't write it.
+        Raises TypeError for anything but an array, CvBridgeError if OpenCV can't write it.
         """
         _check_array(cvim)
         cv2 = extra("cv2", "cv_bridge with compressed images")
@@ -155,7 +157,7 @@ def _bytes_of(image: "Image") -> "array[int]":
 
 
 def _pixels_of(message: Any) -> "Image":
-    """The pixels of an Image message, in this machine's byte order, without what stands between rows."""
+    """The pixels of an Image message, in this machine's byte order, without padding between rows."""
     np = extra("numpy", "cv_bridge")
     found = format_of(message.encoding)
     kind = np.dtype(found.dtype)

@@ -1,4 +1,4 @@
-"""What the encodings of images mean, and which steps lead from one to another. Pure: no pixels, no OpenCV.
+"""The encodings of images, and the steps from one to another. Pure: no pixels, no OpenCV.
 
     kind        encodings, 8 and 16 bits                       converts to
     GRAY        mono8 mono16                                   GRAY RGB BGR RGBA BGRA
@@ -7,8 +7,8 @@
     BayerBG...  bayer_rggb8 bayer_bggr8 bayer_gbrg8 ... 16     GRAY RGB BGR
     none        8UC1 ... 64FC4, 8U, 8UC10                      any encoding with as many channels and no kind
 
-What has a kind also converts to what has none and as many channels. Kinds are named as OpenCV's codes name
-them: these say of a Bayer pattern what its second row has from the second column on.
+An encoding with a kind also converts to encodings with as many channels and no kind. Kinds have the names in
+OpenCV's codes: for a Bayer pattern, the name is its second row from the second column on.
 """
 
 import re
@@ -22,13 +22,13 @@ class CvBridgeError(TypeError):
 
 
 class Format(NamedTuple):
-    """How an encoding stores pixels."""
+    """The storage of pixels in an encoding."""
 
     dtype: str
     """NumPy's name of a channel's type."""
     channels: int
     kind: str | None = None
-    """What the channels mean; None: the encoding does not say."""
+    """The meaning of the channels; None: the encoding does not define it."""
 
     @property
     def bits(self) -> int:
@@ -59,7 +59,7 @@ DEPTHS: Final = {
     "32F": "float32",
     "64F": "float64",
 }
-"""OpenCV's names of depths, in the order of its numbers for them (32F is 5), and NumPy's."""
+"""OpenCV's names of depths to NumPy's, in the order of OpenCV's numbers for them (32F is 5)."""
 
 _PLAIN: Final = {
     "mono": ("GRAY", 1),
@@ -88,7 +88,7 @@ _PLAIN_KINDS: Final = tuple(kind for kind, _ in _PLAIN.values())
 
 
 def format_of(encoding: str) -> Format:
-    """Raises CvBridgeError for one that there is not."""
+    """The format of an encoding; raises CvBridgeError for an unknown one."""
     if (named := _NAMED.get(encoding)) is not None:
         return named
     if (found := _GENERIC.fullmatch(encoding)) is None:
@@ -97,9 +97,9 @@ def format_of(encoding: str) -> Format:
 
 
 def steps(source: str, target: str) -> list[Color | Depth]:
-    """From one encoding to another, in this order; none where they are the same.
+    """The steps from one encoding to another, in order; none if they are the same.
 
-    Raises CvBridgeError, with cv_bridge's texts, where there is no way.
+    Raises CvBridgeError, with cv_bridge's texts, if there is no conversion.
     """
     if source == target:
         return []

@@ -1,4 +1,4 @@
-"""The steps of a conversion on arrays: by OpenCV where it is installed, else what NumPy can do as well."""
+"""The steps of a conversion on arrays: by OpenCV if it is installed, otherwise by NumPy if possible."""
 
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -15,15 +15,17 @@ __all__ = ["apply", "cv2"]
 
 
 def apply(step: Color | Depth, image: "Image") -> "Image":
-    """A new image. Raises CvBridgeError with OpenCV's text where it refuses, ModuleNotFoundError where it is
-    needed and not installed.
+    """Apply a step; returns a new image.
+
+    Raises CvBridgeError with OpenCV's text if OpenCV refuses, ModuleNotFoundError if OpenCV is needed and not
+    installed.
     """
     return _scaled(step, image) if isinstance(step, Depth) else _colored(step, image)
 
 
 @cache
 def cv2() -> Any:
-    """The module cv2, or None where it is not installed."""
+    """The module cv2, or None if it is not installed."""
     try:
         return extra("cv2", "cv_bridge")
     except ModuleNotFoundError:
@@ -57,7 +59,7 @@ def _colored(step: Color, image: "Image") -> "Image":
 
 
 def _reordered(step: Color, image: "Image") -> "Image":
-    """Channels in another order, more of them, or fewer: all that needs no arithmetic."""
+    """Reorder, add or drop channels: the conversions without arithmetic."""
     np = extra("numpy", "cv_bridge")
     if not {step.source, step.target} <= _ORDERS.keys() or step.target == "GRAY":
         extra("cv2", f"cv_bridge from {step.source} to {step.target}")
@@ -75,4 +77,4 @@ def _reordered(step: Color, image: "Image") -> "Image":
 
 
 _ORDERS = {"GRAY": "", "RGB": "RGB", "BGR": "BGR", "RGBA": "RGBA", "BGRA": "BGRA"}
-"""The channels of a kind. Those of GRAY are all the same."""
+"""The channels of a kind. GRAY has several equal channels, if any."""

@@ -1,9 +1,9 @@
-"""`diagnostic_updater` on the bus: what a node says of its health on `/diagnostics`.
+"""`diagnostic_updater` on the bus: a node's reports about its health on `/diagnostics`.
 
 _diagnostic_updater.py has tasks and the `Updater` that runs and publishes them, _update_functions.py tasks
 that watch rates and stamps, _publisher.py tasks for a topic, _diagnostic_status_wrapper.py the status.
 
-Invariants: names, parameters and texts are those of ROS 2's package, because dashboards compare them.
+Invariants: names, parameters and texts are the same as in ROS 2's package, because dashboards compare them.
 
 Read first: `_diagnostic_updater.py`. Tests: `tests/unit/bus_ros/diagnostic_updater/`,
 `tests/system/test_diagnostic_updater.py`.

@@ -1,4 +1,4 @@
-"""A status that is filled in by several hands."""
+"""A status that several functions fill in."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ class DiagnosticStatusWrapper(_DiagnosticStatus):  # type: ignore[misc]
     """A diagnostic_msgs/msg/DiagnosticStatus with methods to fill it in."""
 
     def summary(self, *args: Any) -> None:
-        """Set level and message: `summary(level, message)`, or those of another status."""
+        """Set level and message: `summary(level, message)`, or both from another status."""
         self.level, message = _level_and_message(args)
         self.message = str(message)
 
@@ -26,8 +26,8 @@ class DiagnosticStatusWrapper(_DiagnosticStatus):  # type: ignore[misc]
     def mergeSummary(self, *args: Any) -> None:
         """Add a level and a message, given as for `summary`.
 
-        The higher level counts. Where both are OK, or neither is, both messages stay, joined by a semicolon;
-        else that of the one that is not OK.
+        The higher level counts. If both are OK, or neither is, both messages stay, joined by a semicolon.
+        Otherwise only the message that is not OK stays.
         """
         level, message = _level_and_message(args)
         if (level > _OK) == (self.level > _OK):

@@ -1,4 +1,4 @@
-"""Tasks that look at a node's health, and the updater that runs them and publishes what they say."""
+"""Tasks that check a node's health, and the updater that runs them and publishes their results."""
 
 import threading
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ Run = Callable[[DiagnosticStatusWrapper], DiagnosticStatusWrapper | None]
 
 
 class DiagnosticTask:
-    """Something to look at. Subclasses have their own `run`."""
+    """A check. Subclasses define `run`."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -77,7 +77,7 @@ class DiagnosticTaskVector:
         self.lock = threading.Lock()
 
     def addedTaskCallback(self, task: FunctionDiagnosticTask) -> None:
-        """Called with each task that is added; for subclasses."""
+        """Called with each added task; for subclasses."""
 
     def add(self, *args: Any) -> None:
         """Add a task: `add(task)`, or `add(name, function)`. Raises TypeError for anything else."""
@@ -91,7 +91,7 @@ class DiagnosticTaskVector:
         self.addedTaskCallback(task)
 
     def removeByName(self, name: str) -> bool:
-        """Remove the first task of that name; whether there was one."""
+        """Remove the first task of that name; returns whether there was one."""
         with self.lock:
             for task in self.tasks:
                 if task.name == name:
@@ -101,10 +101,10 @@ class DiagnosticTaskVector:
 
 
 class Updater(DiagnosticTaskVector):
-    """Runs tasks each `period` seconds, while its node is spun, and publishes their statuses on /diagnostics.
+    """Runs tasks each `period` seconds while its node is spun, and publishes their statuses on /diagnostics.
 
-    The node's parameters `diagnostic_updater.period` and `diagnostic_updater.use_fqn` (names with the node's
-    namespace) count where they were set. A status that a task does not fill in is an error.
+    If the node's parameters `diagnostic_updater.period` and `diagnostic_updater.use_fqn` (names with the
+    node's namespace) are set, they count. A status that a task does not fill in is an error.
     """
 
     def __init__(self, node: Node, period: float = 1.0) -> None:
@@ -122,7 +122,7 @@ class Updater(DiagnosticTaskVector):
 
     @property
     def period(self) -> float:
-        """Seconds between updates; setting it starts a new one."""
+        """Seconds between updates; setting it starts a new period."""
         return self._period
 
     @period.setter
@@ -132,7 +132,7 @@ class Updater(DiagnosticTaskVector):
         self.timer = self.node.create_timer(period, self.update)
 
     def setHardwareID(self, hwid: str) -> None:
-        """What hardware all statuses are of; `none` where there is none."""
+        """The hardware of all statuses; `none` if there is none."""
         self.hwid = hwid
 
     def update(self) -> None:
@@ -156,18 +156,18 @@ class Updater(DiagnosticTaskVector):
         self.publish(statuses)
 
     def force_update(self) -> None:
-        """Run all tasks and publish now; the period goes on."""
+        """Run all tasks and publish now; the period is not restarted."""
         self.update()
 
     def broadcast(self, lvl: bytes, msg: str) -> None:
-        """Publish one level and message for all tasks, as before a shutdown."""
+        """Publish one level and message for all tasks, for example before a shutdown."""
         statuses = [DiagnosticStatusWrapper(name=task.name) for task in self._all()]
         for status in statuses:
             status.summary(lvl, msg)
         self.publish(statuses)
 
     def publish(self, msg: Any) -> None:
-        """Publish a status, or a list of them, with the node's name before theirs."""
+        """Publish a status, or a list of them, with the node's name in front of their names."""
         array = _DiagnosticArray(
             status=[self._named(one) for one in (msg if isinstance(msg, list) else [msg])]
         )
@@ -201,13 +201,13 @@ class Updater(DiagnosticTaskVector):
 
 
 def _run(function: Run, stat: DiagnosticStatusWrapper) -> DiagnosticStatusWrapper:
-    """What a function returns, or the status that it was given and forgot to return."""
+    """The result of a function, or the given status if the function does not return it."""
     found = function(stat)
     return stat if found is None else found
 
 
 def _parameter(node: Node, name: str, default: Any) -> Any:
-    """What was set in the node, or from outside; several updaters of a node have it together."""
+    """The parameter's value in the node, from inside or outside; all updaters of a node share it."""
     if node.has_parameter(name):
         return node.get_parameter(name).value
     return node.declare_parameter(name, default).value

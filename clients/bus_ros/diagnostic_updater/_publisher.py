@@ -16,7 +16,7 @@ __all__ = ["DiagnosedPublisher", "HeaderlessTopicDiagnostic", "TopicDiagnostic"]
 
 
 class HeaderlessTopicDiagnostic(CompositeDiagnosticTask):
-    """How often a topic gets messages; adds itself to the updater `diag`."""
+    """Watches the rate of a topic's messages; adds itself to the updater `diag`."""
 
     def __init__(self, name: str, diag: DiagnosticTaskVector, freq: FrequencyStatusParam) -> None:
         super().__init__(f"{name} topic status")
@@ -26,16 +26,16 @@ class HeaderlessTopicDiagnostic(CompositeDiagnosticTask):
         diag.add(self)
 
     def tick(self) -> None:
-        """A message was published."""
+        """Count a published message."""
         self.freq.tick()
 
     def clear_window(self) -> None:
-        """Begin to count anew."""
+        """Restart counting."""
         self.freq.clear()
 
 
 class TopicDiagnostic(HeaderlessTopicDiagnostic):
-    """How often a topic gets messages, and how old their stamps are."""
+    """Watches the rate of a topic's messages and the age of their stamps."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class TopicDiagnostic(HeaderlessTopicDiagnostic):
         self.addTask(self.stamp)
 
     def tick(self, stamp: Any) -> None:  # type: ignore[override]
-        """A message with that stamp was published: seconds, or a Time."""
+        """Count a published message with that stamp: seconds, or a Time."""
         self.stamp.tick(stamp)
         super().tick()
 
@@ -68,6 +68,6 @@ class DiagnosedPublisher(TopicDiagnostic):
         self.publisher = pub
 
     def publish(self, message: Any) -> None:
-        """Publish a message, which has a header; raises as `Publisher.publish`."""
+        """Publish a message with a header; raises as `Publisher.publish`."""
         self.tick(Time.from_msg(message.header.stamp))
         self.publisher.publish(message)

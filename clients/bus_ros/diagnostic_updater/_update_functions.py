@@ -1,4 +1,4 @@
-"""Tasks that watch how often something happens, and how old its stamps are."""
+"""Tasks that watch the rate of an event, and the age of its stamps."""
 
 import threading
 from typing import Any
@@ -21,10 +21,11 @@ _OK, _WARN, _ERROR = _DiagnosticStatus.OK, _DiagnosticStatus.WARN, _DiagnosticSt
 
 
 class FrequencyStatusParam:
-    """What FrequencyStatus accepts.
+    """Limits for FrequencyStatus.
 
-    `freq_bound`: a dict with `min` and, unless there is no limit, `max`, in Hz; changes count. `tolerance`:
-    the part by which they may be missed. `window_size`: over how many updates is counted; ValueError for 0.
+    `freq_bound`: a dict with `min` and, unless there is no limit, `max`, in Hz; later changes of it count.
+    `tolerance`: permitted deviation, as a fraction. `window_size`: number of updates over which events are
+    counted; ValueError for 0.
     """
 
     def __init__(self, freq_bound: dict[str, float], tolerance: float = 0.1, window_size: int = 5) -> None:
@@ -36,7 +37,7 @@ class FrequencyStatusParam:
 
 
 class FrequencyStatus(DiagnosticTask):
-    """Warns of something that happens too often or too seldom; an error where it never does."""
+    """Warns if an event happens too often or too seldom; an error if it never happens."""
 
     def __init__(
         self, params: FrequencyStatusParam, name: str = "FrequencyStatus", clock: Any = None
@@ -48,7 +49,7 @@ class FrequencyStatus(DiagnosticTask):
         self.clear()
 
     def clear(self) -> None:
-        """Begin to count anew."""
+        """Restart counting."""
         with self.lock:
             self.count = 0
             self.times = [self._now()] * self.params.window_size
@@ -56,7 +57,7 @@ class FrequencyStatus(DiagnosticTask):
             self.hist_indx = 0
 
     def tick(self) -> None:
-        """It has happened."""
+        """Count the event."""
         with self.lock:
             self.count += 1
 
@@ -88,7 +89,7 @@ class FrequencyStatus(DiagnosticTask):
         return stat
 
     def _next_window(self) -> tuple[int, float]:
-        """How often it happened since the oldest update that is remembered, and the seconds since then."""
+        """The number of events since the oldest update in the window, and the seconds since then."""
         now, place = self._now(), self.hist_indx
         events, window = self.count - self.seq_nums[place], now - self.times[place]
         self.seq_nums[place], self.times[place] = self.count, now
@@ -100,7 +101,7 @@ class FrequencyStatus(DiagnosticTask):
 
 
 class TimeStampStatusParam:
-    """How old a stamp may be when it comes, in seconds; a negative age is in the future."""
+    """Permitted ages of a stamp on arrival, in seconds; a negative age is in the future."""
 
     def __init__(self, min_acceptable: float = -1, max_acceptable: float = 5) -> None:
         self.max_acceptable = max_acceptable
@@ -131,7 +132,7 @@ class TimeStampStatus(DiagnosticTask):
         self._forget()
 
     def tick(self, stamp: Any) -> None:
-        """Something came with that stamp: seconds, or a Time."""
+        """Check the stamp of an event: seconds, or a Time."""
         seconds = stamp if isinstance(stamp, int | float) else stamp.nanoseconds * 1e-9
         with self.lock:
             if seconds == 0:

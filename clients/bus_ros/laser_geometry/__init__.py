@@ -1,6 +1,6 @@
 """`laser_geometry` on the bus: laser scans as point clouds, on NumPy, which is imported when it is needed.
 
-One module, which must not know topics and frames. Points and channels are those of ROS 2's package.
+One module, which must not know topics and frames. Points and channels are the same as in ROS 2's package.
 
 Read first: `laser_geometry.py`. Tests: `tests/unit/bus_ros/laser_geometry/`.
 """

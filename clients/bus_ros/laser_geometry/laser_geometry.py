@@ -1,4 +1,4 @@
-"""Where the points of a laser scan are. Must not know topics and frames."""
+"""The points of a laser scan. Must not know topics and frames."""
 
 from typing import Any
 
@@ -12,20 +12,20 @@ _FLOAT32, _INT32 = 7, 5
 
 
 class LaserProjection:
-    """Makes a PointCloud2 of a LaserScan, in the scan's own frame. It has no state."""
+    """Makes a PointCloud2 from a LaserScan, in the scan's own frame. It has no state."""
 
     LASER_SCAN_INVALID = -1.0
     LASER_SCAN_MIN_RANGE = -2.0
     LASER_SCAN_MAX_RANGE = -3.0
 
     class ChannelOption:
-        """What a point has beside x, y and z; to be joined by `|`."""
+        """Fields of a point besides x, y and z; to be joined by `|`."""
 
         NONE = 0x00
         INTENSITY = 0x01
-        """`intensity`, where the scan has intensities."""
+        """`intensity`, if the scan has intensities."""
         INDEX = 0x02
-        """`index`: which of the scan's ranges it is."""
+        """`index`: the index of its range in the scan."""
         DISTANCE = 0x04
         """`distances`: in meters from the laser."""
         TIMESTAMP = 0x08
@@ -37,8 +37,10 @@ class LaserProjection:
     def projectLaser(
         self, scan_in: Any, range_cutoff: float = -1.0, channel_options: int = ChannelOption.DEFAULT
     ) -> Any:
-        """The points whose range is at least the scan's `range_min`, and below `range_cutoff` meters and its
-        `range_max`; negative: below `range_max`. Raises ValueError where intensities are too few.
+        """The points with a range of at least the scan's `range_min`, below `range_cutoff` and `range_max`.
+
+        `range_cutoff` is in meters; negative: only `range_max` limits. Raises ValueError if there are too few
+        intensities.
         """
         np = extra("numpy", "laser_geometry")
         option = self.ChannelOption

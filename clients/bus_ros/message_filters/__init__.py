@@ -1,12 +1,12 @@
-"""`message_filters` on the bus: messages of several topics brought together by their stamps.
+"""`message_filters` on the bus: synchronizes messages of several topics by their stamps.
 
-Owns: the filters of ROS 2 Jazzy's Python, and those of Rolling that compare messages. Which messages belong
-together is decided in `matching`, which knows neither messages nor clocks.
+Owns: the filters of ROS 2 Jazzy's Python, and Rolling's filters that compare messages. `matching` decides
+which messages belong together; it knows neither messages nor clocks.
 
     `subscriber.py` -> `chain.py`, `cache.py`, `delta_filter.py`, `time_synchronizer.py` -> callbacks
 
 Invariants: a filter derives from `SimpleFilter` (`simple_filter.py`); queues are bounded; a message goes out
-at most once; results are those of ROS 2's filters for the same input.
+at most once; for the same input, the results are the same as in ROS 2.
 
 Read first: `matching.py`, then `time_synchronizer.py`. Tests: `tests/unit/bus_ros/message_filters/`,
 `tests/property/test_message_filters.py`, `tests/system/test_message_filters.py`.

@@ -1,4 +1,4 @@
-"""The last messages of a filter, to be looked up by their stamps."""
+"""The last messages of a filter, for look-ups by their stamps."""
 
 from collections import deque
 from typing import Any
@@ -11,11 +11,10 @@ __all__ = ["Cache"]
 
 
 class Cache(SimpleFilter):
-    """Keeps the `cache_size` messages that came last, and puts each out as it comes.
+    """Keeps the last `cache_size` messages, and passes each on as it arrives.
 
-    They stand in the order in which they came, whatever their stamps. A message without a header is left
-    out, with a warning, or with `allow_headerless` kept with the time of its arrival. May be read from any
-    thread.
+    They are in order of arrival, whatever their stamps. A message without a header is left out, with a
+    warning. With `allow_headerless` it is kept with the time of its arrival. May be read from any thread.
     """
 
     def __init__(self, f: SimpleFilter, cache_size: int = 1, allow_headerless: bool = False) -> None:
@@ -47,33 +46,33 @@ class Cache(SimpleFilter):
         return [time for time, _ in list(self._kept)]
 
     def getInterval(self, from_stamp: Time, to_stamp: Time) -> list[Any]:
-        """The messages between two times, which both count; raises AssertionError where the end is first."""
+        """The messages between two times, inclusive; raises AssertionError if the end is first."""
         if from_stamp > to_stamp:
             raise AssertionError(f"the interval ends at {to_stamp}, before it begins at {from_stamp}")
         return [msg for time, msg in list(self._kept) if from_stamp <= time <= to_stamp]
 
     def getElemAfterTime(self, stamp: Time) -> Any:
-        """The first that came of those at that time or later, or None."""
+        """The first arrived message with that time or later, or None."""
         return next((msg for time, msg in list(self._kept) if time >= stamp), None)
 
     def getElemBeforeTime(self, stamp: Time) -> Any:
-        """The last that came of those at that time or earlier, or None."""
+        """The last arrived message with that time or earlier, or None."""
         return next((msg for time, msg in reversed(list(self._kept)) if time <= stamp), None)
 
     def getLatestTime(self) -> Time | None:
-        """The time of the message that came last, or None."""
+        """The time of the last arrived message, or None."""
         times = self.cache_times
         return times[-1] if times else None
 
     getLastestTime = getLatestTime
-    """As Jazzy spells it."""
+    """Jazzy's spelling."""
 
     def getOldestTime(self) -> Time | None:
-        """The time of the message that came first, or None."""
+        """The time of the first arrived message, or None."""
         times = self.cache_times
         return times[0] if times else None
 
     def getLast(self) -> Any:
-        """The first that came of those not older than the last that came, or None."""
+        """The first arrived message that is not older than the last arrived one, or None."""
         latest = self.getLatestTime()
         return None if latest is None else self.getElemAfterTime(latest)

@@ -1,4 +1,4 @@
-"""Filters one behind the other, as one filter."""
+"""Several filters in a row, as one filter."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ __all__ = ["Chain"]
 
 
 class Chain(SimpleFilter):
-    """Passes what comes through its filters, the first one first; with none, as it comes.
+    """Passes its input through its filters, in order; without filters, passes it on unchanged.
 
     A filter in a chain has a method `add`, as Cache has.
     """
@@ -22,7 +22,7 @@ class Chain(SimpleFilter):
             self.connectInput(message_filter)
 
     def connectInput(self, message_filter: SimpleFilter) -> None:
-        """Take what that one puts out. Raises RuntimeError where there is an input already."""
+        """Take the filter's output as input. Raises RuntimeError if there is an input already."""
         if self.incoming_connection is not None:
             raise RuntimeError("Already connected")
         self.incoming_connection = message_filter.registerCallback(self.add)
@@ -34,7 +34,7 @@ class Chain(SimpleFilter):
             self.signalMessage(message)
 
     def addFilter(self, message_filter: Any) -> None:
-        """Put one behind all that are there."""
+        """Append a filter."""
         if self._filters:
             last = self._filters[-1]
             del last.callbacks[self._output]
@@ -43,7 +43,7 @@ class Chain(SimpleFilter):
         self._filters.append(message_filter)
 
     def getFilter(self, index: int) -> Any:
-        """The filter that was added at that place; raises KeyError where there is none."""
+        """The filter at that index; raises KeyError if there is none."""
         if not 0 <= index < len(self._filters):
             raise KeyError(index)
         return self._filters[index]

@@ -1,4 +1,4 @@
-"""Filters that let a message pass only where it differs from the last one that passed."""
+"""Filters that pass a message only if it differs from the last passed one."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
@@ -23,7 +23,7 @@ class _Decider(Protocol):
 
 
 class ComparisonHandler:
-    """Base of what decides which messages pass."""
+    """Base of handlers that decide which messages pass."""
 
     def message_fits(self, message: Any) -> bool:
         raise NotImplementedError
@@ -33,9 +33,9 @@ class ComparisonHandler:
 
 
 class CachedComparisonHandler(ComparisonHandler):
-    """Lets the first message pass, then those of which a field fits, compared with the last that passed.
+    """Passes the first message, then messages with a fitting field, compared with the last passed one.
 
-    Which fields are compared is `_field_getters`; whether two fit says a subclass, by `do_fields_fit`.
+    `_field_getters` selects the compared fields; a subclass defines in `do_fields_fit` whether two fit.
     """
 
     _field_getters: Iterable[Getter] = ()
@@ -58,7 +58,7 @@ class CachedComparisonHandler(ComparisonHandler):
 
 
 class DeltaCompare(CachedComparisonHandler):
-    """Fields fit where they differ. Raises TypeError for one that is neither a number, a truth nor a text."""
+    """Fields fit if they differ. Raises TypeError for a field that is not a number, a boolean or a text."""
 
     def __init__(self, field_getters: Iterable[Getter]) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ class ComparisonFilter(SimpleFilter):
         self.connectInput(message_filter)
 
     def connectInput(self, message_filter: SimpleFilter | None) -> None:
-        """Take what that one puts out. Raises RuntimeError where there is an input already."""
+        """Take the filter's output as input. Raises RuntimeError if there is an input already."""
         if self.incoming_connection is not None:
             raise RuntimeError(f"This instance of {type(self).__name__} already has an incoming connection")
         if message_filter is not None:
@@ -97,16 +97,16 @@ class ComparisonFilter(SimpleFilter):
 
 
 class DeltaFilter(ComparisonFilter):
-    """Puts out a message where one of its fields, as `field_getters` find them, has changed."""
+    """Puts out a message if one of its fields, as `field_getters` find them, has changed."""
 
     def __init__(self, field_getters: Sequence[Getter], message_filter: SimpleFilter | None = None) -> None:
         super().__init__(DeltaCompare(field_getters), message_filter)
 
 
 class PathDeltaFilter(DeltaFilter):
-    """Puts out a message where one of these fields has changed: `pose.position.x`, say.
+    """Puts out a message if one of these fields has changed: `pose.position.x`, for example.
 
-    Raises RuntimeError for a message that lacks one.
+    Raises RuntimeError for a message that lacks one of the fields.
     """
 
     def __init__(self, field_path_list: Iterable[str], message_filter: SimpleFilter | None = None) -> None:

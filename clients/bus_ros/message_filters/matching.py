@@ -1,6 +1,6 @@
-"""Which messages of several queues belong together, by their stamps in nanoseconds.
+"""Selects the messages of several queues that belong together, by their stamps in nanoseconds.
 
-A queue has what waits, by its stamp, in the order of arrival. Pure: no messages, no clock, no threads.
+A queue has waiting entries by stamp, in order of arrival. Pure: no messages, no clock, no threads.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,32 +12,33 @@ Queues = Sequence[dict[int, Any]]
 
 
 def bound(queue: dict[int, Any], limit: int) -> None:
-    """Forget the oldest by stamp, until no more than `limit` wait."""
+    """Drop the oldest by stamp, until at most `limit` wait."""
     while len(queue) > limit:
         del queue[min(queue)]
 
 
 def drop_older(queues: Queues, stamp: int) -> None:
-    """Forget all that is older than `stamp`."""
+    """Drop everything older than `stamp`."""
     for queue in queues:
         for older in [one for one in queue if one < stamp]:
             del queue[older]
 
 
 def match_exactly(queues: Queues, stamp: int) -> bool:
-    """Whether each queue has a message with the stamp of the one that has just come.
+    """Whether each queue has a message with the stamp of the newly arrived one.
 
-    Others need no look: what was complete left when its last message came.
+    Other stamps need no check: a complete set left when its last message arrived.
     """
     return all(stamp in queue for queue in queues)
 
 
 def match_approximately(queues: Queues, index: int, stamp: int, slop: int) -> tuple[int, ...] | None:
-    """The stamps, one of each queue, of the set that the message `stamp` completes; None: not yet.
+    """The stamps of the set that the message `stamp` completes, one of each queue; None: none yet.
 
-    It has just come into queue `index`. A set matches if its newest and its oldest are less than `slop`
-    apart. Of several the one counts whose message in the first queue is nearest to `stamp`; of those, the
-    one that is nearest in the second queue, and so on. Of two equally near, the one that came first.
+    The message has just arrived in queue `index`. A set matches if its newest and its oldest are less than
+    `slop` apart. Among several sets, the stamp in the first queue decides: the nearest to `stamp` counts. If
+    these are equal, the stamp in the second queue decides, and so on. If two stamps are equally near, the
+    first to arrive counts.
     """
     if stamp not in queues[index]:
         return None  # the queue was full, and this message the oldest
@@ -59,9 +60,9 @@ def _complete(
     slop: int,
     dead: set[tuple[int, tuple[int, int]]],
 ) -> tuple[int, ...] | None:
-    """The first choice from `place` on whose stamps, with those from `span[0]` to `span[1]`, match.
+    """The first choice of stamps from `place` on that match together with `span[0]` to `span[1]`.
 
-    `dead` remembers from where there is none, which keeps the search short however many messages wait.
+    `dead` remembers places and spans without a match. It keeps the search short, however many messages wait.
     """
     if place == len(candidates):
         return ()

@@ -1,4 +1,4 @@
-"""The base of all filters: callbacks, and calling them with what comes out."""
+"""The base of all filters: callbacks, which get the outputs."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,7 +7,7 @@ __all__ = ["SimpleFilter"]
 
 
 class SimpleFilter:
-    """Calls what is registered with each of its outputs."""
+    """Calls registered callbacks with each of its outputs."""
 
     def __init__(self) -> None:
         self.callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
@@ -19,6 +19,6 @@ class SimpleFilter:
         return key
 
     def signalMessage(self, *msg: Any) -> None:
-        """Put out one message of each input. An exception of a callback ends it: the rest are not called."""
+        """Put out one message of each input. After an exception in a callback, the others are not called."""
         for callback, args in tuple(self.callbacks.values()):
             callback(*msg, *args)

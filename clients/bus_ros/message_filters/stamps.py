@@ -1,4 +1,4 @@
-"""When a message was made: its header's stamp; or, for one that has none, the time of its arrival."""
+"""The time of a message: its header's stamp, or the time of its arrival if it has none."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ _HEADERLESS = (
 
 
 def header_stamp(msg: Any) -> Time | None:
-    """The stamp of a message's header, which may be a message or a Time; None: it has none."""
+    """The stamp of a message's header, which may be a message or a Time; None if it has none."""
     try:
         stamp = msg.header.stamp
     except AttributeError:
@@ -29,7 +29,7 @@ def now() -> Time:
 
 
 def warn_of_headerless(logger_name: str, beginning: str) -> None:
-    """Log that a message was left out for its lack of a stamp."""
+    """Log that a message was left out because it has no stamp."""
     logger = get_logger(logger_name)
     logger.set_level(LoggingSeverity.INFO)
     logger.warning(f"{beginning} {_HEADERLESS}")

@@ -1,4 +1,4 @@
-"""The source of most chains of filters: a subscription."""
+"""The usual source of a chain of filters: a subscription."""
 
 from typing import Any
 
@@ -10,9 +10,9 @@ __all__ = ["Subscriber"]
 
 
 class Subscriber(SimpleFilter):
-    """Puts out what a subscription receives. Attributes that it lacks are those of the subscription, `sub`.
+    """Puts out the messages of a subscription. Other attributes come from the subscription, `sub`.
 
-    `kwargs`: those of `Node.create_subscription`, which also says what is raised.
+    `kwargs`: keywords for `Node.create_subscription`; its documentation lists the errors.
     """
 
     def __init__(
@@ -27,10 +27,10 @@ class Subscriber(SimpleFilter):
         self.signalMessage(msg)
 
     def getTopic(self) -> str:
-        """The topic as it was given, before remapping."""
+        """The topic as given, before remapping."""
         return self.topic
 
     def __getattr__(self, key: str) -> Any:
-        if key == "sub":  # there is none yet
+        if key == "sub":  # not set yet
             raise AttributeError(key)
         return getattr(self.sub, key)

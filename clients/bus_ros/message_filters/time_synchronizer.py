@@ -1,4 +1,4 @@
-"""Messages of several filters put out together: those of one stamp, or of nearly one."""
+"""Sets of messages, one of each filter, with the same stamp or nearly the same."""
 
 import threading
 from collections.abc import Iterable
@@ -15,9 +15,10 @@ __all__ = ["ApproximateTimeSynchronizer", "TimeSynchronizer"]
 class TimeSynchronizer(SimpleFilter):
     """Puts out one message of each filter in `fs` once all have one with the same stamp.
 
-    `queue_size`: so many messages of each filter wait for the others; the oldest by stamp gives way. What is
-    older than a set that was put out is forgotten. Callbacks are called one set at a time, in the thread that
-    brought its last message; one that blocks holds up the others. Raises ValueError for a queue of none.
+    `queue_size`: at most so many messages of each filter wait for the others. Above it, the oldest by stamp
+    is dropped. Messages older than a set that was put out are dropped. Callbacks are called for one set at a
+    time, in the thread that brought its last message; a callback that blocks holds up the others. Raises
+    ValueError for a `queue_size` below 1.
     """
 
     def __init__(self, fs: Iterable[SimpleFilter], queue_size: int) -> None:
@@ -54,7 +55,7 @@ class TimeSynchronizer(SimpleFilter):
                 self.signalMessage(*(one.pop(part) for one, part in zip(self.queues, found, strict=True)))
 
     def _match(self, stamp: int, index: int) -> tuple[int, ...] | None:
-        """The stamps of the set that is complete with this message."""
+        """The stamps of the set that this message completes."""
         if not matching.match_exactly(self.queues, stamp):
             return None
         matching.drop_older(self.queues, stamp)
@@ -64,9 +65,9 @@ class TimeSynchronizer(SimpleFilter):
 class ApproximateTimeSynchronizer(TimeSynchronizer):
     """Puts out one message of each filter in `fs` as soon as their stamps are less than `slop` seconds apart.
 
-    A message goes with those of the others that are nearest to it when it comes. One without a header is left
-    out, with a warning, or with `allow_headerless` gets the time of its arrival as its stamp;
-    `sync_arrival_time` gives that to all. For the rest see TimeSynchronizer.
+    A message is matched with the nearest messages of the others on its arrival. A message without a header is
+    left out, with a warning. With `allow_headerless`, its stamp is the time of its arrival;
+    `sync_arrival_time` does this for all messages. For the rest see TimeSynchronizer.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Arrays with names for their columns, and without: NumPy's own functions of these names."""
+"""Conversion between structured and plain arrays: NumPy's own functions of these names."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ __all__ = ["structured_to_unstructured", "unstructured_to_structured"]
 def structured_to_unstructured(
     arr: "np.ndarray[Any, Any]", dtype: Any = None, copy: bool = False, casting: Any = "unsafe"
 ) -> "np.ndarray[Any, Any]":
-    """An array with one more dimension, whose columns are the fields."""
+    """A plain array with one more dimension; its columns are the fields."""
     plain: np.ndarray[Any, Any]
     plain = _functions().structured_to_unstructured(arr, dtype=dtype, copy=copy, casting=casting)
     return plain
@@ -27,7 +27,7 @@ def unstructured_to_structured(
     copy: bool = False,
     casting: Any = "unsafe",
 ) -> "np.ndarray[Any, Any]":
-    """An array with one dimension less, whose fields are the columns."""
+    """A structured array with one dimension less; its fields are the columns."""
     named: np.ndarray[Any, Any] = _functions().unstructured_to_structured(
         arr, dtype=dtype, names=names, align=align, copy=copy, casting=casting
     )

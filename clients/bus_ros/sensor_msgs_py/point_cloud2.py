@@ -1,6 +1,6 @@
-"""Points out of a PointCloud2 and into one, as `sensor_msgs_py.point_cloud2` of ROS 2 Jazzy.
+"""Reads points from a PointCloud2 and makes one, as `sensor_msgs_py.point_cloud2` of ROS 2 Jazzy.
 
-Must not know topics. Clouds may be of any class that has the fields of sensor_msgs/msg/PointCloud2.
+Must not know topics. Clouds may be of any class with the fields of sensor_msgs/msg/PointCloud2.
 """
 
 import sys
@@ -30,13 +30,13 @@ __all__ = [
 ]
 
 DUMMY_FIELD_PREFIX = "unnamed_field"
-"""How fields without a name are called, with `_` and their index."""
+"""Prefix of the names of unnamed fields, followed by `_` and their index."""
 
 _FORMATS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """NumPy's names of PointField's datatypes."""
 _FLOAT32 = 7
 _MOST_COLUMNS = 1 << 16
-"""Values of one point; a message may speak of 2^32, and NumPy would take minutes."""
+"""Limit for the values of one point; a message can announce 2^32, which would take NumPy minutes."""
 
 
 def read_points(
@@ -48,14 +48,13 @@ def read_points(
 ) -> "np.ndarray[Any, Any]":
     """The points as an array with a field for each of `field_names`, or for all fields.
 
-    The array is a view of the cloud's data where these are in this machine's byte order and have no padding
-    between rows: what is written to it is written to the message. `skip_nans` leaves out points with a NaN in
-    one of the fields, where `is_dense` does not say that there are none. `uvs`: just the points with these
-    indices. `reshape_organized_cloud`: in two dimensions, `width` x `height`, as ROS 2 has it.
+    The array is a view of the cloud's data if they are in this machine's byte order and have no padding
+    between rows: writing to the array changes the message. `skip_nans` leaves out points with a NaN in one of
+    the fields, unless `is_dense` says that there are none. `uvs`: only the points with these indices.
+    `reshape_organized_cloud`: in two dimensions, `width` x `height`, as in ROS 2.
 
-    Raises AssertionError with ROS 2's texts for what is no cloud, and for fields that are not there, twice
-    there, or empty; ValueError for data shorter than the cloud says, and for points that are missing in an
-    organized cloud.
+    Raises AssertionError with ROS 2's texts for anything but a cloud, and for missing, repeated or empty
+    fields; ValueError if data are shorter than the cloud announces, or an organized cloud lacks points.
     """
     np = _numpy()
     points = _all_points(cloud)
@@ -92,7 +91,7 @@ def read_points_numpy(
 ) -> "np.ndarray[Any, Any]":
     """As `read_points`, as plain numbers with a column for each field: these must have one datatype.
 
-    Raises AssertionError where they have not, and as `read_points`.
+    Raises AssertionError if they have several, and as `read_points`.
     """
     wanted = None if field_names is None else list(field_names)
     kinds = {field.datatype for field in cloud.fields if wanted is None or field.name in wanted}
@@ -115,11 +114,11 @@ def read_points_list(
 
 
 def dtype_from_fields(fields: Iterable[Any], point_step: int | None = None) -> "np.dtype[Any]":
-    """NumPy's type of a point: a field with a `count` of 2 and more is so many, `name_0`, `name_1`, ...
+    """NumPy's type of a point: a field with a `count` of 2 or more becomes `name_0`, `name_1`, ...
 
     `point_step`: bytes from one point to the next; None: to the end of the last field. Raises AssertionError
-    for a count of 0 and for a name that comes twice, ValueError for a datatype that there is not, for fields
-    beyond `point_step`, and for more than 65,536 values.
+    for a count of 0 and for a repeated name. Raises ValueError for an unknown datatype, for fields beyond
+    `point_step`, and for more than 65,536 values.
     """
     names: list[str] = []
     formats: list[str] = []
@@ -152,11 +151,11 @@ def dtype_from_fields(fields: Iterable[Any], point_step: int | None = None) -> "
 
 
 def create_cloud(header: Any, fields: Iterable[Any], points: Any, point_step: int | None = None) -> Any:
-    """A PointCloud2 of points: a structured array, an array with a column for each field, or tuples.
+    """A PointCloud2 from points: a structured array, an array with a column for each field, or tuples.
 
     An array of points in two dimensions, `width` x `height`, makes an organized cloud. `point_step`: bytes
-    from one point to the next; None: those of a structured array, or to the end of the last field. Raises
-    AssertionError with ROS 2's texts where points and fields don't fit.
+    from one point to the next; None: as in a structured array, or to the end of the last field. Raises
+    AssertionError with ROS 2's texts if points and fields don't fit.
     """
     np = _numpy()
     fields = list(fields)
@@ -211,7 +210,7 @@ def create_cloud_xyz32(header: Any, points: Any) -> Any:
 
 
 def rows_of(cloud: Any, data: Any) -> "np.ndarray[Any, Any]":
-    """A view of `data`, laid out as the cloud says, of `height` x `width` points in the cloud's byte order.
+    """A view of `data` with the cloud's layout: `height` x `width` points in the cloud's byte order.
 
     Raises AssertionError and ValueError as `read_points`.
     """
@@ -221,7 +220,7 @@ def rows_of(cloud: Any, data: Any) -> "np.ndarray[Any, Any]":
     if cloud.is_bigendian != (sys.byteorder == "big"):
         kind = kind.newbyteorder()
     width, height, step = cloud.width, cloud.height, cloud.point_step
-    # Some senders leave row_step 0, and what has one row needs none.
+    # Some senders leave row_step 0, and a single row needs none.
     row_step = cloud.row_step if height > 1 and cloud.row_step > width * step else width * step
     needed = (height - 1) * row_step + width * step if height else 0
     if len(data) < needed:
@@ -233,14 +232,14 @@ def rows_of(cloud: Any, data: Any) -> "np.ndarray[Any, Any]":
 
 
 def _all_points(cloud: Any) -> "np.ndarray[Any, Any]":
-    """All points, one behind the other; a view where there is no padding between rows."""
+    """All points in one dimension; a view if there is no padding between rows."""
     return rows_of(cloud, getattr(cloud, "data", b"")).reshape(-1)
 
 
 Header: Any
 PointCloud2: Any
 PointField: Any
-"""Programs take these from here; they are made when a program asks."""
+"""Programs import these from here; they are made at their first use."""
 
 
 def __getattr__(name: str) -> Any:
