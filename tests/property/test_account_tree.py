@@ -1,4 +1,4 @@
-"""Accounts with a parent: what is charged to the children is charged to it, whatever becomes of the runs."""
+"""Accounts with a parent: each charge to a child is also charged to the parent, for every order of runs."""
 
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -16,7 +16,7 @@ def run_of(count: int, size: int, *, is_replay: bool = False, lifespan_ns: int =
 
 
 class Tree(RuleBasedStateMachine):
-    """Four queues of three processes of two users, and what a queue holds as its runs say it."""
+    """Four queues of three processes of two users; `held` is the sum over the runs of an account's queues."""
 
     def __init__(self) -> None:
         super().__init__()

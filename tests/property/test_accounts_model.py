@@ -1,11 +1,14 @@
 """The accounts of both routes, end to end, against a naive model: every delivery, every count, every reason.
 
-A story is a sequence of actions of several processes: publishing bursts of any size, taking, blocking (some
-are silent, too), dying, losing the connection, with busd or without, refusing to share memory. After each,
-once nothing is on its way, what the programs got and what they and the graph say of it must be what the model
-says.
+A story is a sequence of actions of several processes:
 
-BUSD_ACCOUNTS_STORIES=5000 plays so many stories, other ones each time.
+- publishing bursts of any size, taking, refusing to share memory
+- blocking (some without a sign of life), dying, losing the connection, with busd or without
+
+After each action the test waits until no message is in transit. Then the received messages, the programs'
+counters and the graph must agree with the model.
+
+BUSD_ACCOUNTS_STORIES=5000 plays 5,000 stories, different ones in each run.
 """
 
 import asyncio
@@ -41,7 +44,7 @@ offers = st.builds(
     reliability=st.sampled_from(["reliable", "reliable", "reliable", "best_effort"]),
     durability=st.sampled_from(["transient_local", "transient_local", "volatile"]),
 ) | st.builds(QoSProfile, depth=st.sampled_from([2, 5]), lifespan=st.just(1e-9))
-# Not keep all with best effort: it loses what a ring has no room for, and no model knows how much that is.
+# Without keep all + best effort: if a ring has no room, it loses messages, and the model can't know how many.
 requests = st.builds(
     QoSProfile,
     depth=st.sampled_from([1, 2, 3, 5]),
@@ -101,7 +104,7 @@ beginnings = st.tuples(
     st.lists(st.tuples(indices, requests), min_size=2, max_size=3),
 )
 stories = st.lists(steps, min_size=8, max_size=20)
-# Of a process that is cut off again and again, with subscriptions alone; the publishers are others'.
+# One process with only subscriptions is cut off repeatedly; the publishers belong to the others.
 beginnings_of_cuts = st.tuples(
     st.lists(st.booleans(), min_size=3, max_size=3),
     st.lists(st.tuples(st.integers(1, 2), offers), min_size=1, max_size=3),
@@ -115,7 +118,7 @@ stories_of_cuts = st.lists(
 
 
 class Story:
-    """The actions; each picks its victim among those that are there."""
+    """The actions; each picks its victim among the existing endpoints or processes."""
 
     def __init__(self, folder: Path, route: str, beginning: Beginning) -> None:
         shares, self.offers, self.requests = beginning
@@ -151,12 +154,12 @@ class Story:
         if self.world.publishers:
             publisher = pick(self.world.publishers, at)
             if self.world.model.publishers[publisher].qos.lifespan_ns:
-                await self.world.unblock_all()  # when they expire at busd depends on how they are gathered
+                await self.world.unblock_all()  # expiry at busd depends on the division into runs
             messages = self.world.publish(publisher, count, size)
             self.world.model.deliver(self.world.model.publishers[publisher], messages)
 
     async def publish_large(self, at: int, count: int) -> None:
-        await self.world.unblock_all()  # for that a ring grows, which busd tells its readers
+        await self.world.unblock_all()  # the ring grows for it, and busd tells the readers
         await self.publish(at, count, 20_000)
 
     async def take(self, at: int, count: int) -> None:
@@ -180,10 +183,10 @@ class Story:
         await self.world.die(pick(self.world.processes, at))
 
     async def refuse(self, at: int, by_publisher: bool, bursts: list[tuple[int, int]]) -> None:
-        """With `bursts`: these are published before the subscription's process hears of it."""
+        """Refuse a route; `bursts` are published before the subscription's process knows."""
         await self.world.unblock_all()
-        # Not where messages expire: those that do so at busd are found in the ring once more, when the match
-        # is back on the route shm.
+        # Only without lifespan: once the match is back on the route shm, the ring still has samples that have
+        # expired at busd.
         model = self.world.model
         shared = {
             (publisher, one.id): None
@@ -204,7 +207,8 @@ class Story:
         if self.knows_where_matches_began():
             process = pick(self.world.processes, at)
             model = self.world.model
-            # Where messages expire, see `publish`. That a match is back on the ring, is not heard, either.
+            # With a lifespan, see `publish`. A blocked process also does not learn that a match is back on
+            # the ring.
             expires = any(one.qos.lifespan_ns for one in model.publishers.values())
             if expires or self.has_rerouted:
                 await self.world.unblock_all()
@@ -217,9 +221,10 @@ class Story:
             await self.cuts.cut([*self.world.processes], before, how="restart")
 
     def knows_where_matches_began(self) -> bool:
-        """Not where a publisher has a ring, and a subscription by socket has not heard anything of it yet.
+        """False if a publisher has a ring, and a subscription by socket has not received anything from it
+        yet.
 
-        What went to others before that is then counted as lost, where its connection is.
+        Such a subscription counts earlier samples, sent to others, as lost if its connection is lost.
         """
         return not any(any(one.before.values()) for one in self.world.model.subscriptions.values())
 
@@ -269,7 +274,7 @@ def test_against_the_model(
 async def test_a_match_by_its_ring_is_lost_before_it_is_heard_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is published by that ring then, the subscription has missed: before, it was heard by socket."""
+    """The subscription misses samples published by that ring: before, it received them by socket."""
     if not shm.is_available():
         pytest.skip(shm.why_not())
     monkeypatch.delenv("BUS_ROUTE", raising=False)

@@ -1,4 +1,4 @@
-"""Bags that were cut off or changed anywhere: what is whole is read, and what is not is one sentence."""
+"""Bags that were cut off or changed anywhere: intact parts are read, and each error is one sentence."""
 
 import sqlite3
 import tempfile
@@ -23,7 +23,7 @@ PRESETS = ("none", "fastwrite", "zstd_fast")
 
 @cache
 def bag(preset: str) -> tuple[bytes, tuple[tuple[int, int], ...]]:
-    """A file, and after which byte how many messages must be readable."""
+    """A file; and pairs: an offset, and the number of messages that must be readable up to it."""
     with tempfile.TemporaryDirectory() as folder:
         writer, channels = begin_bag(Path(folder) / "walk", preset=preset)
         whole = [(0, 0)]
@@ -63,7 +63,7 @@ def file_of(data: bytes, name: str = "walk_0.mcap") -> Iterator[Path]:
 
 
 def read_all(path: Path) -> list[Said] | None:
-    """None: it is refused, with one sentence."""
+    """All messages; None if the bag is refused with one sentence."""
     try:
         with open_bag(path) as reader:
             found = [one for one in reader.messages() if len(one.data) >= 9]
@@ -87,7 +87,7 @@ def read_all(path: Path) -> list[Said] | None:
 
 @given(preset=st.sampled_from(PRESETS), cut=st.floats(0, 1))
 def test_cut_off_anywhere(preset: str, cut: float) -> None:
-    """All up to the last whole chunk is read; and again once it was made whole."""
+    """Everything up to the last intact chunk is read; the same after a repair."""
     data, whole = bag(preset)
     size = round(cut * (len(data) - 1))
     least = max(count for end, count in whole if end <= size)

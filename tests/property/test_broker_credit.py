@@ -1,4 +1,4 @@
-"""Credit of a keep-all publisher, against the least that its subscriptions have taken."""
+"""Credit of a keep-all publisher, compared with the lowest position of its subscriptions."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ credit_steps = st.one_of(
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(credit_steps, min_size=10, max_size=40))
 def test_credit_is_what_the_slowest_has_taken(story: list[tuple[Any, ...]]) -> None:
-    """For a keep-all publisher; a subscription that keeps the last few only is not waited for."""
+    """For a keep-all publisher; a subscription that keeps only the last samples does not limit it."""
     everything = QoSProfile(history="keep_all")
     world = World()
     publisher = world.process().publisher("/a", everything)

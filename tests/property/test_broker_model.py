@@ -1,4 +1,4 @@
-"""The broker against a naive model, and against the books: every sample is received, waiting, or counted."""
+"""The broker against a naive model, and against the books: each sample is received, waiting, or counted."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -27,7 +27,7 @@ Chosen = TypeVar("Chosen")
 Beginning: TypeAlias = tuple[QoSProfile, QoSProfile, bool, bool]
 Step: TypeAlias = tuple[Any, ...]
 
-# Weighted so that most endpoints match, and most queues are short.
+# Weighted: most endpoints match, and most queues are short.
 topics = st.sampled_from(["/a", "/a", "/a", "/b"])
 kinds = st.sampled_from([TEXT] * 7 + [NUMBER])
 profiles = st.builds(
@@ -69,11 +69,11 @@ steps = st.one_of(
 beginnings = st.lists(st.tuples(profiles, profiles, st.booleans(), st.booleans()), min_size=3, max_size=3)
 stories = st.lists(steps, min_size=15, max_size=40)
 budgets = st.sampled_from([UNLIMITED, 20])
-"""Of the work that is done at a time: whether it is done in pieces must make no difference."""
+"""The broker's budget for work at a time: dividing work must not change the results."""
 
 
 class Watcher:
-    """A process that keeps its own copy of the graph, from a snapshot and what changed since."""
+    """A process that keeps a copy of the graph, from a snapshot and later changes."""
 
     def __init__(self, world: World) -> None:
         self.process = world.process("watcher")
@@ -101,7 +101,7 @@ class Watcher:
 
 
 class Books:
-    """Processes come, publish, block and die; the sums must be right whatever the limits are."""
+    """Processes come, publish, block and die; for any limits, the sums must be right."""
 
     LIMITS = Limits(
         queued_bytes_per_peer=2 * KIB,
@@ -132,7 +132,7 @@ class Books:
                 self.block_or_unblock(at)
 
     def play(self, story: list[Step]) -> None:
-        """Take each step, and look after each that all is right."""
+        """Do each step, and check everything after each."""
         self.check()
         for name, *arguments in story:
             step: Callable[..., None] = getattr(self, name)
@@ -146,7 +146,7 @@ class Books:
         self.check_quotas()
         self.check_graph()
 
-    # --- what happens
+    # --- steps
 
     def create_publisher(self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile) -> None:
         process = self.pick(self.processes, at)
@@ -166,7 +166,7 @@ class Books:
         self.subscriptions[made.id] = made
         subscription = ModelSubscription(made.id, process.id, topic, kind, qos)
         self.model.add_subscription(subscription, last_seqs, self.world.now_ns)
-        self.due[made.id] = self.accounted(made.id)  # the histories that were there
+        self.due[made.id] = self.accounted(made.id)  # samples of the existing histories
 
     def publish(self, bursts: list[tuple[int, int, int]]) -> None:
         for at, number, lost in bursts if self.publishers else ():
@@ -174,9 +174,9 @@ class Books:
             payloads = [f"{self.published + one:{self.PADDING}}" for one in range(number)]
             self.published += number
             origin = self.model.publishers[publisher.id]
-            # One with a ring misses no number: those that did not come here went by the ring.
+            # A publisher with a ring skips no number: samples missing here went by the ring.
             lost, gone = (0, lost) if origin.has_ring else (lost, 0)
-            if origin.elsewhere:  # one that has caught up with somebody sends all from there on
+            if origin.elsewhere:  # after one catch-up it sends everything from there on
                 lost = gone = 0
             elsewhere = self.model.publish(origin, lost, gone, payloads, self.world.now_ns)
             for subscription in self.model.subscribers_of(origin):
@@ -207,7 +207,7 @@ class Books:
                 self.subscriptions[subscription].refuse(self.publishers[publisher])
 
     def catch_up(self, at: int, number: int) -> None:
-        """With samples that went to the others by their rings."""
+        """Send a subscription the samples that the others got by their rings."""
         left = [
             ends for ends in sorted(self.model.late) if not self.subscriptions[ends[1]].process.is_blocked
         ]
@@ -247,7 +247,7 @@ class Books:
             process.is_blocked = True
 
     def end(self, at: int, how: str) -> None:
-        """The end of an endpoint, of all of a process, or of the process; then another takes its place."""
+        """End an endpoint, all endpoints of a process, or the process; a new process replaces it."""
         endpoints = {**self.publishers, **self.subscriptions}
         if how == "destroy":
             if endpoints:
@@ -274,7 +274,7 @@ class Books:
         for process in (self.watcher.process, *self.processes.values()):
             process.tell(m.Ping())
 
-    # --- what holds
+    # --- checks
 
     def check_books(self) -> None:
         for number in self.subscriptions:
@@ -314,7 +314,7 @@ class Books:
         assert +self.watcher.matches == Counter(graph.matches)
 
     def close(self) -> None:
-        """Everybody goes, and nothing is left."""
+        """End all processes; nothing may be left."""
         for process in (*self.processes.values(), self.watcher.process):
             process.die()
         graph = self.world.broker.graph
@@ -322,7 +322,7 @@ class Books:
             (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types.trusted)
         )
         self.world.advance(self.LIMITS.lease_s)
-        self.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
+        self.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # records kept for processes that may come back
         assert self.world.broker.next_deadline_ns() is None
 
     # --- helpers
@@ -343,13 +343,13 @@ class Books:
             self.model.remove(number)
 
     def accounted(self, number: int) -> int:
-        """Samples that a subscription received, that wait for it, and that were counted as dropped."""
+        """Samples of a subscription: received, waiting, or counted as dropped."""
         inside = self.world.broker.graph.subscriptions[EndpointId(number)]
         return len(self.subscriptions[number].samples) + inside.queue.count + sum(inside.dropped.values())
 
 
 class AgainstModel(Books):
-    """With room for everything, each queue holds exactly what the naive model holds."""
+    """With room for everything, each queue has exactly the content of the naive model's queue."""
 
     LIMITS = Limits()
     PADDING = 1

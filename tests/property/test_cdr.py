@@ -1,4 +1,4 @@
-"""CDR of random types: what was encoded comes back, and no bytes raise anything but CdrError."""
+"""CDR of random types: encoded values come back, and for any bytes the only error is CdrError."""
 
 import random
 from typing import Any
@@ -91,7 +91,7 @@ def test_what_was_encoded_comes_back(description: dict[str, Any], seed: int) -> 
     assert msgspec.msgpack.decode(codec.decode(b"".join(parts)), strict=False) == message
     parsed = schema_of_definition(codec.type_name, codec.definition)
     assert (parsed.type_name, parsed.type_hash) == (codec.type_name, codec.type_hash)
-    # As others see it, who have the definition alone: other shapes in MessagePack, and the same bytes.
+    # A process with only the definition has other shapes in MessagePack, but the same CDR bytes.
     others = codec_of(parsed)
     assert b"".join(others.encode(others.decode(b"".join(parts)))) == b"".join(parts)
 

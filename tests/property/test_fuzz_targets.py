@@ -1,4 +1,4 @@
-"""The fuzzers' targets under hypothesis: inputs of the corpus, changed, joined or cut."""
+"""The fuzzers' targets under hypothesis, with inputs of the corpus: changed, joined or cut."""
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -12,7 +12,7 @@ EDITS = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3), st.binary(max
 
 
 def edited(data: bytes, edits: list[tuple[int, int, bytes]]) -> bytes:
-    """`data` with, at each place, some bytes replaced by others."""
+    """`data` with some bytes replaced at each place."""
     for place, cut, new in edits:
         at = place % (len(data) + 1)
         data = data[:at] + new + data[at + cut :]

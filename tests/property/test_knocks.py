@@ -1,4 +1,4 @@
-"""bus.shm._core: whatever is written when, a process that sleeps and is not rung has had everything."""
+"""bus.shm._core: for any order of writes, a sleeping process without a pending doorbell has received all."""
 
 import select
 from functools import partial
@@ -15,9 +15,9 @@ from effort import examples
 pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
 RINGS = 40
-"""Of each process more than so few that all of them are looked at always."""
+"""Rings of each process; too many for a check of all at each turn."""
 PREPARED = 30
-"""So many are called back for; of the others the owner takes."""
+"""The number of readers with a callback; for the others, the owner takes."""
 
 NUMBERS = st.integers(0, 3) | st.integers(0, RINGS - 1)
 RARE = st.sampled_from(
@@ -43,7 +43,7 @@ ACTIONS = st.lists(
 
 
 class Process:
-    """Reads rings of two processes, and does on a doorbell what `bus.link.shm_context` does."""
+    """Reads rings of two processes; at a doorbell it does the same as `bus.link.shm_context`."""
 
     def __init__(self) -> None:
         self.core = shm.native
@@ -110,7 +110,7 @@ class Process:
             self.all_readers[number].detach("talker")
             self.writers[number].remove_gate(number)
             self.match(number)
-        elif what == "second gate":  # of a match that was, before its end is heard
+        elif what == "second gate":  # of an earlier match, before its end is known
             self.gates.append(len(self.gates))
             self.writers[number].add_gate(
                 self.gates[-1], self.bells[number % 2], 4 * RINGS - 1 - number, is_lossless=False

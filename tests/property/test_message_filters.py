@@ -1,4 +1,4 @@
-"""Synchronizers against a model that tries every set, whatever comes in whatever order."""
+"""Synchronizers against a model that tries every set, for any messages in any order."""
 
 import itertools
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ arrivals = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 40)), max_size=4
 
 
 class Model:
-    """What ROS 2's documentation says, without a thought for the time that it takes."""
+    """The rules of ROS 2's documentation, without any optimization."""
 
     def __init__(self, inputs: int, queue_size: int) -> None:
         self.queues: list[dict[int, Any]] = [{} for _ in range(inputs)]

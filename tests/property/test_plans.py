@@ -1,4 +1,4 @@
-"""Plans against the check and msgspec's encoder: the same bytes, or none where those would say no."""
+"""Plans against the check and msgspec's encoder: the same bytes, or none if those refuse."""
 
 import enum
 import gc
@@ -65,7 +65,7 @@ class Number(enum.IntEnum):
 
 
 class Longer(Vector3, kw_only=True):
-    """A Vector3, but not exactly one."""
+    """A subclass of Vector3."""
 
     w: float = 0.0
 
@@ -103,7 +103,7 @@ anything = st.one_of(
 
 
 def fitting(value: object) -> st.SearchStrategy[Any]:
-    """Values of the type of `value`, many at the edge of what its field takes."""
+    """Values of the type of `value`, many at the limits of its field."""
     match value:
         case bool():
             return st.booleans()
@@ -119,7 +119,7 @@ def fitting(value: object) -> st.SearchStrategy[Any]:
 
 
 def lists(cls: type[Struct], name: str) -> st.SearchStrategy[list[Any]]:
-    """What a field that is a list may hold, and a little more."""
+    """Valid contents for a list field, and slightly too long ones."""
     items = st.one_of(
         reals | numbers,
         numbers,
@@ -210,7 +210,7 @@ def test_what_stands_around_a_loan(cls: type[Message], data: st.DataObject) -> N
         assert place is False
     else:
         if place is False:
-            assert message != cls()  # there was not room enough for a plan
+            assert message != cls()  # there was not enough room for a plan
         else:
             place[:] = b"x" * size
             assert bytes(talker.writer.lent()) == before + b"x" * size + after
@@ -262,7 +262,7 @@ def test_bytes_of_every_length(size: int) -> None:
         same_as_the_long_way(Image(data=data), is_complete=False)  # type: ignore[arg-type]
 
 
-# --- classes of users
+# --- classes of programs
 
 
 class Map(Struct):
@@ -320,7 +320,7 @@ class Holder(Struct, Generic[T]):
 
 
 class Lists(Struct):
-    """Lists of what a plan may have, and bytes; some of a bounded length."""
+    """Lists that a plan supports, and bytes; some of a bounded length."""
 
     texts: list[str] = msgspec.field(default_factory=lambda: ["", "é" * 20])
     blob: bytes = b"abc"
@@ -332,7 +332,7 @@ class Lists(Struct):
 
 
 class Number8(Struct):
-    """Annotations that lead to the same."""
+    """Annotations without an effect on the plan."""
 
     number: Annotated[int8, Meta(description="of what")] = 1
 
@@ -535,7 +535,7 @@ def test_a_writer_publishes_by_plan_what_is_as_planned(talker: Talker) -> None:
     wrong = Header(frame_id="\ud800")
     sent = [writer.publish(message) for message in (plain, long, unusual, wrong, String(), plain)]
     assert sent == [True, True, False, False, False, True]
-    assert asked == [long, unusual, wrong]  # the long one has no room where a plan encodes
+    assert asked == [long, unusual, wrong]  # the long one has no room for encoding by a plan
     assert [payload for _, _, payload in writer.since(0)] == [
         support.encode(one) for one in (plain, long, plain)
     ]

@@ -1,4 +1,4 @@
-"""Messages of rosidl's classes that a plan decodes: as msgspec does it, whatever the bytes are."""
+"""Messages of rosidl's classes decoded by a plan: for any bytes, the result is the same as msgspec's."""
 
 from collections.abc import Callable
 from typing import Any
@@ -52,7 +52,7 @@ def deep_types(value: Any) -> Any:
 
 @st.composite
 def payloads(draw: st.DrawFn, name: str) -> bytes:
-    """Right or nearly right ones, and a few that have nothing of it."""
+    """Payloads: mostly valid or nearly valid, a few arbitrary."""
     if draw(st.integers(0, 4)) == 0:
         return msgspec.msgpack.encode(draw(values))
     numbers = st.floats() | st.integers(-300, 70_000) | st.integers(-(2**63), 2**64 - 1)

@@ -1,4 +1,4 @@
-"""bus.delivery.shm_sender against a plain look at all its matches: what a publisher's ring must hold."""
+"""bus.delivery.shm_sender against a plain check of all its matches: samples that a ring must keep."""
 
 import asyncio
 import os
@@ -61,7 +61,7 @@ class World:
 
     def expect(self, gid: int, profile: int) -> None:
         writer = self.route.writer
-        at_ns = writer.since(0)[-1][1] if writer.latest else 0  # the newest is for it
+        at_ns = writer.since(0)[-1][1] if writer.latest else 0  # the newest sample is for it
         qos = PROFILES[profile]
         matched = m.Matched(
             endpoint=1,
@@ -113,7 +113,7 @@ def test_what_is_held_is_what_the_matches_need(actions: list[tuple[Any, ...]], i
         world = World(LOSSLESS if is_lossless else QoSProfile(depth=2))
         try:
             for name, *arguments in actions:
-                with suppress(MatchError):  # nothing has happened then
+                with suppress(MatchError):  # then the step had no effect
                     getattr(world, name)(*arguments)
                 world.check()
         finally:

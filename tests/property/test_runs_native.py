@@ -1,4 +1,4 @@
-"""Runs in C against runs in Python: equal bytes, equal answers, whatever comes."""
+"""Runs in C against runs in Python: equal bytes and equal results for any input."""
 
 import struct
 from collections.abc import Callable
@@ -29,14 +29,14 @@ PAYLOADS = st.one_of(SHORT, SHORT, SHORT, LONG).flatmap(
 
 
 class BothRuns(RuleBasedStateMachine):
-    """One `OpenRun` of each kind, told the same."""
+    """One `OpenRun` of each kind, with the same calls."""
 
     def __init__(self) -> None:
         super().__init__()
         self.runs: tuple[OpenRun, OpenRun] = (PythonRun(), shm.native.OpenRun())
 
     def alike(self, ask: Callable[[OpenRun], Any]) -> Any:
-        """What both answer, and raise."""
+        """The results of both, or their exceptions."""
         answers = []
         for run in self.runs:
             try:
@@ -83,7 +83,7 @@ TestBothRuns = BothRuns.TestCase
 
 
 def decode(payload: Any) -> bytes:
-    """Refuses some."""
+    """Raises for some payloads."""
     content = bytes(payload)
     if content.startswith(b"!"):
         raise ValueError("no message")
@@ -91,7 +91,7 @@ def decode(payload: Any) -> bytes:
 
 
 class Box:
-    """An receiver with one lossless publisher, and all that it has told."""
+    """A receiver with one lossless publisher, and all its reports."""
 
     def __init__(self, *, is_native: bool, depth: int) -> None:
         self.told: list[Any] = []
@@ -112,14 +112,14 @@ class Box:
             self.receiver.trim()
 
     def arrive(self, first_seq: int, count: int, body: Any, *, is_alone: bool) -> list[bytes]:
-        """Put and taken, or the quick way where that can be gone."""
+        """Put and take a run, or use the fast path if possible."""
         if is_alone and (got := self.receiver.take_lone(Run(1, 1, first_seq, count, body))):
             return [got[0]]
         self.put(first_seq, count, body)
         return self.take(1, by_messages=True)
 
     def take(self, limit: int, *, by_messages: bool) -> list[bytes]:
-        """As the dispatcher takes all."""
+        """Take all, as the dispatcher does."""
         got: list[bytes] = []
         while True:
             if by_messages and (messages := self.receiver.take_messages(limit)):
@@ -192,7 +192,7 @@ def test_both_take_a_run_apart_alike(
 def test_a_run_that_comes_alone_is_as_any(
     runs: list[tuple[int, tuple[int, bytes]]], depth: int, lifespan_ns: int, is_met: bool
 ) -> None:
-    """Also after gaps and repetitions, and when it is broken."""
+    """Also after gaps and repetitions, and with a broken run."""
     boxes = Box(is_native=True, depth=depth), Box(is_native=False, depth=depth)
     for box in boxes:
         source = box.receiver.tracker[1]

@@ -1,7 +1,7 @@
-"""A mob that says anything it can think of to a broker, through the real wire, while a pair talks politely.
+"""A mob of processes that send random messages to a broker through the real wire, next to a normal pair.
 
-Whatever the mob does: the broker raises nothing, all that it sends can be understood, the pair hears all that
-it says, and when the mob has gone nothing is left of it.
+For any messages of the mob: the broker raises nothing, everything it sends can be decoded, and the pair
+receives all its messages. After the mob has left, no trace of it is left.
 """
 
 from contextlib import suppress
@@ -51,14 +51,14 @@ Step: TypeAlias = tuple[Any, ...]
 
 
 class Mine(NamedTuple):
-    """One of the ids that the process was given for a node, publisher or subscription, as it is by then."""
+    """An id that the process was given for a node, publisher or subscription, resolved when it is used."""
 
     kind: str
     index: int  # type: ignore[assignment]
 
 
 def mostly(usual: list[Any], *odd: Any) -> st.SearchStrategy[Any]:
-    """What gets far into the broker, and now and then what does not."""
+    """Usual values, which get far into the broker, and rarely odd ones."""
     return st.sampled_from(usual * (1 + 6 * len(odd) // len(usual)) + list(odd))
 
 
@@ -169,7 +169,7 @@ steps = st.one_of(
 
 
 class Member:
-    """A process of the mob, which begins with something to attack with. All but the first share memory."""
+    """A process of the mob; it begins with some endpoints to attack. All except the first share memory."""
 
     def __init__(self, world: World, index: int) -> None:
         self.process = world.process("mob", uid=STRANGER, shares=index > 0)

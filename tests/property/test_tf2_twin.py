@@ -1,4 +1,4 @@
-"""The native core of transforms against its Python twin: the same answers, and the same reasons for none."""
+"""The native core of transforms against its Python twin: the same results, and the same errors."""
 
 import math
 from typing import Any
@@ -76,7 +76,7 @@ def test_a_loop_ends() -> None:
 
 
 def test_a_deep_tree() -> None:
-    """A thousand steps are a way, some more are a loop."""
+    """A path may have a thousand steps; with more, it counts as a loop."""
     trees: list[Any] = [core.FrameTree(100), twin.FrameTree(100)]
     for number in range(1005):
         of_both(trees, "insert", f"f{number}", f"f{number + 1}", 1, 1, 0, 0, 0, 0, 0, 1, "", False)
@@ -88,7 +88,7 @@ def test_a_deep_tree() -> None:
 
 
 def test_the_bound_of_one_frame() -> None:
-    """What is sent faster than the cache forgets: the oldest go."""
+    """If transforms arrive faster than they expire, the oldest are dropped."""
     trees: list[Any] = [core.FrameTree(10**18), twin.FrameTree(10**18)]
     most = twin.MAX_SAMPLES
     for number in range(most + 10):

@@ -1,4 +1,4 @@
-"""Who may not observe everything: his copy of the graph, kept by changes, is always what he may see."""
+"""A user with limited rights to observe: the copy of the graph always equals the permitted part."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ steps = st.one_of(
 
 
 def rules(seen: frozenset[str]) -> tuple[AccessRule, ...]:
-    """Alice may be everywhere, and see some of it."""
+    """Alice may publish and subscribe anywhere, and observe the topics in `seen`."""
     may: list[tuple[tuple[str, ...], str]] = [(TOPICS, "publish"), (TOPICS, "subscribe")]
     may += [((topic,), "observe") for topic in sorted(seen)]
     return tuple(
@@ -47,7 +47,7 @@ def rules(seen: frozenset[str]) -> tuple[AccessRule, ...]:
 
 
 class Copy:
-    """What an observer knows by a snapshot and by changes."""
+    """An observer's copy of the graph, from a snapshot and changes."""
 
     def __init__(self, process: Process) -> None:
         self.process = process
@@ -134,7 +134,7 @@ class Story:
         self.alice.observe()
 
     def check(self) -> None:
-        """Against the whole graph, looked at without any of the code that filters."""
+        """Compare with the whole graph, without any of the code that filters."""
         alice, broker = self.alice, self.world.broker
         whole = self.world.whole_graph()
         own = set(broker._peers[alice.process.id].nodes)

@@ -1,8 +1,12 @@
-"""Random stories of clients and the broker back to back: each message comes, waits, or was dropped, once.
+"""Random stories of clients and the broker back to back: each message arrives, waits, or was dropped, once.
 
-In `tests/world/client_world.py`, where nothing happens by itself: a story says who has a turn of its event
-loop, from whom the broker reads, whose socket takes nothing, who loses its connection, who is killed, when a
-match leaves its ring, and when busd is another one. So every order of things can come.
+In the client world (`tests/world/client_world.py`) nothing happens by itself. Each event is a step of the
+story:
+
+- a turn of a client's event loop, a read of the broker, a blocked socket
+- a lost connection, a killed client, a match that leaves its ring, a new busd
+
+So any order of events is possible.
 """
 
 import os
@@ -23,7 +27,7 @@ from busd.core.limits import Limits
 from client_world import Client, ClientWorld
 
 STORIES = int(os.environ.get("BUSD_TESTS_STORIES", "0"))
-"""So many are played, at random; else always the same."""
+"""The number of random stories to play; 0: always the same stories."""
 
 Step: TypeAlias = tuple[Any, ...]
 LOSSLESS = QoSProfile(history="keep_all")
@@ -50,13 +54,13 @@ beginnings = st.tuples(
     st.lists(st.tuples(numbers, profiles), min_size=1, max_size=2),
 )
 Beginning: TypeAlias = tuple[list[bool], list[tuple[int, QoSProfile]], list[tuple[int, QoSProfile]]]
-"""Which clients share memory; the subscriptions, then the publishers: at which client, and their QoS."""
+"""Clients that share memory; then subscriptions and publishers, each with its client and QoS."""
 bridgings = st.tuples(
     st.lists(st.sampled_from([None, FAR, FURTHER]), min_size=3, max_size=3),
     st.lists(st.sampled_from(["", "tap", "mirror", "local only"]), min_size=3, max_size=3),
 )
 Bridging: TypeAlias = tuple[list[Any], list[str]]
-"""Where clients come from, and what subscriptions are for."""
+"""Origins of clients, and roles of subscriptions."""
 
 calm = [
     st.tuples(st.just("publish"), numbers, st.integers(1, 6), st.sampled_from(["", "", LARGE])),
@@ -92,12 +96,12 @@ returns = [
     st.tuples(st.just("restart_all"), st.permutations([0, 1, 2])),
     st.tuples(st.just("cut"), st.sampled_from([0, 2]), turns.map(lambda some: some[:3])),
 ]
-"""What happens while a bus comes back: with few turns between two cuts."""
+"""Steps while a bus comes back: few turns between two cuts."""
 holds = [st.tuples(st.just("hold"), numbers, numbers)]
 
 
 class Story:
-    """Beside the world: what each publisher has published, and each subscription has heard."""
+    """The world, the published messages of each publisher and the received messages of each subscription."""
 
     def __init__(
         self,
@@ -113,14 +117,14 @@ class Story:
             for one, origin in zip(shares, origins, strict=False)
         ]
         self.mirrors: set[Any] = set()
-        """Subscriptions that get nothing here."""
+        """Subscriptions that receive nothing here."""
         self.subscriptions: dict[Any, Client] = {}
         self.publishers: dict[Any, Client] = {}
         self.heard: dict[Any, list[tuple[int, int]]] = {}
         self.is_cut_off = False
-        """Whether somebody was cut off by a busd that lived."""
+        """Whether a running busd has cut off a client."""
         self.late: set[Any] = set()
-        """Subscriptions that were away, or not heard, for longer than the lease."""
+        """Subscriptions that were away, or silent, for longer than the lease."""
         self._absent_s: dict[Client, float] = {}
         for (at, qos), role in zip(subscriptions, roles, strict=False):
             client = self.clients[at % len(self.clients)]
@@ -150,7 +154,7 @@ class Story:
                     assert newest in self.heard[subscription]
         self.check()
 
-    # --- what happens
+    # --- steps
 
     def publish(self, at: int, count: int, padding: str) -> None:
         if self.publishers:
@@ -173,7 +177,7 @@ class Story:
         self.world.settle()
 
     def advance(self, seconds: float) -> None:
-        """Who is away, or does not read or write, for the lease is not waited for."""
+        """Let time pass; a client that is away, or does not read or write, for the lease is too late."""
         for client in self.clients:
             connection = client.connection
             is_stuck = connection is not None and (client.is_choked or connection.is_blocked)
@@ -189,7 +193,7 @@ class Story:
         self.world.advance(seconds)
 
     def refuse(self, at: int, which: int) -> None:
-        """The reader of a ring can't read it."""
+        """Refuse the route for a reader of a ring."""
         readers = [
             (one, match)
             for one in self.subscriptions
@@ -250,7 +254,7 @@ class Story:
         self.connect(at)
 
     def die(self, at: int) -> None:
-        """A bridge comes back: what it brings has the gids that it had."""
+        """Kill a client and replace it; a bridge's new publishers have the old gids."""
         client = pick(self.clients, at)
         client.die()
         gone = [one for one, where in self.publishers.items() if where is client]
@@ -264,7 +268,7 @@ class Story:
                 self.publishers[new.publisher(one.qos, gid=one.gid)] = new
 
     def hold(self, at: int, which: int) -> None:
-        """A lossless subscription gives a publisher no more room, or again."""
+        """A lossless subscription stops giving a publisher room, or starts again."""
         readers = [one for one in self.subscriptions if one.qos.is_lossless]
         if readers and self.publishers:
             subscription, gid = pick(readers, at), pick(self.publishers, which).gid
@@ -283,10 +287,10 @@ class Story:
             subscription = pick(self.subscriptions, at)
             self.subscriptions.pop(subscription).close(subscription)
 
-    # --- what holds
+    # --- checks
 
     def come_to_rest(self) -> None:
-        """All are connected and hear everything; all that waits is taken."""
+        """Connect all clients, let everything arrive, and take all queued messages."""
         world = self.world
         for client in self.clients:
             if client.is_choked:
@@ -299,7 +303,7 @@ class Story:
         world.settle()
         world.connect_all()
         world.advance(15)
-        for _ in range(20):  # who keeps all publishes on when something was taken
+        for _ in range(20):  # a keep-all publisher continues after each take
             before = sum(map(len, self.heard.values()))
             for subscription, client in self.subscriptions.items():
                 self.heard[subscription] += client.take(subscription)
@@ -309,7 +313,7 @@ class Story:
         raise AssertionError("there is always more")
 
     def check_matches(self) -> None:
-        """Who could have a match has one; what came from a bus does not go back there."""
+        """Compatible endpoints match; messages from a bus do not go back there."""
         for publisher, there in self.publishers.items():
             for subscription, here in self.subscriptions.items():
                 if check_compatible(publisher.qos, subscription.qos):
@@ -348,7 +352,7 @@ class Story:
                 assert self.gaps(heard) <= sum(totals.dropped.values()), (heard, totals)
 
     def gaps(self, heard: list[tuple[int, int]]) -> int:
-        """How many numbers of the publishers that are there are missing between others."""
+        """The number of gaps in the sequence numbers of existing publishers."""
         found = 0
         for number in [self.world.number_of(publisher._core) for publisher in self.publishers]:
             its = [one for publisher, one in heard if publisher == number]
@@ -357,8 +361,10 @@ class Story:
 
 
 class LastingStory(Story):
-    """Nobody leaves for good: one that keeps all, and is back within the lease, misses nothing of such
-    publishers."""
+    """Endpoints that stay: a keep-all subscription that is back within the lease loses nothing.
+
+    This holds for keep-all publishers.
+    """
 
     def check(self) -> None:
         super().check()
@@ -375,12 +381,12 @@ class LastingStory(Story):
             self.compare(totals.expected, published)
 
     def compare(self, expected: int, published: int) -> None:
-        # What was on its way when a connection ended may be unknown to one that had heard nothing by then.
+        # A subscription without any message yet may not know samples in transit at the end of a connection.
         assert expected <= published
 
 
 class CalmStory(LastingStory):
-    """No connection ends: what was published was expected."""
+    """No connection ends: all published messages were expected."""
 
     def compare(self, expected: int, published: int) -> None:
         assert expected == published
@@ -413,7 +419,7 @@ def told(story: Story) -> Iterator[None]:
 def test_each_message_is_accounted_for_once(
     kind: type[Story], steps: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)  # they are counted by event loop
+    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)  # their bounds are per event loop
 
     @settings(
         max_examples=STORIES or 60,
@@ -436,7 +442,7 @@ def test_each_message_is_accounted_for_once(
     ids=["calm", "cuts", "everything"],
 )
 def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Clients of other buses among them, mirrors and taps; whatever comes back has the gids that it had."""
+    """Some clients come from other buses, with mirrors and taps; endpoints that return keep their gids."""
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
 
     @settings(
@@ -461,7 +467,7 @@ def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch
 
 
 def test_lossless_streams_by_both_routes_when_the_bus_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of the two subscriptions has its samples by socket, the other perhaps by the publisher's ring."""
+    """One of the two subscriptions gets its samples by socket, the other possibly by the publisher's ring."""
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
     subscriptions = [(0, LOSSLESS), (1, LOSSLESS)]
 
@@ -487,7 +493,7 @@ def test_lossless_streams_by_both_routes_when_the_bus_comes_back(monkeypatch: py
 @pytest.mark.parametrize("shares", [(False, False, True), (False, True, True)])
 @pytest.mark.parametrize("whose", [0, 2], ids=["subscription", "publisher"])
 def test_a_cut_at_each_turn_of_a_return(shares: tuple[bool, ...], whose: int) -> None:
-    """busd was killed, and one end is cut off while it comes back: nothing of a lossless stream is lost."""
+    """busd was killed, and one end is cut off during its return: a lossless stream loses nothing."""
     order: list[Step] = [("serve", 2), ("serve", 0), ("step", 2), ("step", 0)]
     for number in range(32):
         turns = [*islice(cycle(order), number)]
@@ -500,7 +506,7 @@ def test_a_cut_at_each_turn_of_a_return(shares: tuple[bool, ...], whose: int) ->
 @pytest.mark.parametrize("whose", ["subscription", "publisher"])
 @pytest.mark.parametrize("limits", [None, NARROW], ids=["wide", "narrow"])
 def test_what_is_on_its_way_when_a_connection_is_lost(whose: str, limits: Limits | None) -> None:
-    """Of a lossless stream by socket: it comes, whoever was cut off."""
+    """A sample of a lossless stream by socket arrives, whichever end was cut off."""
     story = LastingStory(([False, False], [(0, LOSSLESS)], [(1, LOSSLESS)]), limits=limits)
     with told(story):
         hang_up = ("hang_up", ["subscription", "publisher"].index(whose))
@@ -511,7 +517,7 @@ def test_what_is_on_its_way_when_a_connection_is_lost(whose: str, limits: Limits
 
 @pytest.mark.parametrize("qos", [LOSSLESS, QoSProfile(10, durability="transient_local")])
 def test_a_publisher_that_was_lost_too_comes_back_and_leaves(qos: QoSProfile) -> None:
-    """What it publishes between the two is received, and not lost, though its return was waited for."""
+    """Samples published in between are received, and not lost, although busd waited for the publisher."""
     story = Story(([False, False], [(0, qos)], [(1, qos)]))
     with told(story):
         begin: list[Step] = [("publish", 0, 1, ""), ("settle",), ("take", 0, 1)]
@@ -525,7 +531,7 @@ def test_a_publisher_that_was_lost_too_comes_back_and_leaves(qos: QoSProfile) ->
 
 @pytest.mark.parametrize("depth", [1, 2])
 def test_what_a_publisher_replaced_when_busd_is_lost_before_it_says_so(depth: int) -> None:
-    """The subscription was there before, so all that is missing was for it."""
+    """The subscription existed before, so all missing samples were for it."""
     story = LastingStory(([False, False], [(0, QoSProfile(100))], [(1, QoSProfile(depth))]))
     with told(story):
         begin: list[Step] = [
@@ -555,7 +561,7 @@ EVENTS: list[Step] = [
 
 @pytest.mark.parametrize("shares", [(False, False, False), (False, False, True), (False, True, True)])
 def test_all_short_stories_of_cuts(shares: tuple[bool, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a lossless publisher and two subscriptions; of two events in any order, or of three with stories."""
+    """A lossless publisher and two subscriptions; two events in any order, or three with STORIES."""
     monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
     beginning: Beginning = [*shares], [(0, LOSSLESS), (1, LOSSLESS)], [(2, LOSSLESS)]
     for events in product(EVENTS, repeat=3 if STORIES else 2):

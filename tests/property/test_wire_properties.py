@@ -1,4 +1,4 @@
-"""The wire against naive models: a queue of runs, damaged streams, and messages there and back."""
+"""The wire against naive models: a queue of runs, damaged streams, and messages encoded and decoded."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from feeding import feed, frame_record
 
 
 class Sample:
-    """One sample of the model; `is_good` is False where the body is too short for it."""
+    """One sample of the model; `is_good` is False if the body is too short for it."""
 
     def __init__(self, seq: int, payload: bytes, stamp_ns: int, *, is_good: bool = True) -> None:
         self.seq = seq
@@ -29,7 +29,7 @@ class Sample:
 
 
 class ModelRun:
-    """A list of samples with the size of the body that carries them."""
+    """A list of samples, and the size of the body that carries them."""
 
     def __init__(self, samples: list[Sample], size: int, lifespan_ns: int, flags: int) -> None:
         self.samples = samples
@@ -39,7 +39,7 @@ class ModelRun:
 
 
 class QueueAgainstModel(RuleBasedStateMachine):
-    """A RunQueue does what a list of samples does that is looked at one by one."""
+    """A RunQueue behaves as a list of samples that is checked one by one."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -55,7 +55,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
         return [sample for run in self.runs for sample in run.samples]
 
     def settle(self) -> None:
-        """Runs that are used up go, with their bytes."""
+        """Remove used runs, with their bytes."""
         self.runs = [run for run in self.runs if run.samples]
         if not self.runs:
             self.room_for_replays = 0
@@ -144,7 +144,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
         dropped = 0
         while self.runs and self.runs[0].lifespan_ns:
             head = self.runs[0].samples[0]
-            # What can't be read may or may not look expired; the model follows the queue there.
+            # Unreadable samples may or may not look expired; here the model follows the queue.
             if not head.is_good or head.stamp_ns + self.runs[0].lifespan_ns >= now_ns:
                 break
             dropped += self.drop(1)
@@ -279,9 +279,9 @@ carriers = st.one_of(
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.one_of(carriers, control_messages), st.booleans()), max_size=8), pieces)
 def test_descriptors_find_their_messages(sent: list[tuple[m.Message, bool]], sizes: list[int]) -> None:
-    """Read as the kernel gives them out: a read ends with the piece of a frame that carries some.
+    """Read as the kernel delivers: a read ends with the piece of a frame that carries descriptors.
 
-    Some batches are cut off on the way, and come empty.
+    Some batches of descriptors are lost in transit, and arrive empty.
     """
     session = open_session()
     found: list[Any] = []
@@ -316,7 +316,7 @@ def _with_numbers(item: Any) -> Any:
 @settings(deadline=None)
 @given(st.lists(frames, min_size=1, max_size=5), pieces, st.data())
 def test_damage_is_refused_or_harmless(stream: list[bytes], sizes: list[int], data: st.DataObject) -> None:
-    """A byte changed, cut out or put in: RemoteProtocolError at most, and what came before it stays true."""
+    """A byte changed, removed or inserted: RemoteProtocolError at most, and earlier frames stay correct."""
     good = b"".join(stream)
     at = data.draw(st.integers(0, len(good) - 1))
     new = data.draw(st.binary(max_size=3))
