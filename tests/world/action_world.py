@@ -5,8 +5,8 @@
         goal = await client.send_goal(Count.Goal(target=3))
         assert (await goal.result()).reached == 3
 
-`bus_actions` is the real one; its nodes are lists of what was made with them. A message arrives in a later
-turn of the event loop, in the order in which all were sent. While `world.is_held`, nothing arrives.
+`bus_actions` is the real package; its nodes only list the endpoints that it makes. A message arrives in a
+later turn of the event loop; messages arrive in the order of sending. While `world.is_held`, nothing arrives.
 """
 
 import asyncio
@@ -37,7 +37,7 @@ class _Logger:
 
 
 class ListService:
-    """A server of a service. `answers` has the request ids and responses of all that it answered."""
+    """A server of a service. `answers` has the request ids and responses of all its answers."""
 
     def __init__(self, world: "ActionWorld", name: str, on_request: Callable[[Any, RequestId], Any]) -> None:
         self.service_name = name
@@ -137,7 +137,7 @@ class ListSubscription:
 
 
 class ListNode:
-    """`errors` are those that went out of callbacks."""
+    """A node; `errors` are the exceptions that callbacks raised."""
 
     def __init__(self, world: "ActionWorld") -> None:
         self.errors: list[Exception] = []
@@ -182,13 +182,13 @@ class ListNode:
 
 
 class ActionWorld:
-    """Nodes whose endpoints find each other by their names; `now_ns` is their clock."""
+    """Nodes with endpoints that find each other by name; `now_ns` is their clock."""
 
     def __init__(self) -> None:
         self.now_ns = 1_000_000_000
         self.is_held = False
         self.in_opening: Callable[[ListService], Any] | None = None
-        """Awaited after each service that is made."""
+        """Awaited after each new service."""
         self.services: dict[str, ListService] = {}
         self.clients: dict[bytes, ListServiceClient] = {}
         self.publishers: dict[str, ListPublisher] = {}
@@ -205,28 +205,28 @@ class ActionWorld:
         return ActionClient(cast(Any, self.client_node), action, NAME)
 
     def service(self, kind: str) -> ListService:
-        """`send_goal`, `cancel_goal` or `get_result`."""
+        """The service `send_goal`, `cancel_goal` or `get_result`."""
         return self.services[f"{NAME}/_action/{kind}"]
 
     def statuses(self) -> list[list[int]]:
-        """The status messages that were published: the states of all goals in each."""
+        """The published status messages: the states of all goals in each."""
         published = self.publishers[f"{NAME}/_action/status"].published
         return [[one.status for one in message.status_list] for message in published]
 
     def release(self) -> None:
-        """All that was held arrives."""
+        """Deliver everything that was held."""
         self.is_held = False
         self._arrive()
 
     def lose_server(self) -> None:
-        """The server's process dies: calls that wait are told."""
+        """The server's process dies: pending calls get an error."""
         self._waiting.clear()
         self.services.clear()
         self.publishers.clear()
         self._fail_calls(ServiceUnavailable(NAME, "it left"))
 
     def lose_busd(self) -> None:
-        """busd dies with all that was on its way, and is back at once."""
+        """busd dies with all messages in transit, and is back at once."""
         self._waiting.clear()
         self._fail_calls(CallLost(NAME))
 

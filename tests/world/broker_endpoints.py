@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of the processes of `broker_world`, as those processes see them."""
+"""Publishers and subscriptions of the processes of `broker_world`, from the view of these processes."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
@@ -16,7 +16,7 @@ Answer = TypeVar("Answer", bound=m.Message)
 
 
 class Sample(NamedTuple):
-    """One sample as its subscription's process got it."""
+    """One sample, as received by the process of its subscription."""
 
     source: int
     seq: int
@@ -26,7 +26,7 @@ class Sample(NamedTuple):
 
 
 def ring_name(gid: bytes) -> str:
-    """What stands for the descriptor of that publisher's ring."""
+    """A name in place of the descriptor of that publisher's ring."""
     return f"ring {int.from_bytes(gid, 'big')}"
 
 
@@ -38,7 +38,7 @@ class _Endpoint:
         self.gid = gid
 
     def statistics(self, asker: "Process | None" = None) -> m.EndpointStatistics:
-        """The broker's counters, as `asker` (else the endpoint's own process) sees them in the graph."""
+        """The broker's counters in the graph for `asker` (default: the endpoint's process)."""
         records = (asker or self.process).graph(statistics=True).endpoints
         (found,) = (record.statistics for record in records if record.id == self.id)
         assert found is not None
@@ -69,7 +69,7 @@ class Publisher(_Endpoint):
         self.publish_body(len(payloads), body)
 
     def publish_many(self, payloads: Iterable[str]) -> None:
-        """Publish each payload in a run of its own."""
+        """Publish each payload in a separate run."""
         for payload in payloads:
             self.publish(payload)
 
@@ -83,18 +83,18 @@ class Publisher(_Endpoint):
         self.process.send_bytes(head + body)
 
     def lose(self, number: int) -> None:
-        """The publisher's own queue replaced the next `number` samples before they were handed over."""
+        """Skip `number` samples: the publisher's queue replaced them before they were handed over."""
         self.next_seq += number
 
     def resume(self, seq: int) -> None:
-        """Those before `seq` went by another route."""
+        """Continue at `seq`: earlier samples went by another route."""
         self.next_seq = seq
         self._flags = RESUMED
 
     def catch_up(
         self, subscription: "Subscription", *payloads: str, first_seq: int = 1, is_replay: bool = False
     ) -> None:
-        """Send samples to one subscription alone, as after Rerouted."""
+        """Send samples only to one subscription, as after Rerouted."""
         if payloads:
             stamp_ns = self.process.world.now_ns
             body = b"".join(frame_record(payload.encode(), stamp_ns) for payload in payloads)
@@ -120,7 +120,7 @@ class Subscription(_Endpoint):
 
     @property
     def undecodable(self) -> int:
-        """Samples that came in runs shorter than they claim."""
+        """Samples in runs that were shorter than announced."""
         return self.process.undecodable.get(self.id, 0)
 
     def attach(self, publisher: Publisher, slot: int = 0) -> None:

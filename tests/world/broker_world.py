@@ -1,8 +1,8 @@
 """A broker and the processes around it, without sockets or a clock.
 
-`World` does what the daemon's shell does: it carries out effects, sends what queues hold to processes that
-read, and lets the broker trim. Everything goes through the real wire both ways, so a message that could not
-be sent fails here too.
+`World` does the work of the daemon's shell: it carries out effects, sends queued frames to processes that
+read, and lets the broker trim. Everything goes through the real wire both ways, so a message that can't be
+sent fails here too.
 
     world = World()
     talker, listener = world.process(), world.process()
@@ -12,7 +12,7 @@ be sent fails here too.
     assert subscription.payloads == ["one", "two"]
     listener.is_blocked = True      # does not read any more
 
-A process that `shares` can use the route shm; then publishers have rings. Descriptors are names here.
+A process with `shares` can use the route shm; then its publishers have rings. Descriptors are names here.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ UID = 1000
 TEXT = ("test_msgs/msg/Text", "hash-1")
 NUMBER = ("test_msgs/msg/Number", "hash-2")
 ALL_MAY = AccessRule(topics=("**",), actions=frozenset({"publish", "subscribe", "observe"}), is_for_all=True)
-"""A rule for those tests whose strangers are not the matter of access."""
+"""A rule for tests in which access of strangers is not the subject."""
 
 
 class Refusal(Exception):
@@ -57,14 +57,14 @@ class Refusal(Exception):
 
 
 def refused(action: Callable[..., object], *arguments: Any, **more: Any) -> m.Refused:
-    """What the broker says to something that it must refuse."""
+    """The broker's answer to a request that it must refuse."""
     with pytest.raises(Refusal) as caught:
         action(*arguments, **more)
     return caught.value.answer
 
 
 class Handle:
-    """Stands for a descriptor."""
+    """A replacement for a descriptor."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -74,7 +74,7 @@ class Handle:
 
 
 def whole_graph(graph: Graph, *, statistics: bool = False) -> m.GraphSnapshot:
-    """All of `graph`, looked at from inside the broker."""
+    """The whole graph, from inside the broker."""
     steps = take_snapshot(graph, 0, statistics=statistics, pid=1)
     while True:
         try:
@@ -94,23 +94,23 @@ class World:
         access: tuple[AccessRule, ...] = (),
     ) -> None:
         self.alive: set[int] = set()
-        """Pids of processes that live, connected or not."""
+        """Pids of living processes, connected or not."""
         self.broker = Broker(
             limits, rules, Access(UID, access), uid=UID, pid=1, lives=self.alive.__contains__
         )
         self.now_ns = 1_000 * SECOND
         self.processes: dict[PeerId, Process] = {}
         self.notes: list[str] = []
-        self.pauses: list[tuple[PeerId, int]] = []  # who is not to be listened to, and for how long
+        self.pauses: list[tuple[PeerId, int]] = []  # peers that are not read from, and for how long
         self.stop_reason: str | None = None
         self.budget = UNLIMITED
-        """Work that the broker may do at a time; then others have their turn."""
+        """Work that the broker may do at a time; then it is the turn of others."""
         self.between: Callable[[], object] = lambda: None
-        """What happens between two pieces of long work."""
+        """Called between two pieces of long work."""
         self.overdrawn = 0
-        """How much more than the budget was ever done at a time."""
+        """The largest overrun of the budget so far."""
         self.passed_on = 0
-        """Runs that went on as they were."""
+        """Runs that were passed on unchanged."""
         self.gids = count(1)
         self.pids = count(100)
 
@@ -124,9 +124,9 @@ class World:
         key: str | None = None,
         clock_ns: int = 0,
     ) -> "Process":
-        """A process that has connected and said Hello, and perhaps Share.
+        """A process that has connected and sent Hello, and perhaps Share.
 
-        `key`: it has no pid in busd's pid namespace, and this tells it from others. `clock_ns`: as in Hello.
+        `key` identifies a process without a pid in busd's pid namespace. `clock_ns`: as in Hello.
         """
         process = Process(self, program, uid, capabilities, key, clock_ns)
         if shares:
@@ -134,7 +134,7 @@ class World:
         return process
 
     def advance(self, seconds: float) -> None:
-        """Let time pass, with every tick in between that the broker asks for."""
+        """Let time pass, with every tick that the broker asks for."""
         end_ns = self.now_ns + round(seconds * SECOND)
         while (due_ns := self.broker.next_deadline_ns()) is not None and due_ns <= end_ns:
             self.now_ns = max(self.now_ns, due_ns)
@@ -146,11 +146,11 @@ class World:
         self.now_ns = end_ns
 
     def whole_graph(self, *, statistics: bool = False) -> m.GraphSnapshot:
-        """The graph, looked at from inside."""
+        """The graph, from inside the broker."""
         return whole_graph(self.broker.graph, statistics=statistics)
 
     def carry_out(self, effects: list[Effect]) -> None:
-        """Do what the daemon's shell does with the broker's effects, then send; then go on with the rest."""
+        """Carry out the broker's effects as the daemon's shell does, then send; then continue with others."""
         self.overdrawn = max(self.overdrawn, -self.broker.meter.left)
         late: list[PeerId] = []
         for effect in effects:
@@ -187,12 +187,12 @@ class World:
                     self.carry_out(self.broker.trim(self.now_ns))
 
     def refill(self) -> None:
-        """Somebody's turn begins."""
+        """Start a turn with the whole budget."""
         self.broker.meter.left = self.budget
 
 
 class Process:
-    """A client process: its connection, and what came over it.
+    """A client process: its connection, and the messages received over it.
 
     While `is_blocked`, its socket takes nothing more.
     """
@@ -211,7 +211,7 @@ class Process:
         self.is_blocked = False
         self.shares = False
         self.has_read = 0
-        """Up to which number, where a ring is to be left."""
+        """The last number read from a ring that has to be left."""
         self.cut_reason: str | None = None
         self.sent: list[Any] = []  # by the broker, read or not
         self.messages: list[Any] = []
@@ -240,7 +240,7 @@ class Process:
     # --- to the broker
 
     def tell(self, message: m.Message, *handles: str) -> None:
-        """Send a control message, and the descriptors that it brings."""
+        """Send a control message with its descriptors."""
         if handles:
             self._to_broker.descriptors.append(tuple(map(Handle, handles)))  # type: ignore[arg-type]
         self.send_bytes(m.encode_frame(message))
@@ -261,7 +261,7 @@ class Process:
         return answer
 
     def send_bytes(self, data: bytes) -> None:
-        """Send bytes, whatever they mean."""
+        """Send any bytes."""
         world, broker = self.world, self.world.broker
         try:
             for item in feed(self._to_broker, data):
@@ -284,7 +284,7 @@ class Process:
             world.carry_out(broker.detach(world.now_ns, self.id))
 
     def _is_passed_on(self, run: Run) -> bool:
-        """Do what the daemon's shell does with a run for one subscription that has nothing else waiting."""
+        """Do the same as the daemon's shell with a run for one subscription without queued frames."""
         world, broker = self.world, self.world.broker
         if run.only_for or run.is_replay or run.is_resumed:
             return False
@@ -303,12 +303,12 @@ class Process:
         return True
 
     def die(self) -> None:
-        """The process is gone; its socket closes."""
+        """End the process; its socket closes."""
         self.world.alive.discard(self.pid)
         self.lose()
 
     def lose(self) -> None:
-        """Its socket closes, and it lives on."""
+        """Close its socket; the process lives on."""
         del self.world.processes[self.id]
         self.world.refill()
         self.world.carry_out(self.world.broker.detach(self.world.now_ns, self.id))
@@ -316,7 +316,7 @@ class Process:
     # --- from the broker
 
     def read(self) -> None:
-        """Take everything that waits. A subscription leaves the ring where it is told to."""
+        """Read all queued frames. A subscription leaves its ring if it is told to."""
         left = list[m.LeaveRing]()
         while (taken := self.outbox.take())[1]:
             if taken[2]:
@@ -326,7 +326,7 @@ class Process:
             self.tell(one)
 
     def hear(self, data: bytes) -> list[m.LeaveRing]:
-        """Take what has come; returns which rings are to be left."""
+        """Handle received bytes; returns the requests to leave a ring."""
         left = list[m.LeaveRing]()
         for item in feed(self._from_broker, data):
             if isinstance(item, Carried):
@@ -344,7 +344,7 @@ class Process:
         return left
 
     def unblock(self) -> None:
-        """The socket takes bytes again, and the process reads all of them."""
+        """Let the socket take bytes again; the process reads all of them."""
         self.is_blocked = False
         self.world.carry_out(self.world.broker.expire(self.world.now_ns, self.id))
 
@@ -354,10 +354,10 @@ class Process:
             self.read()
 
     def got(self, kind: type[Answer]) -> list[Answer]:
-        """All messages of one kind that have come, oldest first."""
+        """All received messages of one kind, oldest first."""
         return [message for message in self.messages if isinstance(message, kind)]
 
-    # --- what it makes
+    # --- its endpoints
 
     def node(self, name: str = "node", namespace: str = "/", origin: m.Origin | None = None) -> "Node":
         message = m.CreateNode(request=0, name=name, namespace=namespace, origin=origin)
@@ -371,7 +371,7 @@ class Process:
         return self._own_node().subscription(topic, qos, **more)
 
     def declare_type(self, kind: tuple[str, str], schema: bytes = b"") -> None:
-        """Once; with a schema each time."""
+        """Declare a type once; with a schema, each time."""
         if schema or kind not in self._types:
             self._types.add(kind)
             self.tell(m.DeclareType(type_name=kind[0], type_hash=kind[1], schema=schema or b"\xc0"))
@@ -401,7 +401,7 @@ class Node:
         ring: bool | None = None,
         stands_for: bytes = b"",
     ) -> "Publisher":
-        """With a `ring` where the process shares memory, or where it is said."""
+        """Make a publisher; with a `ring` if the process shares memory, unless the argument decides."""
         gid = gid or next(self.process.world.gids).to_bytes(16, "big")
         self.process.declare_type(kind)
         message = m.CreatePublisher(

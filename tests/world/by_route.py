@@ -1,4 +1,4 @@
-"""Marks of tests in a client world: once by each route, or by shared memory only."""
+"""Marks for tests in a client world: once by each route, or only by shared memory."""
 
 import pytest
 

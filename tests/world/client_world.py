@@ -1,7 +1,8 @@
 """The whole bus without a process, a socket, an event loop or a clock: clients and the broker, back to back.
 
-The publishers and subscriptions are `bus`'s own, over a port that is a list (`ListPort`); the broker is
-busd's own (`broker_world`); between them is the real wire, and real rings where clients share memory.
+The publishers and subscriptions are the real ones of `bus`, over a port that is a list (`ListPort`). The
+broker is busd's real one (`broker_world`). Between them is the real wire, and real rings if clients share
+memory.
 
     world = ClientWorld()
     talker, listener = world.client(), world.client(shares=True)
@@ -12,9 +13,9 @@ busd's own (`broker_world`); between them is the real wire, and real rings where
     world.settle()
     assert listener.take(subscription) == [(1, 1), (1, 2), (1, 3)]
 
-Nothing happens by itself: `Client.step` is one turn of a client's event loop, `Client.serve` lets the broker
-read what one client has sent, `ClientWorld.settle` does all that until nothing is on its way, and `advance`
-lets time pass.
+Nothing happens by itself. `Client.step` is one turn of a client's event loop. `Client.serve` lets the broker
+read frames of one client. `ClientWorld.settle` repeats both until nothing is in transit. `advance` lets time
+pass.
 """
 
 import os
@@ -80,7 +81,7 @@ class ReaderProcess:
 
 
 class SharedMemory:
-    """A `bus.delivery.port.ShmPort` that looks into the rings, where the doorbell has rung, in `look`."""
+    """A `bus.delivery.port.ShmPort`; after a doorbell, `look` checks the rings."""
 
     def __init__(self, process_of: Callable[[tuple[int, int]], "Client"]) -> None:
         self.doorbell = segments.make_doorbell()
@@ -96,7 +97,7 @@ class SharedMemory:
         self._poll.register(self.doorbell.number, select.POLLIN)
 
     def look(self) -> list[Any]:
-        """The owners for whom something has come; then it sleeps again. Nothing while nobody has rung."""
+        """The owners with new data; then it sleeps again. Without a doorbell, nothing."""
         if not self._is_look_due and not self._poll.poll(0):
             return []
         self._is_look_due = False
@@ -153,7 +154,7 @@ class SharedMemory:
 
 
 class Connection(broker_world.Process):
-    """One connection of a client, as the broker sees it. What it sends waits in `arrived`."""
+    """One connection of a client: `sent_up` has data for the broker, `arrived` data for the client."""
 
     def __init__(self, world: "ClientWorld", program: str) -> None:
         self.arrived: deque[tuple[bytes, tuple[Descriptor, ...]]] = deque()
@@ -174,7 +175,7 @@ class Connection(broker_world.Process):
         self.has_ended = True
 
     def serve(self) -> bool:
-        """The broker reads what was sent at a time; returns whether there was anything."""
+        """Let the broker read one batch; returns whether there was any."""
         if not self.sent_up or self.has_ended:
             return False
         data, descriptors = self.sent_up.popleft()
@@ -186,7 +187,7 @@ class Connection(broker_world.Process):
 
 
 class Client(ListPort):
-    """A process with one node: in the place of a `bus.link.link.Link`."""
+    """A process with one node, in place of a `bus.link.link.Link`."""
 
     def __init__(
         self, world: "ClientWorld", number: int, *, shares: bool, origin: m.Origin | None = None
@@ -196,7 +197,7 @@ class Client(ListPort):
         self.origin = origin
         self.is_dead = False
         self.is_held = False
-        """Its event loop has no turns."""
+        """Whether its event loop has no turns."""
         self.wall_offset_ns = 0
         self.endpoints: dict[Any, None] = {}
         self.connection: Connection | None = None
@@ -238,7 +239,7 @@ class Client(ListPort):
         return made
 
     def publish(self, publisher: Publisher[Numbered], count: int = 1, padding: str = "") -> int:
-        """Publish so many, numbered on; returns how many were taken: fewer where there is no room."""
+        """Publish `count` numbered messages; returns how many were taken: fewer if there is no room."""
         for taken in range(count):
             number = publisher.statistics().published + 1
             if not publisher._put(
@@ -248,7 +249,7 @@ class Client(ListPort):
         return count
 
     def take(self, subscription: Subscription[Numbered], most: int = 1 << 30) -> list[tuple[int, int]]:
-        """What waits: of which publisher, in the order in which they were made, and its number there."""
+        """Take queued messages: the publisher's number (in order of creation), and the message's number."""
         found: list[tuple[int, int]] = []
         while len(found) < most and (taken := subscription.take()) is not None:
             message, info = taken
@@ -257,7 +258,7 @@ class Client(ListPort):
         return found
 
     def close(self, endpoint: Any) -> None:
-        """As `Endpoint.close`, of a publisher that has handed over what it could."""
+        """As `Endpoint.close`, for a publisher that has handed over as much as possible."""
         if isinstance(endpoint, Publisher):
             endpoint._core.hand_over()
         endpoint = endpoint._core
@@ -271,7 +272,7 @@ class Client(ListPort):
         endpoint.end(ConnectionClosed("closed"))
 
     def connect(self) -> None:
-        """There was no connection, and now there is one. All is declared once more."""
+        """Connect a client without a connection. It declares everything again."""
         assert self.connection is None and not self.is_dead
         self.connection = Connection(self._world, f"client {self.number}")
         self.is_away, self.outbox = False, Outbox()
@@ -287,12 +288,12 @@ class Client(ListPort):
         self.later(_BEAT_S, self._beat, self.connection)
 
     def notice_end(self) -> None:
-        """If the connection has ended, read all that came before the end, and the end."""
+        """If the connection has ended, read the rest of its data, and its end."""
         while self.connection is not None and self.connection.has_ended:
             self.step()
 
     def hang_up(self) -> None:
-        """The connection ends, and the broker hears of that first."""
+        """End the connection; the broker learns of it first."""
         connection = self.connection
         assert connection is not None
         if not connection.has_ended:
@@ -301,7 +302,7 @@ class Client(ListPort):
         self._lost()
 
     def die(self) -> None:
-        """The process is killed: what it wrote into its rings stays there."""
+        """Kill the process: data written into its rings stay there."""
         self.is_dead = True
         if self.connection is not None and not self.connection.has_ended:
             self.connection.has_ended = True
@@ -310,7 +311,7 @@ class Client(ListPort):
         self.connection = None
 
     def end(self) -> None:
-        """The test is over: let go of what is open."""
+        """Release everything open at the end of the test."""
         self.is_dead = True
         for endpoint in self.endpoints:
             endpoint.refusal or endpoint.end(ConnectionClosed("the test is over"))
@@ -320,7 +321,7 @@ class Client(ListPort):
         self.endpoints.clear()
         self.calls.clear()
 
-    # --- one thing after another
+    # --- single steps
 
     def step(self) -> bool:
         """A turn of its event loop; returns whether there was anything to do."""
@@ -333,7 +334,7 @@ class Client(ListPort):
         return has_read or bool(owners) or has_run
 
     def serve(self) -> bool:
-        """The broker reads something of what it has sent; returns whether there was anything."""
+        """Let the broker read some of its frames; returns whether there were any."""
         return self.connection is not None and self.connection.serve()
 
     # --- as the link
@@ -438,7 +439,7 @@ class Client(ListPort):
                 self._drains.release()
         elif (field := _ABOUT.get(type(message))) is not None:
             endpoint = self._by_id.get(getattr(message, field))
-            if endpoint is not None and not isinstance(message, m.Incompatible):  # it would ask with a task
+            if endpoint is not None and not isinstance(message, m.Incompatible):  # it would need a task
                 endpoint.handle(message, descriptors)
 
     def _lost(self) -> None:
@@ -451,7 +452,7 @@ class Client(ListPort):
 
 
 class ClientWorld(broker_world.World):
-    """A broker and clients. The clock ticks with each look at it, and else stands still until `advance`."""
+    """A broker and clients. The clock ticks at each read, and otherwise stands still until `advance`."""
 
     all_open: ClassVar[list["ClientWorld"]] = []
 
@@ -473,32 +474,32 @@ class ClientWorld(broker_world.World):
         self.clock.now_ns = max(now_ns, self.clock.now_ns)
 
     def client(self, *, shares: bool = False, origin: m.Origin | None = None) -> Client:
-        """A process that has connected."""
+        """A connected process."""
         client = Client(self, len(self.clients) + 1, shares=shares, origin=origin)
         self.clients.append(client)
         self.settle()
         return client
 
     def close(self) -> None:
-        """The test is over: let go of what is open."""
+        """Release everything open at the end of the test."""
         for client in self.clients:
             client.end()
         self.clock.forget()
         self.processes.clear()
 
     def process_of(self, identity: tuple[int, int]) -> Client:
-        """Whose readers' segment that is."""
+        """The client with that segment of readers."""
         contexts = ((one, one.shm_context) for one in self.clients)
         return next(
             one for one, shm in contexts if isinstance(shm, SharedMemory) and shm.identity == identity
         )
 
     def number_of(self, core: Any) -> int:
-        """From 1, in the order in which endpoints were made."""
+        """The number of an endpoint, from 1, in order of creation."""
         return self._numbers.setdefault(core, len(self._numbers) + 1)
 
     def settle(self) -> None:
-        """Let all that is on its way arrive, but at clients that are held."""
+        """Let everything in transit arrive, except at held clients."""
         for _ in range(_MOST_ROUNDS):
             is_busy = False
             for client in self.clients:
@@ -510,7 +511,7 @@ class ClientWorld(broker_world.World):
         raise AssertionError("it goes on and on")
 
     def advance(self, seconds: float) -> None:
-        """Let time pass, with all that is due for anybody, in its order."""
+        """Let time pass, with all timers of clients and the broker, in order."""
         end_ns = self.now_ns + round(seconds * SECOND)
         while True:
             dues = [due for due in (self.clock.next_ns(), self.broker.next_deadline_ns()) if due is not None]
@@ -524,7 +525,7 @@ class ClientWorld(broker_world.World):
         self.settle()
 
     def restart_broker(self) -> None:
-        """It is killed, and there is a new one; nobody is connected to it yet."""
+        """Kill the broker and start a new one, without connections."""
         for client in self.clients:
             if client.connection is not None:
                 client.connection.has_ended = True
@@ -540,7 +541,7 @@ class ClientWorld(broker_world.World):
         )
 
     def connect_all(self) -> None:
-        """Whoever has lost its connection has another."""
+        """Connect each client without a connection."""
         self.settle()
         for client in self.clients:
             if client.connection is None and not client.is_dead:
@@ -549,5 +550,5 @@ class ClientWorld(broker_world.World):
 
 
 def _copies(descriptors: tuple[Descriptor, ...]) -> tuple[Descriptor, ...]:
-    """As the kernel makes them of those that are sent."""
+    """Duplicates, as the kernel makes them for sent descriptors."""
     return tuple(Descriptor(os.dup(one.number)) for one in descriptors)

@@ -27,17 +27,17 @@ _DEPTH = 1000
 
 
 class Switch:
-    """One link between two engines, and what is wrong with it."""
+    """One link between two engines, and its faults."""
 
     def __init__(self, one: "PairEngine", other: "PairEngine") -> None:
         self.ends = one, other
         self.is_up = False
         self.hangs = False
-        """Nothing comes through for now; it waits."""
+        """Nothing arrives for now; it waits."""
         self.change: Callable[[list[Sample]], list[Sample]] = lambda samples: samples
-        """What becomes of samples on the way: lost, repeated, out of order."""
+        """Changes samples in transit: lost, repeated, out of order."""
         self.crossed = 0
-        """Samples that came through."""
+        """The number of samples that arrived."""
         self._held: deque[Callable[[], None]] = deque()
 
     def up(self) -> None:
@@ -61,7 +61,7 @@ class Switch:
         asyncio.get_running_loop().call_soon(self._deliver)
 
     def carry(self, act: Callable[[], None]) -> None:
-        """Have `act` happen at the other end, in order."""
+        """Call `act` at the other end, in order."""
         if self.is_up:
             self._held.append(act)
             asyncio.get_running_loop().call_soon(self._deliver)
@@ -78,7 +78,7 @@ class Network:
         self.links: list[Switch] = []
 
     def join(self, one: "PairEngine", other: "PairEngine") -> Switch:
-        """A link between the two, which is up from when both are open."""
+        """A link between two engines; it is up once both are open."""
         link = Switch(one, other)
         self.links.append(link)
         one.links_to[other] = other.links_to[one] = link
@@ -93,7 +93,7 @@ class _Writer:
         self.local = local
         self.on_change = on_change
         self.readers: dict[_Reader, int] = {}
-        """Bytes on their way, by reader."""
+        """Bytes in transit, by reader."""
         keeps = local.qos.durability is Durability.TRANSIENT_LOCAL
         self.history: deque[Sample] = deque(maxlen=local.qos.depth if keeps else 0)
         self.lost: dict[str, int] = {}
@@ -169,7 +169,7 @@ class _Reader:
 
 
 class PairEngine:
-    """The engine of the bus `bus`. Without links it is a wire that nobody is on."""
+    """The engine of the bus `bus`. Without links it has no peers."""
 
     name = "pair"
     has_numbers = True
@@ -184,7 +184,7 @@ class PairEngine:
         self.endpoints: dict[bytes, tuple[LocalEndpoint, MessageSchema]] = {}
         self.writers: dict[bytes, _Writer] = {}
         self.announced: list[LocalEndpoint] = []
-        """All that ever were, in order."""
+        """All announced endpoints so far, in order."""
         self.readers: list[_Reader] = []
         self.refuses: Callable[[LocalEndpoint], str] = lambda endpoint: ""
         self.epoch = 0
@@ -207,7 +207,7 @@ class PairEngine:
     def refusals(self) -> tuple[int, str]:
         return 0, ""
 
-    # --- what this bus has
+    # --- this bus
 
     def announce_node(self, node: LocalNode) -> None:
         assert node.id not in self.nodes
@@ -248,7 +248,7 @@ class PairEngine:
         self.endpoints.pop(endpoint.gid, None)
         self._tell(lambda far: far.endpoint_removed(endpoint.gid, self._key(endpoint.node)))
 
-    # --- what others have
+    # --- other buses
 
     async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
         for other, link in self.links_to.items():
@@ -285,7 +285,7 @@ class PairEngine:
     # --- links
 
     def link_added(self, other: "PairEngine") -> None:
-        """Tell the other end all there is here."""
+        """Send the other end everything that is here."""
         assert other.far is not None
         other.far.bus_added(FarBus(self.bus))
         for node in self.nodes.values():

@@ -12,8 +12,8 @@
     assert world.run(talker, RegisterEventHandler(...)) == 0
     assert world.started("talker")[0].signals == [signal.SIGINT]
 
-The actions, the events and the loop that handles them are the real ones. A command without a program runs
-until a signal comes that it does not ignore.
+The actions, the events and the event loop of the launch are the real ones. A command without a program runs
+until it gets a signal that it does not ignore.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ FIRST_PID = 1001
 
 
 class ListStream:
-    """Output that waits to be read."""
+    """Output for a reader."""
 
     def __init__(self) -> None:
         self._chunks: asyncio.Queue[bytes] = asyncio.Queue()
@@ -47,7 +47,7 @@ class ListStream:
 
 
 class ListProcess:
-    """A process of a `LaunchWorld`; `signals` has all that it was sent, also those that it ignores."""
+    """A process of a `LaunchWorld`; `signals` has all signals sent to it, also ignored ones."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class ListProcess:
         stream.write(chunk)
 
     def exit(self, code: int) -> None:
-        """It ends; so do its pipes."""
+        """End it, and its pipes."""
         if not self._ended.done():
             self._ended.set_result(code)
             self.write(b"")
@@ -106,7 +106,7 @@ Program = Callable[[ListProcess], Awaitable[int]]
 
 
 class LaunchWorld:
-    """`processes` has all that were started, in their order; `failing` are commands that can't be started."""
+    """`processes` has all started processes, in order; `failing` are commands that can't be started."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.processes: list[ListProcess] = []
@@ -116,7 +116,7 @@ class LaunchWorld:
         monkeypatch.setattr(process_action, "Child", self._start)
 
     def program(self, name: str) -> Callable[[Program], Program]:
-        """A decorator: processes whose first word is `name` run this coroutine, which returns their code."""
+        """A decorator: processes with the first word `name` run this coroutine; its result is the code."""
 
         def set_program(program: Program) -> Program:
             self._programs[name] = program
@@ -125,15 +125,15 @@ class LaunchWorld:
         return set_program
 
     def ignore(self, name: str, *numbers: signal.Signals) -> None:
-        """Processes whose first word is `name` go on after these signals."""
+        """Let processes with the first word `name` ignore these signals."""
         self.ignored[name] = numbers
 
     def started(self, name: str) -> list[ListProcess]:
-        """The processes whose first word is `name`."""
+        """The processes with the first word `name`."""
         return [one for one in self.processes if _first_word(one.command) == name]
 
     def run(self, *entities: LaunchDescriptionEntity, service: LaunchService | None = None) -> int:
-        """Until nothing is left to do; returns the launch's code."""
+        """Run until nothing is left to do; returns the launch's code."""
         logging.reset()
         service = service or LaunchService()
         service.include_launch_description(LaunchDescription(entities))

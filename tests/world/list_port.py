@@ -5,9 +5,9 @@
     sender.put(b"one", port.now_ns())
     assert [run.first_seq for run in port.runs()] == [1]
 
-What delivery sends stands in `written`, until the test takes it. The socket takes all but while `is_choked`;
-without a broker (`is_away`) nothing is sent. Tasks and calls that were asked for have their turn in `settle`,
-timers in `advance`.
+Data sent by delivery are in `written`, until the test takes them. The socket takes everything, except while
+`is_choked`. Without a broker (`is_away`) nothing is sent. Requested tasks and calls run in `settle`, timers
+in `advance`.
 """
 
 from collections import deque
@@ -41,7 +41,7 @@ class Timer:
 
 
 class Clock:
-    """Stands still but for a nanosecond with each look, so that no two things happen at once."""
+    """A clock that stands still, except for a nanosecond at each read: no two events happen at once."""
 
     def __init__(self) -> None:
         self.now_ns = 1_000 * SECOND
@@ -58,7 +58,7 @@ class Clock:
         return timer
 
     def forget(self) -> None:
-        """Nothing is due any more."""
+        """Cancel all timers."""
         self._timers.clear()
 
     def next_ns(self) -> int | None:
@@ -67,12 +67,12 @@ class Clock:
         return self._timers[0][0] if self._timers else None
 
     def run_due(self) -> None:
-        """Call what is due by now."""
+        """Call all timers that are due."""
         while (due_ns := self.next_ns()) is not None and due_ns <= self.now_ns:
             heappop(self._timers)[2].call()
 
     def advance(self, seconds: float, between: Callable[[], object] = int) -> None:
-        """Let time pass, with the timers in their order, and what comes `between` them."""
+        """Let time pass, with the timers in order, and calls of `between` before them."""
         end_ns = self.now_ns + round(seconds * SECOND)
         while (due_ns := self.next_ns()) is not None and due_ns <= end_ns:
             self.now_ns = max(self.now_ns, due_ns)
@@ -82,7 +82,7 @@ class Clock:
 
 
 class Future:
-    """What a task waits for."""
+    """A future for a task."""
 
     def __init__(self) -> None:
         self.is_done = False
@@ -102,7 +102,7 @@ class Future:
 
 
 class Task:
-    """Runs a coroutine that awaits nothing but what a ListPort gives it."""
+    """Runs a coroutine that awaits only futures of a ListPort."""
 
     def __init__(self, soon: Callable[..., object], work: Coroutine[Any, Any, Any]) -> None:
         self.is_done = False
@@ -169,7 +169,7 @@ class Waiters:
 
 
 class Owner:
-    """As little of a publisher or subscription as delivery needs. `id` 0: the broker does not know it."""
+    """The part of a publisher or subscription that delivery needs. `id` 0: unknown to the broker."""
 
     def __init__(self, qos: QoSProfile, support: TypeSupport[Any], number: int = 1) -> None:
         self.id = number
@@ -196,7 +196,7 @@ class ListPort:
         self.clock = clock or Clock()
         self.now_ns = self.clock.look
         self.is_mine = True
-        """Whether the thread that runs the test may use what lives here."""
+        """Whether the thread of the test may use the objects here."""
         self.owns_thread: Callable[[], bool] = lambda: self.is_mine
         self.is_away = False
         self.is_choked = False
@@ -215,7 +215,7 @@ class ListPort:
     # --- for tests
 
     def run_once(self) -> bool:
-        """Do what was asked for before; returns whether there was anything."""
+        """Make the requested calls; returns whether there were any."""
         for _ in range(number := len(self.calls)):
             self.calls.popleft()()
         return number > 0
@@ -231,23 +231,23 @@ class ListPort:
         self.settle()
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Task:
-        """Start `work`, and let it come as far as it can."""
+        """Start `work`, and let it run as far as possible."""
         task = Task(self.soon, work)
         self.settle()
         return task
 
     def lose(self) -> None:
-        """The broker is gone, and with it what waited to be sent."""
+        """Lose the broker, and all frames that waited for the socket."""
         self.is_away, self.outbox = True, Outbox()
 
     def unchoke(self) -> None:
-        """The socket takes bytes again."""
+        """Let the socket take bytes again."""
         self.is_choked = False
         self.wrote()
         self.flush()
 
     def sent(self) -> list[Any]:
-        """Messages and runs that were sent since the last call."""
+        """The messages and runs that were sent since the last call."""
         written, self.written = self.written, []
         found = list[Any]()
         for data, descriptors in written:

@@ -1,4 +1,4 @@
-"""A publisher's way through the broker over a list alone: what is put in, and which runs come out.
+"""A publisher's way through the broker over a list only: samples put in, and the runs that come out.
 
 way = Way(KEEP_ALL, window=4)
 way.match()
@@ -22,7 +22,7 @@ GID = b"g" * 16
 
 
 class Way:
-    """A sender that a broker knows, and what comes out of it."""
+    """A sender that a broker knows, and its output."""
 
     def __init__(self, qos: QoSProfile, *, window: int = 4) -> None:
         self.port = ListPort()
@@ -34,7 +34,7 @@ class Way:
         self.declare()
 
     def declare(self, number: int = 1) -> None:
-        """A broker knows the publisher, by that number."""
+        """Let a broker know the publisher, by that number."""
         self.port.is_away, self.owner.id = False, number
         qos = self.owner.qos
         self.sender.declared(
@@ -59,7 +59,7 @@ class Way:
         self.port.flush()
 
     def put(self, count: int = 1, size: int = 0) -> None:
-        """So many, each of which would be taken where there is room for it."""
+        """Put `count` samples; each must be taken if there is room."""
         for _ in range(count):
             self.number += 1
             payload = b"%d" % self.number + b"x" * size
@@ -68,13 +68,13 @@ class Way:
                 self.sender.put(payload, stamp_ns)
 
     def put_apart(self, count: int) -> None:
-        """Each by itself, long after the one before."""
+        """Put samples one by one, each long after the previous one."""
         for _ in range(count):
             self.port.advance(0.001)
             self.put()
 
     def left(self) -> list[list[int]]:
-        """The runs that have left since, by the numbers of their samples."""
+        """The runs that have left since, as the numbers of their samples."""
         return [numbers(run) for run in self.port.runs()]
 
 

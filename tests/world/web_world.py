@@ -1,4 +1,4 @@
-"""A bus of a few lists for what `bus_web` builds on a node: no busd, no socket, no WebSocket.
+"""A bus of a few lists for the parts of `bus_web` above a node: no busd, no socket, no WebSocket.
 
     world = WebWorld()
     world.add("publisher", "/talker", "/chatter", String)
@@ -6,8 +6,8 @@
     ... world.hub, world.client ...
     assert await world.told() == [{"op": "..."}]
 
-The hub, its model and its shared subscriptions are the real ones, and so is what sends frames; the node is a
-list of what was made with it, and answers as it is told to.
+The hub, its model, its shared subscriptions and the sender of frames are the real ones. The node only lists
+its endpoints, and answers as the test sets it.
 """
 
 import asyncio
@@ -37,7 +37,7 @@ _S = 1_000_000_000
 
 
 class ListSocket:
-    """`sent` has what goes to the client; `said` is what comes from it. While it `is_stuck`, nothing goes."""
+    """`sent` has the frames to the client, `said` the frames from it. While it `is_stuck`, it sends none."""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -54,7 +54,7 @@ class ListSocket:
         return await self.said.get()
 
     def texts(self) -> list[dict[str, Any]]:
-        """Those that were sent, decoded."""
+        """The sent texts, decoded."""
         return [msgspec.json.decode(one) for one in self.sent if one.startswith(b"{")]
 
 
@@ -100,7 +100,7 @@ class ListServiceClient:
 
 
 class ListNode:
-    """Makes endpoints that are kept in lists, by topic or service."""
+    """Makes endpoints and keeps them in lists, by topic or service."""
 
     name = f"_bus_web_{PID}"
 
@@ -149,7 +149,7 @@ class ListNode:
 
 
 class WebWorld:
-    """Endpoints that come and go, a hub that looks at them, and one client that is told."""
+    """Endpoints that come and go, a hub that looks at them, and one client that gets the news."""
 
     def __init__(self) -> None:
         self.node = ListNode()
@@ -167,7 +167,7 @@ class WebWorld:
     def add(
         self, kind: str, node: str, topic: str, cls: Any = None, qos: QoSProfile | None = None, **others: Any
     ) -> GraphEndpoint:
-        """An endpoint of a message class, or of what `others` say."""
+        """Add an endpoint of a message class, or with the attributes in `others`."""
         if cls is not None:
             schema = schema_of(type_support(cls))
             self.node.schemas[schema.type_name, schema.type_hash] = schema
@@ -181,7 +181,7 @@ class WebWorld:
         return made
 
     def serve(self, node: str, service: str, definition: Any, callback: Callable[[Any], Any]) -> None:
-        """A server, as it stands in the graph; and what answers."""
+        """Add a server to the graph, with a function for its answers."""
         support = service_support(definition)
         for kind, topic, part in (
             ("subscription", request_topic(service), support.requests),
@@ -192,11 +192,11 @@ class WebWorld:
         self.node.serving[service] = callback
 
     def remove(self, topic: str) -> None:
-        """All endpoints of a topic."""
+        """Remove all endpoints of a topic."""
         self._ends = [one for one in self._ends if one.topic != topic]
 
     def look(self) -> Graph:
-        """The hub has looked."""
+        """Let the hub look at the graph."""
         self._revision += 1
         publishers = tuple(one for one in self._ends if one.kind == "publisher")
         subscriptions = tuple(one for one in self._ends if one.kind == "subscription")
@@ -208,14 +208,14 @@ class WebWorld:
         return graph
 
     def publish(self, one: GraphEndpoint, message: Any, *, sent_ns: int = _S, came_ns: int = 2 * _S) -> None:
-        """To all that have subscribed by the node."""
+        """Publish to all subscriptions of the node."""
         payload = type_support(type(message)).encode(message)
         for subscription in self.node.subscriptions.get(one.topic, ()):
             if not subscription.is_closed:
                 subscription.hear(payload, MessageInfo(sent_ns, came_ns, 1, 1, one.gid))
 
     async def told(self) -> list[dict[str, Any]]:
-        """The texts that the client was sent since this was asked last."""
+        """The texts sent to the client since the last call."""
         if self._sending is None:
             self._sending = asyncio.get_running_loop().create_task(self.client.run())
         await self.client.drain()
@@ -223,7 +223,7 @@ class WebWorld:
         return self.socket.texts()[before:]
 
     async def close(self) -> None:
-        """Ends what runs."""
+        """End running tasks."""
         if self._sending is not None:
             self._sending.cancel()
             await asyncio.gather(self._sending, return_exceptions=True)
@@ -231,6 +231,6 @@ class WebWorld:
 
 
 async def turns(number: int = 10) -> None:
-    """What is ready has its turn on the event loop, and what that makes ready."""
+    """Let ready tasks have their turns on the event loop, and tasks that these make ready."""
     for _ in range(number):
         await asyncio.sleep(0)
