@@ -11,7 +11,7 @@ LATCHED = QoSProfile(depth=3, durability="transient_local")
 
 
 class Story:
-    """A talker, and a listener that is lost and comes back as the same.
+    """A talker, and a listener that is lost and comes back with the same identity.
 
     `shares`: the talker has a ring for others; `by_ring`: the listener reads it, too.
     """
@@ -36,7 +36,7 @@ class Story:
 
     @property
     def heard(self) -> int:
-        """The last number that the listener has got."""
+        """The last number that the listener has received."""
         return max((sample.seq for sample in self.subscription.samples), default=0)
 
     def lose(self) -> None:
@@ -50,7 +50,7 @@ class Story:
         topic: str = "/topic",
         is_blocked: bool = False,
     ) -> Subscription:
-        """By default it says what it has heard."""
+        """Reconnect the listener; by default it reports the numbers that it has received."""
         known = {self.publisher.gid: self.heard} if last_seqs is None else last_seqs
         self.listener = self.world.process("listener", uid=uid, shares=self.by_ring)
         node = self.listener.node()
@@ -59,7 +59,7 @@ class Story:
         return self.subscription
 
     def come_as_talker(self, *, next_seq: int) -> Publisher:
-        """The talker's process has another connection."""
+        """Reconnect the talker's process."""
         gid, qos = self.publisher.gid, LATCHED
         self.talker = self.world.process("talker")
         self.publisher = self.talker.node().publisher("/topic", qos, gid=gid, next_seq=next_seq)
@@ -67,7 +67,7 @@ class Story:
 
 
 def missed(subscription: Subscription) -> list[dict[bytes, tuple[int, int]]]:
-    """What it was told of publishers that have gone: the first number for it, and the last."""
+    """For publishers that have left: the first and the last number lost, as reported to the subscription."""
     pairs = [
         {gid: pair for gid, pair in told.missed.items() if pair[1]} for told in subscription.got(m.Dropped)
     ]
@@ -75,7 +75,7 @@ def missed(subscription: Subscription) -> list[dict[bytes, tuple[int, int]]]:
 
 
 def begun(subscription: Subscription) -> dict[bytes, int]:
-    """What it was told of publishers that are there, or may come back: the first number for it."""
+    """For publishers that exist, or may come back: the first number, as reported to the subscription."""
     return {
         gid: first_seq
         for told in subscription.got(m.Dropped)

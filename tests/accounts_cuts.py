@@ -1,4 +1,4 @@
-"""Connections of `accounts_world` that end and come back, and what others do meanwhile."""
+"""Connections of `accounts_world` that end and come back, and the actions of others meanwhile."""
 
 import asyncio
 from collections.abc import Iterable
@@ -10,11 +10,11 @@ from conftest import WAIT_S
 
 Chosen = TypeVar("Chosen")
 Happening: TypeAlias = tuple[Any, ...]
-"""What others do while a connection is away: a word, which of those that are there, and more."""
+"""An action while a connection is away: a word, an index of the endpoint or process, and more."""
 
 
 class Cuts:
-    """In `world`."""
+    """The cuts of a `world`."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -28,11 +28,11 @@ class Cuts:
         before: list[Happening] | None = None,
         again: list[Happening] | None = None,
     ) -> None:
-        """The connections of `processes` end, all with busd where it does a "restart".
+        """End the connections of `processes`; with "restart", busd ends, too.
 
-        They are back after what happens `meanwhile`; and what happens `again`, if they lose that connection
-        before they have heard anything. One that is to "stand still" reads nothing from what happens `before`
-        on.
+        They are back after the actions in `meanwhile`. With `again`, they lose that connection before they
+        have received anything, and these actions follow. With "stand still", a process reads nothing after
+        the start of `before`.
         """
         world = self._world
         cut, away = [world.processes[number] for number in processes], set(processes)
@@ -45,7 +45,7 @@ class Cuts:
             await self._happen(happening, set(), busy=away)
             await world.settle()
         for number in away & world.model.blocked:
-            world.peer(number).stream._rest.append(b"")  # as where the socket takes nothing more
+            world.peer(number).stream._rest.append(b"")  # like a full socket
         world.model.cut(away)
         if how == "restart":
             world.stop_busd()
@@ -57,7 +57,7 @@ class Cuts:
         for happening in meanwhile:
             await self._happen(happening, away, busy=away if how == "stand still" else set())
             if how != "restart":
-                await world.settle()  # the others get it in this order
+                await world.settle()  # the others receive it in this order
         if how == "restart":
             world.start_busd()
         for process in cut:
@@ -92,7 +92,7 @@ class Cuts:
                 await asyncio.sleep(0)
 
     async def _happen(self, happening: Happening, away: set[int], *, busy: set[int]) -> None:
-        """While the connections of some are `away`, others do something, but for those that are `busy`."""
+        """Let a process act while the connections of others are `away`; not one of the `busy` processes."""
         world, model = self._world, self._world.model
         what, at, *more = happening
         there = {
@@ -117,12 +117,12 @@ class Cuts:
             await world.die(process)
         elif what == "come" and others - model.blocked:
             process = pick(others - model.blocked, at)
-            # Not where it would share memory with one that does not hear of that.
+            # Not if it would share memory with a process that can't learn of it.
             if not {process} & model.sharing or not model.sharing & (busy | away | model.blocked):
                 model.come_around(await world.make_publisher(process, more[0]), away)
 
     def _awaited_by(self, away: set[int]) -> set[int]:
-        """Processes that publishers of those that are `away` wait for, for some time, when they are back."""
+        """Processes for which returning publishers of `away` processes wait, for a limited time."""
         publishers = {number for number, one in self._world.model.publishers.items() if one.process in away}
         return {one.process for one in self._world.model.subscriptions.values() if publishers & {*one.routes}}
 

@@ -1,8 +1,8 @@
-"""What becomes of every message, done one at a time with lists: `accounts_world` is compared with it.
+"""The fate of every message, computed one at a time with lists: `accounts_world` is compared with it.
 
-A subscription has two places where messages wait for it in its process: what came by socket, which is taken
-first, and what is in the rings. Each is bounded by its depth. While its process does not read, what goes by
-socket waits at busd, bounded in the same way. Knows nothing of sockets, rings or sequence numbers on the way.
+In a process, messages wait for a subscription in two places: messages from the socket, which are taken first,
+and messages in the rings. Each is bounded by its depth. While the process does not read, messages by socket
+wait at busd, with the same bound. Knows nothing of sockets, rings or sequence numbers in transit.
 """
 
 from collections import Counter, deque
@@ -16,17 +16,17 @@ AT_ONCE = 64
 
 
 class Message(NamedTuple):
-    """`order` is that of all messages of all publishers; `number` that of its publisher's."""
+    """A message. `order` counts the messages of all publishers, `number` the messages of its publisher."""
 
     order: int
     publisher: int
     number: int
     is_stale: bool
-    """It has outlived its lifespan by the time that anybody looks."""
+    """Its lifespan is over before it is taken."""
 
 
 class Waiting:
-    """Holds `depth` messages (0: all), and besides, until it is empty, the history that a late joiner got."""
+    """Holds `depth` messages (0: all), and, until it is empty, also a late joiner's history."""
 
     def __init__(self, depth: int) -> None:
         self.depth = depth
@@ -67,7 +67,7 @@ class Publisher:
 
 @dataclass(eq=False)
 class Subscription:
-    """`routes` are those of its matches, by publisher."""
+    """`routes` are the routes of its matches, by publisher."""
 
     id: int
     process: int
@@ -78,19 +78,20 @@ class Subscription:
     routes: dict[int, str] = field(default_factory=dict)
     expected: int = 0
     ahead: deque[Message] = field(default_factory=deque)
-    """Keeping all, it takes so many out of the rings at once; nothing can replace them any more."""
+    """Messages that a keep-all subscription has taken out of the rings at once; nothing can replace them."""
     received: list[tuple[int, int]] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
     unseen: dict[int, list[Message]] = field(default_factory=dict)
-    """By publisher, what went to others by its ring while this one was away: its next message shows that."""
+    """Messages that others got by a publisher's ring while this one was away; the next one shows them."""
     before: dict[int, int] = field(default_factory=dict)
-    """By publisher, what went to others by its ring before the match by socket, if nothing came since."""
+    """Messages that others got by a publisher's ring before the match by socket, if none came since."""
     replaced_at_busd: list[Message] = field(default_factory=list)
-    """Since its process does not read."""
+    """Since its process stopped reading."""
     late: dict[int, list[Message]] = field(default_factory=dict)
-    """By publisher, what was published to it and has not come, while the connection of an end is away."""
+    """Messages of each publisher, published to it, but not received, while the connection of an end is away.
+    """
     gone: list[Message] = field(default_factory=list)
-    """The same, of publishers that have left meanwhile."""
+    """The same, for publishers that have left meanwhile."""
 
     def __post_init__(self) -> None:
         for name in ("at_busd", "by_socket", "in_rings"):
@@ -98,11 +99,11 @@ class Subscription:
 
     @property
     def queued(self) -> int:
-        """In its process."""
+        """The number of messages queued in its process."""
         return len(self.ahead) + len(self.by_socket.messages) + len(self.in_rings.messages)
 
     def take(self) -> Message | None:
-        """The oldest of what came by socket, else of what is in the rings; what is stale goes by the way."""
+        """Take the oldest message from the socket, or else from the rings; stale ones are dropped."""
         message = self._pop()
         if message is not None:
             self.received.append((message.publisher, message.number))
@@ -130,7 +131,7 @@ class Subscription:
                 self.replaced_at_busd.append(oldest)
 
     def arrive(self, messages: list[Message], route: str, *, is_blocked: bool, history: bool = False) -> None:
-        """They were published to it."""
+        """Add messages published to it."""
         self.expected += len(messages)
         if route == "shm":
             self.in_rings.put(messages, history=history)
@@ -151,9 +152,9 @@ class Subscription:
         self.trim(self.by_socket)
 
     def cut_off(self) -> None:
-        """Its process does not read, and loses its connection: what waits at busd does not come."""
+        """Its process does not read, and loses its connection: messages queued at busd do not arrive."""
         messages = [*self.at_busd.messages]
-        if keeps_history(self.qos):  # then what busd has dropped may come again, out of a history
+        if keeps_history(self.qos):  # then a history may bring messages that busd has dropped
             self.dropped["replaced"] -= len(self.replaced_at_busd)
             messages = self.replaced_at_busd + messages
         self.expected -= len(messages)
@@ -163,7 +164,7 @@ class Subscription:
         self.at_busd, self.replaced_at_busd = Waiting(self.at_busd.depth), []
 
     def lose(self, messages: list[Message]) -> None:
-        """They were published to it while there was no way."""
+        """Count messages published to it without a connection as lost."""
         self.expected += len(messages)
         self.dropped["disconnected"] += len(messages)
 
@@ -171,14 +172,14 @@ class Subscription:
         self.lose(self.unseen.pop(publisher, []))
 
     def take_over(self, received: list[tuple[int, int]], dropped: dict[str, int]) -> None:
-        """What became of the messages, in place of what was thought."""
+        """Replace the expected results by the real ones."""
         assert sum(self.dropped.values()) <= sum(dropped.values())
         self.by_socket, self.in_rings = Waiting(self.by_socket.depth), Waiting(self.in_rings.depth)
         self.ahead.clear()
         self.received, self.dropped = list(received), Counter(dropped)
 
     def leave_rings(self) -> None:
-        """A match goes by socket now: what waits in all the rings is put behind what came by socket."""
+        """A match changes to the socket: messages in all rings are queued behind messages from the socket."""
         self.dropped["expired"] += sum(one.is_stale for one in self.in_rings.messages)
         self.by_socket.put(one for one in self.in_rings.messages if not one.is_stale)
         self.in_rings = Waiting(self.in_rings.depth)
@@ -186,7 +187,7 @@ class Subscription:
 
 
 class Model:
-    """`sharing` are the processes that share memory, `blocked` those that do not read their socket."""
+    """`sharing` are processes that share memory; `blocked` processes do not read their socket."""
 
     def __init__(self) -> None:
         self.publishers: dict[int, Publisher] = {}
@@ -219,7 +220,7 @@ class Model:
                 subscription.arrive(history, route, is_blocked=False, history=True)
 
     def publish(self, publisher: Publisher, count: int) -> list[Message]:
-        """Make messages; `arrive` is for whoever gets them."""
+        """Make messages; `arrive` is for their receivers."""
         messages = []
         for _ in range(count):
             self._order += 1
@@ -245,12 +246,12 @@ class Model:
                 one.unblock()
 
     def reroute(self, publisher: Publisher, subscription: Subscription) -> None:
-        """From shared memory to the socket, as it stays until one of the two connects anew."""
+        """Change a match from shared memory to the socket, until one of the two reconnects."""
         subscription.leave_rings()
         subscription.routes[publisher.id] = "socket"
 
     def connect_anew(self, process: int) -> None:
-        """The process has lost its connection and has another: routes are chosen again."""
+        """The process has reconnected after a loss: routes are chosen again."""
         for subscription in self.subscriptions.values():
             for number in subscription.routes:
                 publisher = self.publishers[number]
@@ -265,7 +266,7 @@ class Model:
         self.blocked -= away
 
     def deliver_around(self, publisher: Publisher, messages: list[Message], away: set[int]) -> None:
-        """As `deliver`, while the connections of processes are `away`. By shared memory nobody notices."""
+        """As `deliver`, while the connections of processes are `away`. Shared memory is not affected."""
         for one in self.matched(publisher):
             route = one.routes[publisher.id]
             if route == "shm" or not away & {publisher.process, one.process}:
@@ -274,24 +275,24 @@ class Model:
                 one.late.setdefault(publisher.id, []).extend(messages)
 
     def come_around(self, publisher: Publisher, away: set[int]) -> None:
-        """As `add_publisher`; to it the subscriptions of those that are `away` will be late joiners."""
+        """As `add_publisher`; subscriptions of `away` processes will be late joiners."""
         self.publishers[publisher.id] = publisher
         for one in self.subscriptions.values():
             if one.process not in away:
                 self._match(publisher, one)
 
     def leave_around(self, publisher: Publisher, *, is_lost: bool = False) -> None:
-        """As `remove`: what it published to subscriptions that are away will not come any more."""
+        """As `remove`: its messages to subscriptions that are away will not arrive any more."""
         for one in self.matched(publisher):
             late = one.late.pop(publisher.id, [])
             if is_lost and publisher.process in self.sharing and not keeps_history(publisher.qos):
-                one.unseen[-publisher.id] = late  # nobody knows how much went by its ring, unless busd saw it
+                one.unseen[-publisher.id] = late  # how many its ring had is unknown, unless busd saw it
             else:
                 one.gone += late
         self.remove(publisher.id, is_lost=is_lost)
 
     def return_deaf(self, away: set[int]) -> None:
-        """They were back, and are away again before they have heard anything."""
+        """They were back, and are away again before they have received anything."""
         for one in self.subscriptions.values():
             if one.process in away:
                 for number, history in self._meet(one).items():
@@ -300,8 +301,8 @@ class Model:
     def return_of(self, away: set[int]) -> list[int]:
         """The processes that were `away` are back.
 
-        By socket, the queue or history has some of what was published meanwhile, where both ends are not the
-        same time away. Returns the subscriptions of which that is not known.
+        Matches by socket: if the ends were not away for the same time, the queue or history has some of the
+        messages published meanwhile. Returns the subscriptions for which the result is unknown.
         """
         unknown = set[int]()
         for one in self.subscriptions.values():
@@ -320,7 +321,7 @@ class Model:
                 elif one.id in unknown or {publisher.process, one.process} <= away:
                     one.expected += len(messages)
                     unknown.add(one.id)
-                elif not is_there:  # its queue holds so many
+                elif not is_there:  # its queue holds at most so many
                     self._return(one, source, messages, publisher.depth or len(messages), history=False)
                 elif has_history:
                     depths = [depth for depth in (publisher.depth, depth_of(one.qos)) if depth]
@@ -332,7 +333,7 @@ class Model:
         return sorted(unknown)
 
     def _meet(self, one: Subscription) -> dict[int, list[Message]]:
-        """Match it with the publishers that came while it was away; returns what history it gets of them."""
+        """Match it with publishers that came while it was away; returns the history from each of them."""
         histories = {}
         for publisher in self.publishers.values():
             if (
@@ -344,7 +345,7 @@ class Model:
         return histories
 
     def remove(self, endpoint: int, *, is_lost: bool = False) -> None:
-        """What it has published is still there to be taken. `is_lost`: its process has died."""
+        """Remove an endpoint; its published messages can still be taken. `is_lost`: its process has died."""
         self.subscriptions.pop(endpoint, None)
         if self.publishers.pop(endpoint, None) is not None:
             for subscription in self.subscriptions.values():
@@ -352,7 +353,7 @@ class Model:
                 if is_lost:
                     subscription.unseen.pop(endpoint, None)
                 else:
-                    subscription.see(endpoint)  # it says how many there were
+                    subscription.see(endpoint)  # it reports how many there were
                 subscription.before.pop(endpoint, None)
 
     def endpoints_of(self, *processes: int) -> list[int]:
@@ -360,7 +361,7 @@ class Model:
         return [one.id for one in endpoints if one.process in processes]
 
     def _history(self, publisher: Publisher, subscription: Subscription) -> list[Message]:
-        """What a late joiner gets."""
+        """The messages for a late joiner."""
         if not keeps_history(subscription.qos):
             return []
         depths = [depth for depth in (publisher.depth, depth_of(subscription.qos)) if depth]
@@ -369,7 +370,7 @@ class Model:
     def _return(
         self, one: Subscription, source: int, messages: list[Message], kept: int, *, history: bool
     ) -> None:
-        """The last `kept` of what was published while there was no way come now."""
+        """Deliver the last `kept` messages of those published without a connection."""
         lost = max(0, len(messages) - kept)
         is_blocked = one.process in self.blocked
         if is_blocked:

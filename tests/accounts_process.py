@@ -1,4 +1,4 @@
-"""One process of `accounts_world`: a node, and a connection of its own that a test can hold up and cut."""
+"""One process of `accounts_world`: a node with its own connection, which a test can hold up and cut."""
 
 import asyncio
 from collections.abc import Iterable, Iterator
@@ -23,9 +23,9 @@ class Process:
         self.gate = asyncio.Event()  # open: it may connect
         self.gate.set()
         self.is_deaf = False
-        """Its next connection ends when it is about to hear that its endpoints were made."""
+        """Its next connection ends just before the confirmation that its endpoints were made."""
         self.losses = 0
-        """How often it has lost its connection and wants another."""
+        """How often it has lost its connection and needs another."""
         self._unread: Stream | None = None
         connecting = link._connecting
         connect = connecting.connect
@@ -46,11 +46,11 @@ class Process:
         return None if self.link.connection is None else self.link.connection._stream
 
     async def ask(self) -> None:
-        """An answer says that busd has read all that was sent, and that what it said before is here."""
+        """Wait for an answer: busd has then read all earlier messages, and its own earlier ones are here."""
         await self.link.request(lambda number: m.Observe(request=number, on=False), m.Done)
 
     def stop_reading(self) -> None:
-        """What comes waits in the kernel, and so does the end of the connection."""
+        """Stop reading: incoming data, and the end of the connection, wait in the kernel."""
         assert self.stream is not None
         self._unread = self.stream
         asyncio.get_running_loop().remove_reader(self._unread.fileno())

@@ -1,8 +1,8 @@
 """A busd and several processes in one event loop, for `tests/property/test_accounts_model.py`.
 
-Real sockets, real rings: the server, and a node with a connection of its own for each "process". After each
-action `World.settle` waits until nothing is on its way, by asking, and `check` compares every delivery and
-every count, in the program and in the graph, with those of `accounts_model`.
+Real sockets, real rings: the server, and for each "process" a node with its own connection. After each action
+`World.settle` sends questions until no message is in transit. `check` compares every delivery and every
+count, in the program and in the graph, with `accounts_model`.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ class Numbered(msgspec.Struct):
 
 
 class World:
-    """`shares` says which of the processes share memory; `limits` are busd's, None: the usual ones."""
+    """`shares` says for each process whether it shares memory; `limits` are busd's; None: the defaults."""
 
     def __init__(self, folder: Path, shares: list[bool], limits: Limits | None = None) -> None:
         self.folder = folder
@@ -75,7 +75,7 @@ class World:
         self.server = Server(self.listener, self.broker)
 
     def stop_busd(self) -> None:
-        """As kill does it: nobody is told anything."""
+        """End busd as kill does, without any message."""
         for connection in tuple(self.server._connections):
             connection.close()
         self.server._alarm.close()
@@ -83,7 +83,7 @@ class World:
         self.listener.close()
 
     def peer(self, process: int) -> PeerConnection:
-        """The connection of that process, as the server has it."""
+        """The server's connection of that process."""
         node = self.broker.graph.nodes[self.processes[process].node._declared.id]  # type: ignore[index]
         return self.server._peers[node.peer.id]
 
@@ -103,7 +103,7 @@ class World:
         return self._ids
 
     async def die(self, process: int) -> None:
-        """Without a word: busd sees the end of the connection, and nobody reads or writes any more."""
+        """Kill a process: busd sees the end of the connection, and nothing is read or written any more."""
         self._forget(self.model.endpoints_of(process), is_lost=True)
         self.model.blocked.discard(process)
         dead = self.processes.pop(process)
@@ -115,7 +115,7 @@ class World:
         await self.open_process(shares=process in self.model.sharing)
 
     def take_over(self, number: int) -> None:
-        """In which order processes were back decides what this subscription got: take all, and count it."""
+        """The result depends on the order of returns: take all messages, and copy the counts."""
         expected = self.model.subscriptions[number]
         while self.take_one(number):
             pass
@@ -129,7 +129,7 @@ class World:
         expected.take_over(self.received[number], totals.dropped)
 
     def block(self, process: int, *, is_silent: bool = False) -> None:
-        """It reads nothing more from its socket. Nobody waits for one that `is_silent` until it is heard."""
+        """Let the process stop reading its socket. If it `is_silent`, others do not wait for it."""
         self.model.blocked.add(process)
         connection = self.peer(process)
         connection.stream.writing = WriteState.BLOCKED
@@ -164,7 +164,7 @@ class World:
         node = self.processes[process].node
         self.subscriptions[self._ids] = await node.create_subscription(Numbered, TOPIC, qos)
         self.received[self._ids] = []
-        # In the order in which busd goes through them: that of their numbers there.
+        # In busd's order: by their numbers there.
         self.model.publishers = {
             number: self.model.publishers[number]
             for number in sorted(self.publishers, key=lambda number: self.publishers[number]._core.id)
@@ -177,7 +177,7 @@ class World:
         await closing.close()
 
     def publish(self, publisher: int, count: int, size: int = 1) -> list[model.Message]:
-        """What was taken; a publisher of keep all may find no room."""
+        """Publish; returns the messages taken: a keep-all publisher may have no room."""
         real, origin = self.publishers[publisher], self.model.publishers[publisher]
         if size > 1000:
             self._is_large.add(publisher)
@@ -190,7 +190,7 @@ class World:
         return self.model.publish(origin, taken)
 
     def refuse(self, publisher: int, subscription: int, *, by_publisher: bool) -> None:
-        """One end says that it can't share memory in this match."""
+        """One end reports that it can't share memory in this match."""
         writer, reader = self.publishers[publisher], self.subscriptions[subscription]
         ends = (writer, reader) if by_publisher else (reader, writer)
         refusal = m.RefuseRoute(endpoint=ends[0]._core.id, other=ends[1]._core.id, text="a test")
@@ -200,7 +200,7 @@ class World:
     async def refuse_late(
         self, publisher: int, subscription: int, bursts: list[tuple[int, int]], *, by_publisher: bool
     ) -> None:
-        """The subscription hears late that it is to leave the ring, and has read some of it by then."""
+        """The subscription is told late to leave the ring, and has read some of it by then."""
         expected = self.model.subscriptions[subscription]
         self.block(expected.process)
         dropped = expected.dropped.copy()
@@ -214,7 +214,7 @@ class World:
         self.take_over(subscription)
 
     def take(self, subscription: int, count: int) -> None:
-        """Up to `count` messages, and they are the model's."""
+        """Take up to `count` messages, and compare them with the model's."""
         expected = self.model.subscriptions[subscription]
         for _ in range(count):
             if [self.take_one(subscription), expected.take() is not None] == [False, False]:
@@ -231,19 +231,19 @@ class World:
         self.received[subscription].append((message.publisher, message.number))
         return True
 
-    # --- what holds
+    # --- checks
 
     async def settle(self) -> None:
-        """Wait until nothing is on its way, but to those that do not read."""
+        """Wait until no message is in transit, except to processes that do not read."""
         async with asyncio.timeout(WAIT_S):
-            for _ in range(3):  # it takes so many to agree on a ring
+            for _ in range(3):  # agreeing on a ring takes this many
                 await asyncio.gather(*(one.ask() for one in self._hearing()))
             while not self._is_idle():  # noqa: ASYNC110
                 await asyncio.sleep(0)
             await asyncio.gather(*(one.ask() for one in self._hearing()))
 
     def compare(self, number: int) -> None:
-        """What the program of that subscription sees."""
+        """Compare the results that the program of that subscription sees."""
         expected = self.model.subscriptions[number]
         totals = self.subscriptions[number].statistics()
         self._allow(expected, totals)
@@ -303,8 +303,8 @@ class World:
         return True
 
     def _allow(self, expected: model.Subscription, totals: bus.SubscriptionStatistics) -> None:
-        """For what depends on other things than the model knows."""
-        # A ring of large messages may give up history beyond all depths before a late joiner takes it.
+        """Allow differences with causes outside of the model."""
+        # A ring of large messages may drop history beyond all depths before a late joiner takes it.
         rings = expected.in_rings
         while self._is_large and expected.queued > totals.queued and len(rings.messages) > rings.depth:
             rings.pop()
@@ -312,7 +312,7 @@ class World:
         self._see(expected, totals)
 
     def _see(self, expected: model.Subscription, totals: bus.SubscriptionStatistics) -> None:
-        """Where others got it by socket, too, or busd is a new one, it shows before the next message."""
+        """Count unseen messages before the next message: others got them by socket, too, or busd is new."""
         for publisher, messages in tuple(expected.unseen.items()):
             if totals.expected >= expected.expected + len(messages):
                 expected.see(publisher)

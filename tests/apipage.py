@@ -1,4 +1,4 @@
-"""`make api`: docs/api.md, made of the docstrings of all that is public in `bus`.
+"""`make api`: docs/api.md, made from the docstrings of all public names of `bus`.
 
 GROUPS lists the names by task. A member that GROUPS does not name is shown with its class.
 """
@@ -138,7 +138,7 @@ def examples(one: Entry) -> list[str]:
 
 
 def _filled(intro: str) -> str:
-    """With the names of packages and types."""
+    """The introduction with the names of packages and types filled in."""
     primitives = [name for name in msg.__all__ if name[0].islower()]
     lists = {"MESSAGES": msg.PACKAGES, "SERVICES": srv.PACKAGES, "PRIMITIVES": primitives}
     for key, names in {**lists, "TESTING": testing.__all__}.items():
@@ -147,14 +147,14 @@ def _filled(intro: str) -> str:
 
 
 def _title(one: Entry) -> str:
-    """Its heading, without the backticks."""
+    """The heading of an entry, without the backticks."""
     if "." in one.path:
         return one.path
     return f"module bus.{one.path}" if one.kind == "module" else f"bus.{one.path}"
 
 
 def _anchor(title: str) -> str:
-    """Of a heading, as GitHub makes it."""
+    """The anchor of a heading, as GitHub makes it."""
     return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 

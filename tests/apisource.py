@@ -1,7 +1,7 @@
-"""What the sources of `bus` say of its public names: signatures, types and docstrings.
+"""Reads the public names of `bus` from its sources: signatures, types and docstrings.
 
-Public is what `bus.__all__` names, and of each class the members without an underscore, with those that it
-inherits from another class of `bus`.
+Public are the names in `bus.__all__`, and the members of each class without an underscore. Members inherited
+from another class of `bus` are included.
 """
 
 import ast
@@ -29,7 +29,7 @@ class Entry:
     """class, enum, function, attribute, constant or module."""
     doc: str
     signature: str = ""
-    """As it would stand in a program; of an attribute its type, of an enum's member the value."""
+    """As in a program; for an attribute its type, for a member of an enum its value."""
     members: list["Entry"] = field(default_factory=list)
 
     @property
@@ -38,7 +38,7 @@ class Entry:
 
 
 def entries() -> dict[str, Entry]:
-    """Every public name of `bus`, members too, by their paths."""
+    """Every public name of `bus`, including members, by path."""
     found: dict[str, Entry] = {}
     for name in bus.__all__:
         one = found[name] = _entry(name, getattr(bus, name))
@@ -59,7 +59,7 @@ def _entry(name: str, value: Any) -> Entry:
 
 
 def _doc(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> str:
-    """Its docstring without the indentation of the code; `inspect.cleandoc` may take away more than that."""
+    """The docstring without the indentation of the code; `inspect.cleandoc` may remove more than that."""
     match node.body:
         case [ast.Expr(value=ast.Constant(value=str(text)), col_offset=indent), *_]:
             return "\n".join(line.removeprefix(" " * indent) for line in text.splitlines()).strip()
@@ -67,7 +67,7 @@ def _doc(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDe
 
 
 def _constant(name: str) -> Entry:
-    """What is neither class nor function is looked up where `bus` says that it comes from."""
+    """The entry of a constant: found in the module from which `bus` imports it."""
     imports = [node for node in ast.walk(_tree("bus")) if isinstance(node, ast.ImportFrom)]
     (home, there), *_ = [
         (str(node.module), one.name)
@@ -137,7 +137,7 @@ def _members(owner: str, node: ast.ClassDef) -> Iterator[Entry]:
 
 
 def _set_by(owner: str, init: ast.FunctionDef) -> Iterator[Entry]:
-    """The attributes that `__init__` sets, of the type that is written there or of the argument's."""
+    """The attributes that `__init__` sets; the type is the annotation, or the argument's."""
     given = {one.arg: one.annotation for one in [*init.args.args, *init.args.kwonlyargs]}
     for name, annotation, value, doc in _assigned(init.body, of_self=True):
         if annotation is None and isinstance(value, ast.Name):
@@ -168,7 +168,7 @@ def _assigned(
 
 
 def _unfolded(body: list[ast.stmt]) -> list[ast.stmt]:
-    """With what only type checkers see."""
+    """The body, with statements that only type checkers see."""
     hidden = [one for outer in body if isinstance(outer, ast.If) for one in outer.body]
     return [*hidden, *body]
 
@@ -216,7 +216,7 @@ def _argument(argument: ast.arg, default: ast.expr | None) -> str:
 
 
 class _Unquote(ast.NodeTransformer):
-    """Types that stand in quotes because they are not known yet are shown without."""
+    """Removes the quotes around forward references."""
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
         return node if _source(node.value) == "Literal" else self.generic_visit(node)

@@ -1,4 +1,4 @@
-"""Bags for tests: messages of std_msgs/msg/String, written by busd or by others, and what others read."""
+"""Bags for tests: messages of std_msgs/msg/String, written by busd or other programs, and read by others."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-pytest.importorskip("mcap")  # for whatever imports this
+pytest.importorskip("mcap")  # for all modules that import this
 
 from bus.qos import QoSProfile
 from bus_bag.metadata import TopicMetadata
@@ -22,7 +22,7 @@ LATCHED = TopicMetadata(
 
 
 class Said(NamedTuple):
-    """A message: in this order it is sorted by time."""
+    """A message; the order of the fields sorts by time."""
 
     log_time: int
     publish_time: int
@@ -71,7 +71,7 @@ def write(writer: BagWriter, channels: dict[str, int], messages: Iterable[Said])
 
 
 def write_bag(folder: Path, *files: list[Said], **options: Any) -> Path:
-    """A bag with so many files."""
+    """Write a bag with one file for each list."""
     writer, channels = begin_bag(folder, **options)
     for number, messages in enumerate(files):
         if number:

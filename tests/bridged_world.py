@@ -1,4 +1,4 @@
-"""Buses on machines of their own, joined by bridges: processes, what crosses, and what may never happen.
+"""Buses on separate machines, joined by bridges: processes, messages that cross, and forbidden events.
 
     with World(folder, forks, "robot", "laptop") as world:
         world.join_by_zenoh("robot", "laptop")
@@ -6,8 +6,8 @@
             async with Stream.open("/chatter", talker, listener) as stream:
                 await stream.flows()
 
-Each machine is a network namespace where there can be some, else loopback. Only bridges and peers run in it:
-busd and programs of a bus speak by files. What comes is waited for; only the bound of a wait is a time.
+Each machine is a network namespace if that is possible, otherwise loopback. Only bridges and peers run in it:
+busd and programs of a bus communicate by files. Tests wait for events; times are only bounds of waits.
 """
 
 import asyncio
@@ -49,7 +49,7 @@ _DOMAIN = own_domain()
 
 
 def on_one_loop(test: Callable[P, Coroutine[Any, Any, None]]) -> Callable[P, None]:
-    """A test that takes seconds, because processes are killed and come back: it runs on one loop only."""
+    """Mark a test that takes seconds, because processes are killed and return: it runs on one loop."""
 
     @wraps(test)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -67,7 +67,7 @@ async def _bounded(work: Awaitable[None]) -> None:
 async def until(
     condition: Callable[[], Any], what: str | Callable[[], str] = "", within_s: float = WAIT_S
 ) -> float:
-    """Wait for it; returns how long that took, in seconds. Raises AssertionError."""
+    """Wait for the condition; returns how long it took, in seconds. Raises AssertionError."""
     began = time.monotonic()
     while not condition():
         if time.monotonic() - began > within_s:
@@ -77,7 +77,7 @@ async def until(
 
 
 class Bridge:
-    """A `bus bridge`, whose log is a file."""
+    """A `bus bridge` with its log in a file."""
 
     def __init__(self, side: "Side", engine: Engine, arguments: tuple[str, ...]) -> None:
         self.side = side
@@ -106,7 +106,7 @@ class Bridge:
         return f"/bridge_{self.engine}"
 
     def restart(self) -> None:
-        """One like it, after this one has ended."""
+        """Start it again after its end."""
         self.process = self._start()
 
     def kill(self) -> None:
@@ -117,7 +117,7 @@ class Bridge:
 
     @contextlib.contextmanager
     def stopped(self) -> Iterator[None]:
-        """It hangs."""
+        """Stop the process during the block: it hangs."""
         self.process.send_signal(signal.SIGSTOP)
         try:
             yield
@@ -125,12 +125,12 @@ class Bridge:
             self.process.send_signal(signal.SIGCONT)
 
     def end(self) -> None:
-        """Ctrl-C."""
+        """End it by Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
         self.process.wait(WAIT_S / 2)
 
     def close(self) -> str:
-        """End it, whatever it does; returns its log."""
+        """End it in any state; returns its log."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
             self.process.send_signal(signal.SIGINT)
@@ -142,7 +142,7 @@ class Bridge:
         return self.log.read_text()
 
     def status(self) -> dict[str, Any]:
-        """What `bus bridge status --json` says of it. Raises AssertionError where it says nothing."""
+        """Its status from `bus bridge status --json`. Raises AssertionError if there is none."""
         found = self.side.bus("bridge", "status", "--json")
         for line in found.out.splitlines():
             answer: dict[str, Any] = json.loads(line)
@@ -151,14 +151,14 @@ class Bridge:
         raise AssertionError(f"no status: {found}; log: {self.log.read_text()[-2000:]}")
 
     def route(self, topic: str, direction: Literal["in", "out"]) -> dict[str, Any]:
-        """What became of the messages of a topic's only publisher."""
+        """The counters of the only route of a topic in this direction."""
         routes: list[dict[str, Any]] = self.status()["routes"]
         (found,) = [one for one in routes if one["topic"] == topic and one["direction"] == direction]
         return found
 
 
 class Side:
-    """A bus, and the machine that its bridges run on."""
+    """A bus, and the machine on which its bridges run."""
 
     def __init__(self, name: str, daemon: Daemon, machine: Machine | None) -> None:
         self.name = name
@@ -172,11 +172,11 @@ class Side:
         return cli.bus(*words, "--socket", str(self.path))
 
     def start(self, *words: str) -> cli.Running:
-        """A `bus` that stays."""
+        """Start a `bus` that keeps running."""
         return cli.start(*words, "--socket", str(self.path))
 
     def node(self, name: str, *, namespace: str = "") -> Node:
-        """A node of this process."""
+        """A node in this process."""
         return Node(name, namespace=namespace, socket=self.path, arguments=[], rosout=False)
 
     def bridge(self, engine: Engine, *arguments: str) -> Bridge:
@@ -185,12 +185,12 @@ class Side:
         return self.bridges[-1]
 
     def graph(self) -> Graph:
-        """With counters."""
+        """The graph, with counters."""
         with Query(self.path, may_start=False) as query:
             return query.graph(statistics=True)
 
     def names(self) -> set[str]:
-        """The full names of the nodes on it."""
+        """The full names of its nodes."""
         return {node.full_name for node in self.graph().nodes}
 
     async def shows(self, fits: Callable[[Graph], Any], within_s: float = WAIT_S) -> Graph:
@@ -208,7 +208,7 @@ class Side:
 
 
 class World:
-    """Some buses. Leaving ends all, and finds a traceback in any log."""
+    """Some buses. Leaving ends all processes, and checks each log for a traceback."""
 
     def __init__(self, folder: Path, forks: Forks | None, *names: str) -> None:
         self._folder = folder
@@ -232,11 +232,11 @@ class World:
 
     @property
     def domain(self) -> int:
-        """Of ROS 2, that nobody else on this machine uses."""
+        """A domain of ROS 2 that no other test on this machine uses."""
         return 0 if self._machines else _DOMAIN
 
     def cable(self, *names: str) -> Cable:
-        """Between two machines. Skips the test where there is none to pull."""
+        """The cable between two machines. Skips the test if there is none."""
         if not self._cables:
             pytest.skip(netns.why_not())
         return self._cables[frozenset(names or self._names[:2])]
@@ -249,7 +249,7 @@ class World:
         listening: tuple[str, ...] = (),
         connecting: tuple[str, ...] = (),
     ) -> tuple[Bridge, Bridge]:
-        """Two bridges, of which the second goes to the first, with these options besides."""
+        """Start two bridges; the second connects to the first, with these additional options."""
         listener, other = listener or self._names[0], other or self._names[1]
         endpoint = self.lay(listener, other)
         return (
@@ -258,7 +258,7 @@ class World:
         )
 
     def lay(self, one: str, other: str) -> str:
-        """A cable between two machines; returns zenoh's address by which the second reaches the first."""
+        """Lay a cable between two machines; returns zenoh's address of the first for the second."""
         if self._machines is None:
             return f"tcp/127.0.0.1:{free_port()}"
         cable = self._cables[frozenset((one, other))] = self._machines.connect(one, other)
@@ -291,7 +291,7 @@ class World:
 
 
 class Stream:
-    """Numbers that go from a publisher to a subscription on another bus, and what came of them."""
+    """Numbers from a publisher to a subscription on another bus, and the received ones."""
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
@@ -312,7 +312,7 @@ class Stream:
         qos: bus.QoSProfile | int = 1000,
         hz: float = 100.0,
     ) -> "AsyncIterator[Stream]":
-        """It flows until the end of the block. `hz` 0: it says nothing by itself."""
+        """Publish until the end of the block. `hz` 0: only by `say`."""
         stream = cls(topic)
         stream.subscription = await listener.create_subscription(String, topic, qos, stream.hear)
         stream.publisher = await talker.create_publisher(String, topic, qos)
@@ -328,7 +328,7 @@ class Stream:
         self.infos.append(info)
 
     def say(self) -> None:
-        """One more."""
+        """Publish one more number."""
         self.sent += 1
         self.publisher.publish(String(data=str(self.sent)))
 
@@ -339,14 +339,14 @@ class Stream:
             await asyncio.sleep(1 / hz)
 
     async def stop(self) -> None:
-        """It says no more."""
+        """Stop publishing."""
         if self._talk is not None:
             self._talk.cancel()
             await asyncio.gather(self._talk, return_exceptions=True)
             self._talk = None
 
     async def flows(self, within_s: float = WAIT_S) -> float:
-        """Until something is heard that was said from now on; returns how long that took, in seconds."""
+        """Wait until a number published from now on is received; returns how long it took, in seconds."""
         now = self.sent
         return await until(
             lambda: self.heard and self.heard[-1] > now,
@@ -355,11 +355,11 @@ class Stream:
         )
 
     async def arrived(self) -> None:
-        """All that was said up to now has come, or what came after it."""
+        """Wait until the last published number, or a later one, has been received."""
         await until(lambda: self.heard and self.heard[-1] >= self.sent, f"{self.topic}: {self.sent}")
 
     def check(self) -> int:
-        """Nothing came twice or out of order; returns how many are missing between the first and the last."""
+        """Check that nothing came twice or out of order; returns how many are missing in between."""
         assert all(one < next_one for one, next_one in pairwise(self.heard)), _disorder(self.heard)
         return self.heard[-1] - self.heard[0] + 1 - len(self.heard) if self.heard else 0
 

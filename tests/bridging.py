@@ -27,12 +27,12 @@ LOSSLESS = bus.QoSProfile(history="keep_all")
 
 
 async def received(subscription: bus.Subscription[Any], number: int) -> list[Any]:
-    """The `data` of the next so many messages."""
+    """The `data` of the next `number` messages."""
     return [(await subscription.receive())[0].data for _ in range(number)]
 
 
 class Site:
-    """One bus: its busd, and the bridges that run there."""
+    """One bus: its busd, and its bridges."""
 
     def __init__(self, name: str, daemon: Daemon, stack: AsyncExitStack) -> None:
         self.name = name
@@ -47,7 +47,7 @@ class Site:
 
 
 class Running:
-    """A bridge that runs."""
+    """A running bridge."""
 
     def __init__(self, site: Site, engine: Any, **options: Any) -> None:
         self.site = site
@@ -100,8 +100,7 @@ class Running:
 
 
 class Talk:
-    """Two buses whose bridges are linked: what `publisher` says on the left one, `subscription` hears on the
-    right one, once `is_on`."""
+    """Two linked buses: once `is_on`, messages of `publisher` (left) reach `subscription` (right)."""
 
     def __init__(
         self,
@@ -116,24 +115,24 @@ class Talk:
         self.subscription = subscription
 
     async def is_on(self) -> None:
-        """Each knows of the other."""
+        """Wait until each end knows the other."""
         await self.publisher.wait_for_subscriptions()
         await self.subscription.wait_for_publishers()
 
     async def cut(self) -> None:
-        """The link goes, and each has heard of it."""
+        """Cut the link, and wait until each end knows."""
         self.link.down()
         await until(lambda: self.publisher.get_subscription_count() == 0)
         await until(lambda: self.subscription.get_publisher_count() == 0)
 
     async def exchange(self) -> None:
-        """Publish numbers until they arrive, and see that each comes once."""
+        """Publish numbers until they arrive, and check that each arrives once."""
         await self.is_on()
         said = 0
         heard: list[int] = []
         async with asyncio.timeout(WAIT_S):
             while not heard or heard[-1] != said:
-                if not heard:  # what was said before the way was there may be lost
+                if not heard:  # earlier numbers may be lost without a match
                     said += 1
                     self.publisher.publish(Int32(data=said))
                 with suppress(TimeoutError):
@@ -144,7 +143,7 @@ class Talk:
 
 
 class World:
-    """Makes buses and bridges; what is still there at the end is ended."""
+    """Makes buses and bridges; at the end, it ends the remaining ones."""
 
     def __init__(self, start: Callable[[str], Daemon], stack: AsyncExitStack) -> None:
         self._start = start
@@ -155,14 +154,14 @@ class World:
         return Site(name, self._start(name), self._stack)
 
     async def bridge(self, site: Site, **options: Any) -> Running:
-        """A bridge on `site`, not linked yet."""
+        """Start a bridge on `site`, not linked yet."""
         running = Running(site, PairEngine(site.name), **options)
         self._stack.push_async_callback(running.stop)
         await running.start()
         return running
 
     async def pair(self, **options: Any) -> tuple[Site, Site, Running, Running]:
-        """Two buses, `left` and `right`, whose bridges are linked."""
+        """Make two buses, `left` and `right`, with linked bridges."""
         left, right = self.site("left"), self.site("right")
         one, other = await self.bridge(left, **options), await self.bridge(right, **options)
         self.network.join(one.engine, other.engine)
@@ -171,7 +170,7 @@ class World:
     async def talk(
         self, qos: bus.QoSProfile | int = 10, *, heard: bus.QoSProfile | int | None = None, kind: Any = Int32
     ) -> Talk:
-        """A pair whose nodes `talker` and `listener` have the topic `numbers`. `heard`: another QoS there."""
+        """Make a pair: nodes `talker` and `listener` on the topic `numbers`. `heard`: the listener's QoS."""
         left, right, one, other = await self.pair()
         publisher = await (await left.node("talker")).create_publisher(kind, "numbers", qos)
         listener = await right.node("listener")
@@ -180,12 +179,12 @@ class World:
 
 
 Made = Callable[[], AbstractAsyncContextManager[World]]
-"""What the fixture `world` gives."""
+"""The type of the fixture `world`."""
 
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: Forks) -> Iterator[Made]:
-    """`async with world() as made:` gives a World."""
+    """`async with world() as made:` makes a World."""
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
     daemons: list[Daemon] = []
 

@@ -25,16 +25,16 @@ class Line:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """What the broker counts as dropped for the subscription."""
+        """The broker's counters of samples dropped for the subscription."""
         return self.subscription.statistics(self.talker).dropped
 
     def told(self) -> list[dict[str, int]]:
-        """What the subscription was told of drops."""
+        """The drops reported to the subscription."""
         return [message.dropped for message in self.subscription.got(m.Dropped)]
 
 
 class Pair:
-    """A talker and a listener that share memory, and a match of theirs."""
+    """A talker and a listener that share memory, and their match."""
 
     def __init__(
         self,

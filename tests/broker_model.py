@@ -1,6 +1,7 @@
-"""What busd should do, done one sample at a time with lists: matching, depth, durability, lifespan, death.
+"""Expected behaviour of busd, with lists: matching, depth, durability, lifespan, death.
 
-And which matches go by shared memory, of whose samples it sees nothing until the route is refused.
+It handles one sample at a time. It also says which matches use shared memory: busd sees none of their samples
+until the route is refused.
 """
 
 from collections import Counter, deque
@@ -29,7 +30,7 @@ class ModelPublisher:
     next_seq: int
     has_ring: bool
     elsewhere: int = 0
-    """Samples that only one subscription got, since the last that went to all."""
+    """Samples for only one subscription, since the last sample for all."""
     history: list[ModelSample] = field(default_factory=list)
 
     @property
@@ -50,7 +51,7 @@ class ModelSubscription:
     dropped: Counter[str] = field(default_factory=Counter)
     looks_at_age: bool = False
     returned: set[int] = field(default_factory=set)
-    """Publishers that it had heard before: what has gone to others meanwhile, it has lost."""
+    """Publishers that it received from before: samples sent to others meanwhile are lost for it."""
 
     @property
     def depth(self) -> int:
@@ -71,10 +72,9 @@ class ModelSubscription:
 
 
 class Model:
-    """All endpoints of all processes; `blocked` holds the processes that don't read.
+    """All endpoints of all processes; `blocked` are the processes that don't read.
 
-    `shared` holds the matches by shared memory; `late` those that were rerouted and have not been caught up
-    with.
+    `shared` are the matches by shared memory; `late` are rerouted matches without a catch-up yet.
     """
 
     def __init__(self) -> None:
@@ -112,7 +112,7 @@ class Model:
         return "shm" if (publisher.id, subscription.id) in self.shared else "socket"
 
     def subscribers_of(self, publisher: ModelPublisher) -> list[ModelSubscription]:
-        """Those that get by the route socket what is sent to all."""
+        """Subscriptions that get by the route socket the samples for all."""
         others = self.shared | self.late
         return [
             one
@@ -142,13 +142,13 @@ class Model:
         self.deliver(subscription)
 
     def reroute(self, publisher: ModelPublisher, subscription: ModelSubscription) -> None:
-        """From shared memory to the socket."""
+        """Change a match from shared memory to the socket."""
         self.shared.remove((publisher.id, subscription.id))
         self.late.add((publisher.id, subscription.id))
         subscription.looks_at_age |= publisher.lifespan_ns > 0
 
     def _share(self, publisher: ModelPublisher, subscription: ModelSubscription) -> bool:
-        """Whether the new match goes by shared memory; notes it."""
+        """Whether the new match uses shared memory; notes it."""
         if publisher.has_ring and subscription.process in self.sharing:
             self.shared.add((publisher.id, subscription.id))
             return True
@@ -166,9 +166,9 @@ class Model:
     def publish(
         self, publisher: ModelPublisher, lost: int, gone: int, payloads: list[str], now_ns: int
     ) -> int:
-        """`lost`: samples that the publisher's own queue replaced before these; `gone`: by another route.
+        """Publish samples, after `lost` (replaced in the publisher's queue) and `gone` (by another route).
 
-        Returns how many went by another route since the last that came here.
+        Returns how many went by another route since the last sample that came here.
         """
         publisher.next_seq += lost + gone
         elsewhere, publisher.elsewhere = publisher.elsewhere + gone, 0
@@ -185,7 +185,7 @@ class Model:
     def catch_up(
         self, publisher: ModelPublisher, subscription: ModelSubscription, payloads: list[str], now_ns: int
     ) -> None:
-        """Samples for a late one, which all others had by another route."""
+        """Deliver samples to a late subscription; all others had them by another route."""
         publisher.elsewhere += len(payloads)
         self._queue(subscription, self._make(publisher, payloads, now_ns), now_ns)
         self.late.discard((publisher.id, subscription.id))

@@ -16,7 +16,7 @@ _SIZE = (1360, 960)
 
 
 def need_chromium() -> tuple[str, str]:
-    """The browser and its driver, or the test is skipped."""
+    """The paths of the browser and its driver; skips the test without them."""
     browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if browser is None or driver is None:
         pytest.skip("no chromium with its driver (Debian: apt install chromium chromium-driver)")
@@ -33,11 +33,11 @@ class Page:
         self.driver.get(address)
 
     def run(self, script: str, *arguments: object) -> Any:
-        """What a script returns."""
+        """Run a script; returns its result."""
         return self.driver.execute_script(script, *arguments)
 
     def wait(self, script: str, *arguments: object, fits: Callable[[Any], object] = bool) -> Any:
-        """Until what a script returns fits."""
+        """Wait until the result of a script fits."""
         end = time.monotonic() + WAIT_S
         while not fits(found := self.run(script, *arguments)):
             if time.monotonic() > end:
@@ -46,14 +46,14 @@ class Page:
         return found
 
     def texts(self, selector: str) -> list[str]:
-        """Of all elements that are shown there."""
+        """The texts of all elements for a selector."""
         found: list[str] = self.run(
             "return [...document.querySelectorAll(arguments[0])].map(one => one.textContent)", selector
         )
         return found
 
     def press(self, selector: str) -> None:
-        """A click on the first element there."""
+        """Click on the first element."""
         self.wait(
             "const one = document.querySelector(arguments[0]);"
             "one?.dispatchEvent(new MouseEvent('click', {bubbles: true})); return one !== null",
@@ -61,12 +61,12 @@ class Page:
         )
 
     def scheme(self, name: str) -> None:
-        """`light` or `dark`, as the user's system says."""
+        """Set the user's color scheme: `light` or `dark`."""
         features = [{"name": "prefers-color-scheme", "value": name}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
 
     def console(self) -> list[str]:
-        """What the console says since the last look."""
+        """Messages of the console since the last call."""
         return [f"{line['level']} {line['message']}" for line in self.driver.get_log("browser")]
 
     def picture(self, path: Path) -> None:
@@ -75,7 +75,7 @@ class Page:
 
 @contextmanager
 def chromium() -> Iterator[Page]:
-    """One that has no page yet."""
+    """Start a browser, without a page."""
     browser, driver = need_chromium()
     from selenium import webdriver
 

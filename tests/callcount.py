@@ -4,8 +4,8 @@
         publisher.publish(message)
     assert counter.python <= 20
 
-No mood of the machine is in them, so tests hold them as bounds. A generator that goes on is a call, too. What
-the event loop and threads call of their own does not count, nor what the test calls.
+The counts do not depend on the load of the machine, so tests use them as bounds. A resumed generator is a
+call, too. Calls by the event loop and by threads do not count, nor do the test's own calls.
 """
 
 import gc
@@ -44,7 +44,7 @@ class CallCounter:
 
     @property
     def switches(self) -> int:
-        """How often a call is of a function in another file than the call before."""
+        """How often a call leads to a function in another file than the previous call."""
         files = [file for file, _ in self.calls]
         return sum(one != other for one, other in pairwise(files))
 

@@ -1,4 +1,4 @@
-"""Certificates for tests: an authority, and what it has signed, made by openssl."""
+"""Certificates for tests: an authority, and certificates that it has signed, made by openssl."""
 
 import subprocess
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ class Certificates(NamedTuple):
 def make_certificates(
     folder: Path, *names: str, authority: str = "ca", addresses: Iterable[str] = ()
 ) -> dict[str, Certificates]:
-    """For each of `names`, valid for 127.0.0.1, localhost, ::1, `addresses` and the name itself."""
+    """A certificate for each of `names`: for 127.0.0.1, localhost, ::1, `addresses` and the name itself."""
     key, ca = folder / f"{authority}.key", folder / f"{authority}.pem"
     _openssl(
         *("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"),

@@ -1,4 +1,4 @@
-"""Pages of docs/ that make claims: tables of "claim | shown by", where the tests are named that show it."""
+"""Pages of docs/ with claims: tables of "claim | shown by" that name the tests."""
 
 import ast
 import re
@@ -13,12 +13,12 @@ _ROW = re.compile(r"^\| (.+?) \| (.+) \|$", re.MULTILINE)
 
 
 def named_tests(page: str) -> list[tuple[str, str]]:
-    """File and name, as pytest has them."""
+    """File and name of each test, as pytest has them."""
     return _NAMED.findall(page)
 
 
 def claims(page: str) -> list[tuple[str, str]]:
-    """The rows of all tables that show something, with what shows it."""
+    """The rows of all such tables, with the named tests."""
     found = []
     for block in re.findall(r"(?:^\|.*\|\n)+", page, re.MULTILINE):
         head, *rows = _ROW.findall(block)
@@ -29,7 +29,7 @@ def claims(page: str) -> list[tuple[str, str]]:
 
 @cache
 def names_in(path: str) -> set[str]:
-    """Names as pytest has them, without the file."""
+    """The names of a file's tests, as pytest has them, without the file."""
     found = set()
     for node in ast.parse((ROOT / path).read_text()).body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):

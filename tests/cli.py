@@ -1,4 +1,4 @@
-"""The program `bus` and programs of users, run by tests as users run them: what they say, how they end."""
+"""The program `bus` and users' programs, run by tests as users run them: their output and their end."""
 
 import os
 import queue
@@ -34,10 +34,10 @@ IMPORTED = (
     *("bus_ros.rclpy", "bus_ros.rclpy.parameter_service", "bus_ros.rosidl"),
     *("bus_bag.record.program", "mcap.records", "mcap.writer"),
 )
-"""What most programs of these tests import."""
+"""The imports of most programs in these tests."""
 
 forks: Forks | None = None
-"""Where programs are forked; None: each is a Python that is started. A fixture of system tests sets it."""
+"""The process that forks programs; None: each starts a new Python. A fixture of system tests sets it."""
 
 TALKER = """
 import asyncio, sys, bus
@@ -72,7 +72,7 @@ class Result(NamedTuple):
 def begin(
     words: Sequence[str], streams: Sequence[int], *, is_fresh: bool = False, folder: Path | None = None
 ) -> Fork | subprocess.Popen[bytes]:
-    """Begin a Python program with these standard streams: forked, or `is_fresh` in a new interpreter."""
+    """Begin a Python program with these standard streams: forked, or in a new interpreter if `is_fresh`."""
     stdin, stdout, stderr = streams
     if is_fresh or folder is not None or forks is None or not forks.can_run():
         command = [sys.executable, *words]
@@ -81,7 +81,7 @@ def begin(
 
 
 class Running:
-    """A Python program whose lines are read as they come."""
+    """A Python program; its lines are read as they come."""
 
     def __init__(self, words: Sequence[str], *, is_fresh: bool = False, folder: Path | None = None) -> None:
         (their_in, our_in), (our_out, their_out), (our_err, their_err) = os.pipe(), os.pipe(), os.pipe()
@@ -132,7 +132,7 @@ class Running:
         self._in.flush()
 
     def end(self, number: int | None = None) -> Result:
-        """Send a signal, if one is given, and wait; returns what was not read yet, and the exit code."""
+        """Send a signal, if one is given, and wait; returns the unread output, and the exit code."""
         if number is not None:
             self.process.send_signal(number)
         else:
@@ -152,7 +152,7 @@ class Running:
         self._close_input()
 
     def _close_input(self) -> None:
-        """What the program does not read any more is lost."""
+        """Input that the program does not read any more is lost."""
         with suppress(BrokenPipeError):
             self._in.close()
 
@@ -176,7 +176,7 @@ class Running:
 
 
 def without_hint(result: Result) -> Result:
-    """Where the machine is slow, `echo` may say what it waits for."""
+    """The result without the hint of `echo` that a slow machine may cause."""
     return result._replace(err=re.sub(r"^no message yet on .*\n", "", result.err, flags=re.MULTILINE))
 
 
@@ -191,12 +191,12 @@ def bus(*words: str, stdin: str = "", is_fresh: bool = False) -> Result:
 
 
 def start(*words: str, is_fresh: bool = False) -> Running:
-    """Start a `bus` that stays."""
+    """Start a `bus` that keeps running."""
     return Running(("-m", "bus_cli", *words), is_fresh=is_fresh)
 
 
 def wait_for_graph(fits: Callable[[Graph], object]) -> Graph:
-    """The first graph, with counters, that fits. Raises TimeoutError."""
+    """Wait for the first graph that fits, with counters. Raises TimeoutError."""
     seen: list[Graph] = []
     with Query(socket_path(), may_start=False) as query:
 
@@ -209,19 +209,19 @@ def wait_for_graph(fits: Callable[[Graph], object]) -> Graph:
 
 
 def messages_on_topic(graph: Graph) -> int:
-    """How many the first publisher of /topic has published, as far as it is known."""
+    """The number of messages that the first publisher of /topic has published, as far as known."""
     counters = graph.publishers_of("/topic")[0].statistics
     return counters.samples if counters is not None else 0
 
 
 @contextmanager
 def script(source: str, *arguments: str) -> Iterator[Running]:
-    """Run a program of a user's until the end of the block; it has said `ready`."""
+    """Run a user's program until the end of the block; it has printed `ready`."""
     with Running(("-c", source, *arguments)) as running:
         assert running.line() == "ready"
         yield running
 
 
 def words(line: str) -> list[str]:
-    """The words of a command line; in one that is YAML, colons get the blank that YAML wants."""
+    """The words of a command line; in a word that is YAML, colons get the space that YAML needs."""
     return [word.replace(":", ": ") if word.startswith("{") else word for word in line.split()]

@@ -1,4 +1,4 @@
-"""Fixtures of all tests: a daemon of its own for each test, and a look at what is left behind."""
+"""Fixtures of all tests: a separate daemon for each test, and checks for resources left open."""
 
 import asyncio
 import gc
@@ -22,7 +22,7 @@ from bus import shm
 from effort import DAILY, NIGHTLY, is_nightly
 from forks import Fork, Forks
 
-# What is slow here is the machine. By night there are more examples, and others each time.
+# If a test is slow, the cause is the machine. Nightly runs have more examples, different ones each time.
 hypothesis.settings.register_profile(
     "daily",
     deadline=None,
@@ -39,25 +39,25 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("daily")
 
-# For the tests themselves; what they start shall be as users see it.
+# Debug mode is for the tests themselves; programs that they start run as for users.
 _WITH_DEBUG = bool(os.environ.pop("PYTHONASYNCIODEBUG", ""))
 
 _FACTOR = float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 
 WAIT_S = 60.0 * _FACTOR
-"""No test waits longer for anything. Beside a load of 20 on two processors, programs took 20 s to start."""
+"""The longest wait of a test. With a load of 20 on two processors, programs took 20 s to start."""
 
 SOON_S = 5.0 * _FACTOR
-"""Limit for an event that otherwise a lease of 10 s or more would cause."""
+"""Limit for an event that otherwise only a lease of 10 s or more would cause."""
 
 CLOSE_S = 2.0 * _FACTOR
-"""For what closes descriptors in threads of its own."""
+"""For code that closes descriptors in separate threads."""
 TEST_S = 2 * WAIT_S
-"""No async test takes longer: one that hangs fails, and shows where."""
+"""The longest time of an async test: a test that hangs fails, and shows where."""
 
 
 class Daemon:
-    """A busd process on a socket of its own: a fork, or without `forks` a Python that is started."""
+    """A busd process on its own socket: a fork, or without `forks` a new Python."""
 
     def __init__(self, path: Path, *arguments: str, forks: Forks | None = None) -> None:
         self.path = path
@@ -160,14 +160,17 @@ def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
 
 @pytest.fixture(scope="session", autouse=True)
 def signals_as_in_a_terminal() -> None:
-    """In each process that runs tests, before its first program."""
+    """Restore signals in each process that runs tests, before its first program."""
     inherited_signals.restore()
 
 
 @pytest.fixture(autouse=True)
 def signals_as_before() -> Iterator[None]:
-    """What a test blocks, the programs of all later tests would not hear; what it has end a process, a later
-    test would end this one by."""
+    """Restore blocked signals and handlers after each test.
+
+    Programs of later tests would inherit blocked signals. With another handler, a later test could end this
+    process.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
@@ -178,12 +181,12 @@ def signals_as_before() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def no_descriptors_left() -> Iterator[None]:
-    """Each test closes what it opens."""
+    """Check that each test closes its descriptors."""
     before = open_descriptors().items()
     yield
     left = dict(open_descriptors().items() - before)
-    # What is held by something that the collector does not look at (gc=False) goes a time later than that.
-    # And zenoh closes its sockets in threads of its own, some time after its session has closed.
+    # The collector does not see some objects (gc=False), so descriptors that they hold are closed later.
+    # zenoh closes its sockets in its own threads, some time after the end of its session.
     end = time.monotonic() + CLOSE_S
     while left and (gc.collect() or time.monotonic() < end):
         time.sleep(0.001)
@@ -204,7 +207,7 @@ def open_descriptors() -> dict[str, str]:
 
 
 def pytest_asyncio_loop_factories(config: pytest.Config, item: pytest.Item) -> object:
-    """Every async test runs on both event loops."""
+    """Run every async test on both event loops."""
     import uvloop
 
     def with_debug(factory: Callable[[], asyncio.AbstractEventLoop]) -> asyncio.AbstractEventLoop:
@@ -242,9 +245,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What is collected stays, so that later no collection of garbage looks at it: each of them took 0.2 s.
+    """Keep collected tests out of later garbage collections, each of which took 0.2 s.
 
-    So does its garbage, some 20 MB: a collection that looks at all of this once takes half a second.
+    Their garbage, some 20 MB, stays, too: a single collection of all of this takes half a second.
     """
     gc.disable()
     try:
@@ -256,7 +259,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.fixture(scope="module", autouse=True)
 def frozen() -> None:
-    """Nor at what an earlier module has imported; and bus.run, called by its tests, has unfrozen all."""
+    """The same for imports of an earlier module; bus.run, called by its tests, has unfrozen everything."""
     gc.collect()
     gc.freeze()
 
@@ -266,10 +269,11 @@ def _is_daily(item: pytest.Item) -> bool:
 
 
 def _is_in_half(item: pytest.Item) -> bool:
-    """Of the four combinations of loop and route each test has two, in which each loop and each route is.
+    """Whether a combination of loop and route belongs to the test's half.
 
-    Which two hangs on its name, so that all tests together have all four. So it is with loop and distribution
-    of ROS 2. What is marked `either_loop` and has neither has one loop.
+    A test runs with two of the four combinations, which include each loop and each route. Its name selects
+    the two: all tests together use all four. The same holds for loop and distribution of ROS 2. A test marked
+    `either_loop`, without route and distribution, runs on one loop.
     """
     ids = item.callspec.id.split("-") if hasattr(item, "callspec") else []
     if not ("asyncio" in ids) ^ ("uvloop" in ids):

@@ -1,7 +1,7 @@
 """A part of `make messages`: the modules `_described` of bus.msg and bus.srv.
 
-Made of the ready-made message classes, and of what each node of rclpy has besides. A test says so where
-it was forgotten.
+Made from the ready-made message classes, and from further messages of each rclpy node. A test fails if it was
+forgotten.
 """
 
 from importlib import import_module
@@ -48,18 +48,18 @@ SERVICES = (
 
 
 def ready_made() -> list[type[Message]]:
-    """Every class of bus.msg that stands for a message."""
+    """Every message class of bus.msg."""
     modules = [import_module(f"bus.msg.{package}") for package in PACKAGES]
     return [getattr(module, name) for module in modules for name in module.__all__]
 
 
 def all_messages() -> list[type[Any]]:
-    """The classes in the module for messages: those, and what each node of rclpy publishes besides."""
+    """The classes in the module for messages: ready-made ones, and further messages of each rclpy node."""
     return [*ready_made(), message_class("rcl_interfaces/msg/ParameterEvent")]
 
 
 def described(cls: type[Any]) -> tuple[str, bytes]:
-    """What the class itself says, worked out."""
+    """Hash and description, computed from the class."""
     schema = describe(cls)
     return schema_hash(schema), msgspec.msgpack.encode(schema)
 
@@ -79,7 +79,7 @@ def service_source() -> str:
     """The text of the module for services."""
     parts = [SERVICE_HEAD]
     for name in SERVICES:
-        support = ServiceSupport(service_class(name))  # of a native class, which is described anew
+        support = ServiceSupport(service_class(name))  # for a native class, which is described again
         parts.append(f'    "{name}": (\n')
         for envelope in (support.requests, support.replies(b"")):
             parts.append(
@@ -91,7 +91,7 @@ def service_source() -> str:
 
 
 def _literal(data: bytes) -> str:
-    """As ruff writes it."""
+    """The literal in ruff's style."""
     text = repr(data)
     return text if b'"' in data else f'b"{text[2:-1]}"'
 

@@ -1,9 +1,11 @@
 """Programs that get a signal at a random moment of their start, and how each one ends.
 
-A program must end by the signal, silently. The moments begin when the interpreter has started: before that,
-Python prints a traceback or loses a Ctrl-C by itself. Two more ends are Python's own and counted apart: its
-traceback of something before our first line, and a Ctrl-C lost when it looks for the program's file or
-in the last step of the program's own `import` statement.
+A program must end by the signal, silently. The moments begin after the start of the interpreter: before that,
+Python prints a traceback or loses a Ctrl-C by itself. Two more ends are Python's own and counted separately:
+
+- a traceback from before our first line
+- a Ctrl-C lost while Python looks for the program's file, or in the last step of the program's own `import`
+  statement
 """
 
 import os
@@ -48,7 +50,7 @@ rclpy.spin(Publisher())
 """
 
 MOMENTS_S: Final = 1.5
-"""The signal comes within this time; later too if the machine is slow."""
+"""The signal comes within this time; later if the machine is slow."""
 
 LOST_BY_PYTHON: Final = "lost by Python"
 
@@ -57,7 +59,7 @@ _FOLDERS: Final = [
     re.escape(str(Path(package.__file__ or "").parents[level])) for package, level in ((bus, 1), (busd, 0))
 ]
 _OURS: Final = re.compile(rf'File "(?:{"|".join(_FOLDERS)})/[^"]*(?<!/__main__\.py)"').search
-"""A line of a traceback in a file of ours; `__main__.py` only stands for the program's own."""
+"""A line of a traceback in one of our files; `__main__.py` stands for the program itself."""
 
 _FAULTS: Final = ("Traceback", "Fatal Python error", "never awaited", "Exception ignored")
 _LOST: Final = (
@@ -75,7 +77,7 @@ os.close(number)
 
 @dataclass
 class Findings:
-    """How often each end of a program was seen, and the bad ones with their moments."""
+    """Counts of each program's ends, and the bad ends with their moments."""
 
     ends: Counter[str] = field(default_factory=Counter)
     bad: list[str] = field(default_factory=list)
@@ -85,7 +87,7 @@ class Findings:
 
 
 def programs(folder: Path) -> dict[str, Callable[[int], Sequence[str]]]:
-    """By name: the command of a start with that number. All need a busd, except busd itself."""
+    """The command for the start with a given number, for each program. All except busd need a busd."""
     connect, ros = folder / "connect.py", folder / "ros.py"
     connect.write_text(CONNECT)
     ros.write_text(RCLPY)
@@ -105,7 +107,7 @@ def try_out(
 ) -> Findings:
     """Start a program `starts` times, each time with the signal at a random moment.
 
-    `folder`: for a file of its own, which Python runs at the end of the interpreter's start.
+    `folder` is for a file that Python runs at the end of the interpreter's start.
     """
     site = folder / "site"
     site.mkdir()
@@ -137,14 +139,14 @@ def try_out(
 
 
 def _start_s() -> float:
-    """How long a short program of the bus takes now, from start to end."""
+    """The present duration of a short program of the bus, from start to end."""
     begin = time.monotonic()
     subprocess.run((sys.executable, "-m", "bus_cli", "topic", "list"), stdout=subprocess.DEVNULL, check=True)
     return time.monotonic() - begin
 
 
 def _one(command: Sequence[str], number: signal.Signals, moment_s: float, site: Path) -> tuple[str, str]:
-    """How a start ended, and its output on stderr. The moment counts from when the interpreter is ready."""
+    """The end of one start, and its output on stderr. The moment counts from the interpreter's start."""
     ready, signals_ready = os.pipe()
     variables = {"PYTHONPATH": str(site), "PYTHONFAULTHANDLER": "1", _READY: str(signals_ready)}
     process = subprocess.Popen(
@@ -159,7 +161,7 @@ def _one(command: Sequence[str], number: signal.Signals, moment_s: float, site: 
     os.close(signals_ready)
     assert os.read(ready, 1) == b"."
     os.close(ready)
-    time.sleep(moment_s)  # the moment itself, not a wait for something
+    time.sleep(moment_s)  # the moment itself, not a wait for an event
     process.send_signal(number)
     try:
         _, said = process.communicate(timeout=WAIT_S)
@@ -179,7 +181,7 @@ def _in_order(command: Sequence[str], number: signal.Signals) -> str | None:
 
 
 def judge(code: int, said: str, number: signal.Signals, *, in_order: str | None = None) -> str:
-    """How it ended, in a word; beginning with BAD if a user should not see that."""
+    """The end of a start in a word; it begins with BAD if users must not see such an end."""
     if any(sign in said for sign in _FAULTS) or code == 1:
         is_pythons = "KeyboardInterrupt" in said and code in (1, -number) and not _OURS(said)
         return "before our first line" if is_pythons else f"BAD: {code}"

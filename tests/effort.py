@@ -1,18 +1,18 @@
-"""How much of a random thing a test tries: a third in `make test`, all of it in `make nightly`."""
+"""The part of random examples that a test tries: a third in `make test`, all in `make nightly`."""
 
 import hypothesis
 
 DAILY, NIGHTLY = 33, 100
-"""Percent, and hypothesis's number of examples where a test names none."""
+"""Percentages, and hypothesis's numbers of examples for tests without their own."""
 
 
 def examples(number: int) -> int:
-    """So many of `number`, at least one. To be asked once the tests are collected, or later."""
+    """The part of `number`, at least one. Call it only once the tests are collected."""
     return -(-number * _percent() // NIGHTLY)
 
 
 def is_nightly() -> bool:
-    """Whether these are the tests of `make nightly`. To be asked as `examples` is."""
+    """Whether these are the tests of `make nightly`. Call it when `examples` may be called."""
     return _percent() == NIGHTLY
 
 

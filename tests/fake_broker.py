@@ -1,4 +1,4 @@
-"""A broker that says what a test tells it to, to see what a client makes of it.
+"""A broker with scripted messages, to test the reactions of a client.
 
     async with FakeBroker(path) as broker:
         opening = asyncio.ensure_future(node.open())
@@ -6,7 +6,7 @@
         request = await client.expect(m.CreateNode)
         client.send(m.Created(request=request.request, id=1))
 
-It lives in the test's own event loop, so a test decides in which order things happen.
+It runs in the test's event loop, so a test controls the order of events.
 """
 
 import asyncio
@@ -44,11 +44,11 @@ class FakeBroker:
 
     @property
     def connections(self) -> int:
-        """How many have come."""
+        """The number of connections so far."""
         return len(self._connections)
 
     async def meet(self) -> "FakeConnection":
-        """The next connection; nothing was said on it."""
+        """The next connection, before any message."""
         return await self._accepted.get()
 
     async def accept(self, *, lease_s: float = 1e6) -> "FakeConnection":
@@ -89,10 +89,10 @@ class FakeConnection:
             buffer[: len(raw)] = raw
             self._waiting.extend(self._session.received(len(raw)))
         item = self._waiting.pop(0)
-        return item.message if isinstance(item, Carried) else item  # descriptors are not looked at
+        return item.message if isinstance(item, Carried) else item  # descriptors are ignored
 
     async def expect(self, kind: type[T]) -> T:
-        """The next message of that kind; what comes before it is passed over."""
+        """The next message of that kind; earlier ones are skipped."""
         while (item := await self.receive()) is not None:
             if isinstance(item, kind):
                 return item

@@ -1,4 +1,4 @@
-"""Bytes into a FrameReader or a Session, as a socket would bring them. Knows nothing of messages."""
+"""Feeds bytes into a FrameReader or a Session, as a socket would. Knows nothing of messages."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -14,7 +14,7 @@ def frame_record(payload: bytes | bytearray | memoryview, stamp_ns: int) -> byte
 
 
 def feed(receiver: FrameReader | Session, data: bytes, chunks: Iterable[int] = ()) -> Iterator[Any]:
-    """What `receiver` gives for `data` read in pieces of the given sizes, the rest as large as they fit."""
+    """The output of `receiver` for `data`, read in pieces of the given sizes, then in the largest ones."""
     reader = receiver.reader if isinstance(receiver, Session) else receiver
     sizes, at = iter(chunks), 0
     while at < len(data):

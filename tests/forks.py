@@ -1,11 +1,11 @@
-"""Python programs as forks of a process that has imported what they need: a start costs 20 ms, not 400.
+"""Python programs as forks of a process with all needed imports: a start costs 20 ms, not 400.
 
     forks = Forks()                      one for all tests of a process
-    forks.run(["-m", "busd"], stderr=…)  a `Fork`, which is to its user as a subprocess.Popen
+    forks.run(["-m", "busd"], stderr=…)  a `Fork`, used like a subprocess.Popen
 
-Each program is a process of its own, with its command line, environment and folder, and it ends as any other.
-But no interpreter starts: a test of imports, or of what a process inherits (limits, ignored signals), starts
-a real one.
+Each program is a separate process, with its command line, environment and folder, and it ends as any other.
+But no interpreter starts. A test of imports, or of inherited state (limits, ignored signals), must start a
+real one.
 """
 
 import atexit
@@ -37,7 +37,7 @@ _HEEDED = ("PYTHONASYNCIODEBUG", "PYTHONUNBUFFERED")
 
 
 def _for_interpreter(environment: Mapping[str, str]) -> dict[str, str]:
-    """What an interpreter reads only when it starts."""
+    """Variables that an interpreter reads only when it starts."""
     return {
         name: value
         for name, value in environment.items()
@@ -46,7 +46,7 @@ def _for_interpreter(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 class Order(msgspec.Struct):
-    """A program to be run; its descriptors are stdin, stdout and stderr."""
+    """A program to run; its descriptors are stdin, stdout and stderr."""
 
     words: list[str]
     environment: dict[str, str]
@@ -56,7 +56,7 @@ class Order(msgspec.Struct):
 
 
 class Fork:
-    """A process that was forked; its status is known to the zygote only."""
+    """A forked process; only the zygote knows its status."""
 
     def __init__(self, pid: int, ask: Callable[[bytes], int], words: list[str]) -> None:
         self.pid = pid
@@ -76,7 +76,7 @@ class Fork:
 
     def send_signal(self, number: int) -> None:
         if self.poll() is None:
-            os.kill(self.pid, number)  # nobody else has the pid as long as its status was not asked for
+            os.kill(self.pid, number)  # the pid is not reused before its status was read
 
     def terminate(self) -> None:
         self.send_signal(signal.SIGTERM)
@@ -95,7 +95,7 @@ class Fork:
 
 
 class Forks:
-    """The process that forks, started with the first program; closing kills what still runs."""
+    """The process that forks, started with the first program; closing kills remaining programs."""
 
     def __init__(self, imports: Sequence[str] = _IMPORTED) -> None:
         self._imports = imports
@@ -105,7 +105,7 @@ class Forks:
         self._process: subprocess.Popen[bytes] | None = None
 
     def can_run(self, environment: Mapping[str, str] = os.environ) -> bool:
-        """Whether an interpreter that started now would be as the one that forks."""
+        """Whether an interpreter started now would be like the forking one."""
         return _for_interpreter(environment) == self._variables
 
     def run(
@@ -121,8 +121,9 @@ class Forks:
     ) -> Fork:
         """Begin a program in the folder of this process; -1: the stream is /dev/null.
 
-        Without `is_finalized` a program that ends in order ends before Python takes its modules apart: that
-        touches, and so copies, all memory that the fork shares, a third of the processor time of a busd.
+        Without `is_finalized`, a program that ends in order skips Python's finalization of modules. The
+        finalization touches, and so copies, all memory shared with the fork: a third of the processor time of
+        a busd.
         """
         order = Order(list(words), dict(environment), str(Path.cwd()), leads_session, is_finalized)
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
@@ -159,7 +160,7 @@ class Forks:
 
 
 def _become(order: Order, descriptors: list[int]) -> Order:
-    """This process, just forked, becomes that program up to its first line."""
+    """Turn this process, just forked, into that program, up to its first line."""
     if order.leads_session:
         os.setsid()
     for number, descriptor in enumerate(descriptors):
@@ -176,7 +177,7 @@ def _become(order: Order, descriptors: list[int]) -> Order:
 
 
 def _stream(number: int, mode: str) -> io.TextIOWrapper:
-    """As the interpreter makes it (sys.stdin and so on)."""
+    """A standard stream as the interpreter makes it (sys.stdin and so on)."""
     is_at_once = mode == "w" and bool(os.environ.get("PYTHONUNBUFFERED"))
     raw = io.FileIO(number, mode, closefd=False)
     buffered = raw if is_at_once else (io.BufferedReader if mode == "r" else io.BufferedWriter)(raw)
@@ -206,7 +207,7 @@ def _run(words: list[str]) -> None:
 
 
 def _end(code: object) -> None:
-    """End this process as Python does, but for the finalization; a code that is a text is left to Python."""
+    """End this process as Python does, but without the finalization; Python handles a code that is text."""
     if code is None or isinstance(code, int):
         threading._shutdown()  # type: ignore[attr-defined]  # waits for the threads that are no daemons
         atexit._run_exitfuncs()
@@ -216,7 +217,7 @@ def _end(code: object) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C at the tests is for them
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C at the tests is only for them
     for name in sys.argv[2:]:
         importlib.import_module(name)
     gc.collect()

@@ -1,4 +1,4 @@
-"""A client of Foxglove's protocol, as a viewer is one, for tests."""
+"""A client of Foxglove's protocol for tests, like a viewer."""
 
 import json
 import struct
@@ -19,7 +19,7 @@ Frame = dict[str, Any] | bytes
 
 
 class Foxglove:
-    """What was heard is kept until somebody asks for it."""
+    """A client; it keeps announced channels and services until a test asks for them."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -47,7 +47,7 @@ class Foxglove:
         return told
 
     def hear(self, op: str, fits: Callable[[Any], object] = lambda told: True) -> Any:
-        """The next text of that kind that fits; what comes before it is passed over. Raises TimeoutError."""
+        """The next fitting text of that kind; earlier ones are skipped. Raises TimeoutError."""
         end = time.monotonic() + WAIT_S
         while True:
             told = self.listen(end - time.monotonic())
@@ -55,19 +55,19 @@ class Foxglove:
                 return told
 
     def channel(self, topic: str) -> dict[str, Any]:
-        """As soon as there is one."""
+        """The channel of a topic; waits for it."""
         while topic not in self.channels:
             self.listen()
         return self.channels[topic]
 
     def service(self, name: str) -> dict[str, Any]:
-        """As soon as there is one."""
+        """The service of that name; waits for it."""
         while name not in self.services:
             self.listen()
         return self.services[name]
 
     def subscribe(self, numbers: Mapping[int, str]) -> None:
-        """To topics, by the numbers of the subscriptions."""
+        """Subscribe to topics, by the numbers of the subscriptions."""
         wanted = [{"id": number, "channelId": self.channel(topic)["id"]} for number, topic in numbers.items()]
         self.say("subscribe", subscriptions=wanted)
 
@@ -89,12 +89,12 @@ class Foxglove:
 
 @contextmanager
 def looking(server: Serving, subprotocol: str = SDK, **more: Any) -> Iterator[Foxglove]:
-    """At the address that is printed."""
+    """Connect to the printed address."""
     with connect(
         server.foxglove,
         subprotocols=[Subprotocol(subprotocol)],
         max_size=None,
-        max_queue=None,  # else what waits here holds up the answer to our close for ten seconds
+        max_queue=None,  # otherwise a full queue delays the answer to our close by ten seconds
         proxy=None,
         **more,
     ) as connection:

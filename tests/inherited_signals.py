@@ -13,7 +13,7 @@ def restore() -> None:
     """Restore the actions that signals have in a terminal's shell, for this process and its programs.
 
     `nohup`, cron and CI runners start a program with ignored signals. If there were any, a worker of
-    pytest-xdist gets a process group of its own: the end of the terminal must not end a run under `nohup`.
+    pytest-xdist gets a separate process group: the end of the terminal must not end a run under `nohup`.
     """
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     ignored = {number for number in signal.valid_signals() if signal.getsignal(number) is signal.SIG_IGN}

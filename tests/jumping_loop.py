@@ -1,16 +1,16 @@
-"""An event loop that never waits: where nothing is left to be done, its time jumps to the next timer.
+"""An event loop that never waits: if nothing is left to do, its time jumps to the next timer.
 
     async def story() -> None:
         ...
-        await asyncio.sleep(1000)   takes no time; what is due meanwhile comes in its order
+        await asyncio.sleep(1000)   takes no time; due events come in order
 
     play(story)
 
-So a test says what is to come within 1000 seconds and what not before 900, and no machine is too slow for
-it. All that takes part must be in this loop: then what is said by sockets and doorbells is there at once.
+So a test can require an event within 1000 seconds, and another not before 900, and no machine is too slow for
+it. All participants must be in this loop: data sent by sockets and doorbells then arrive at once.
 
-The clock of `bus` and `busd` jumps too, but for that of the native core: what is written into a ring after a
-jump seems older than it is. So matches by shared memory are to be made before the first one.
+The clock of `bus` and `busd` jumps too, except the clock of the native core: data written into a ring after a
+jump seem older than they are. So matches by shared memory have to be made before the first jump.
 """
 
 import asyncio
@@ -26,13 +26,13 @@ from bus.alarms import wake_up
 from bus.endpoint import deadline
 
 _LONGEST_S = 20_000
-"""No story lasts longer: it waits for what never comes."""
+"""The longest story; after this time, it waits for an event that never comes."""
 _MOST_TURNS = 50_000
-"""No story needs so many turns of the loop on end in which nothing comes: it goes round and round."""
+"""The most turns of the loop in a row without an event; after these, it is an endless loop."""
 
 
 class JumpingLoop(asyncio.SelectorEventLoop):
-    """`jumped_s` is how far its time is ahead of the machine's."""
+    """`jumped_s` is the lead of its time over the machine's."""
 
     def __init__(self) -> None:
         self.jumped_s = 0.0
@@ -52,7 +52,7 @@ class _Selector(selectors.DefaultSelector):
         self._idle_turns = 0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        if timeout is None:  # the story has ended, and with it its own time-out
+        if timeout is None:  # the story has ended, and with it its time limit
             return super().select(None)
         found = super().select(0)
         self._idle_turns = 0 if found or timeout else self._idle_turns + 1
@@ -80,8 +80,8 @@ def play(story: Callable[[], Coroutine[Any, Any, None]]) -> None:
 
 @contextmanager
 def _clock_of(loop: JumpingLoop) -> Iterator[None]:
-    """All modules of the bus that have a clock have that of `loop`, and none uses the kernel's timers."""
-    assert deadline  # loaded late by those who have one: its clock must be there now
+    """Give all modules of the bus with a clock the clock of `loop`; none uses the kernel's timers."""
+    assert deadline  # some modules load it late, but its clock must be replaced now
     clocks = {time.monotonic: loop.time, time.monotonic_ns: loop.time_ns}
     with ExitStack() as patches:
         patches.enter_context(patch.object(wake_up, "has_kernel_timer", lambda: False))

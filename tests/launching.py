@@ -1,4 +1,4 @@
-"""Launch descriptions in tests: substitutions performed, descriptions run, files written."""
+"""Launch descriptions in tests: perform substitutions, run descriptions, write files."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -19,14 +19,14 @@ from bus_launch.launch.launch_service import LaunchService
 
 
 def perform(sub: SomeSubstitutionsType, **configurations: str) -> str:
-    """The text of some substitutions, where the launch has these configurations."""
+    """The text of some substitutions, with these launch configurations."""
     context = LaunchContext()
     context.launch_configurations.update(configurations)
     return perform_substitutions(context, normalize_to_list_of_substitutions(sub))
 
 
 def run(*entities: LaunchDescriptionEntity, service: LaunchService | None = None) -> int:
-    """Until nothing is left to do; returns the code. What is printed is on stdout, as with `bus launch`."""
+    """Run until nothing is left to do; returns the code. Output is on stdout, as with `bus launch`."""
     logging.reset()  # pytest has another stdout for each test
     service = service or LaunchService()
     service.include_launch_description(LaunchDescription(entities))
@@ -37,7 +37,7 @@ def run(*entities: LaunchDescriptionEntity, service: LaunchService | None = None
 
 
 def note(found: list[Any], value: Callable[[LaunchContext], Any] | str) -> OpaqueFunction:
-    """An action that appends a value, or that of a launch configuration, to a list."""
+    """An action that appends a value, or the value of a launch configuration, to a list."""
 
     def look(context: LaunchContext) -> None:
         found.append(value(context) if callable(value) else context.launch_configurations.get(value))
@@ -46,7 +46,7 @@ def note(found: list[Any], value: Callable[[LaunchContext], Any] | str) -> Opaqu
 
 
 def write(folder: Path, files: Mapping[str, str]) -> Path:
-    """Files, which are programs, too; returns the folder."""
+    """Write executable files; returns the folder."""
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,7 @@ def write(folder: Path, files: Mapping[str, str]) -> Path:
 
 
 def said(out: str) -> list[str]:
-    """What LogInfo has printed."""
+    """The texts that LogInfo has printed."""
     mark = "[INFO] [launch.user]: "
     return [line.removeprefix(mark) for line in out.splitlines() if line.startswith(mark)]
 

@@ -1,4 +1,4 @@
-"""A TCP socket that whoever closes it last would wait for, an hour."""
+"""A TCP socket whose last `close()` blocks for an hour."""
 
 import contextlib
 import socket
@@ -12,7 +12,7 @@ _HOUR_S = 3600
 
 @contextlib.contextmanager
 def lingering_socket() -> Iterator[Descriptor]:
-    """A connected one with SO_LINGER, whose bytes nobody reads; the caller may close it."""
+    """A connected socket with SO_LINGER and unread bytes; the caller may close it."""
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
         listening.bind(("127.0.0.1", 0))

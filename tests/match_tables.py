@@ -1,11 +1,11 @@
-"""What must be true of all matches of a broker, whatever has happened."""
+"""Invariants of all matches of a broker."""
 
 from busd.core.graph import Graph
 from busd.core.match import MatchState
 
 
 def check_matches(graph: Graph) -> None:
-    """Both ends know each match, and the tables of publishers hold what the states say."""
+    """Check that both ends know each match, and that the publishers' tables agree with the states."""
     for publisher in graph.publishers.values():
         matches = publisher.matches
         for number, match in matches.items():

@@ -1,7 +1,7 @@
-"""`make messages`: the modules of bus.msg and bus.srv, made of the definitions in clients/bus/share.
+"""`make messages`: the modules of bus.msg and bus.srv, made from the definitions in clients/bus/share.
 
-To be run after a definition was added or changed; a test says so where it was forgotten. The comment at the
-head of a definition becomes the docstring of its class.
+Run it after adding or changing a definition; a test fails if it was forgotten. The comment at the head of a
+definition becomes the docstring of its class.
 """
 
 import re
@@ -31,7 +31,7 @@ LINE = 110
 
 
 class Definition(NamedTuple):
-    """What one file says: one message, or the request and the response of a service."""
+    """The content of one file: one message, or the request and the response of a service."""
 
     name: str
     about: str
@@ -46,7 +46,7 @@ class Code(NamedTuple):
 
 
 def modules() -> dict[Path, str]:
-    """The files, and the text of each."""
+    """The files to write, and the text of each."""
     listed = [("msg", package) for package in msg.PACKAGES] + [("srv", package) for package in srv.PACKAGES]
     return {BUS / kind / f"{package}.py": source(kind, package) for kind, package in listed}
 
@@ -71,14 +71,14 @@ def source(kind: str, package: str) -> str:
 
 
 def definitions(kind: str, package: str) -> dict[str, Definition]:
-    """Those of a package, by the names of their classes, sorted as ruff sorts them."""
+    """The definitions of a package, by the names of their classes, in ruff's order."""
     only = ONLY.get(f"{kind}/{package}")
     paths = [path for path in (BUS / "share" / package / kind).iterdir() if not only or path.stem in only]
     return {path.stem: _read(path) for path in sorted(paths, key=lambda path: _key(path.stem))}
 
 
 def in_order(found: dict[str, Definition]) -> Iterator[Definition]:
-    """Sorted: a message comes after those that it contains."""
+    """Sorted: a message comes after the messages that it contains."""
     done: set[str] = set()
 
     def after_its_parts(definition: Definition) -> Iterator[Definition]:
@@ -154,7 +154,7 @@ def _fixed(code: Code, name: str, type_: Type) -> str:
 
 
 def _name(code: Code, base: str) -> str:
-    """How a type is called in a module."""
+    """The name of a type in a module."""
     package, _, name = base.rpartition("/msg/")
     if base != "bool":
         code.used.add((f"bus.msg.{package}" if package else "bus.msg._types", name))
@@ -162,7 +162,7 @@ def _name(code: Code, base: str) -> str:
 
 
 def _literal(value: object) -> str:
-    """As ruff writes it."""
+    """The literal in ruff's style."""
     text = repr(value)
     return text if not isinstance(value, str | bytes) or '"' in text else text.replace("'", '"')
 
@@ -186,7 +186,7 @@ def _import(module: str, names: Iterable[str]) -> Iterator[str]:
 
 
 def _key(name: str) -> tuple[bool, list[str | int]]:
-    """Classes first, and 8 before 16."""
+    """The sort key: classes first, and 8 before 16."""
     return name[0].islower(), [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 

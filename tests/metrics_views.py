@@ -1,4 +1,4 @@
-"""Looks at a bus that never was, for tests of `bus metrics` and `bus doctor`."""
+"""Invented views of a bus, for tests of `bus metrics` and `bus doctor`."""
 
 from collections.abc import Iterable
 
@@ -25,7 +25,7 @@ def endpoint(  # noqa: PLR0913
     expected: int = 0,
     **dropped: int,
 ) -> m.EndpointRecord:
-    """An endpoint of node `/n<node>` with what it has counted."""
+    """An endpoint of node `/n<node>` with its counters."""
     return m.EndpointRecord(
         id=id,
         kind=kind,
@@ -42,7 +42,7 @@ def endpoint(  # noqa: PLR0913
 
 
 def graph(*endpoints: m.EndpointRecord, matches: Iterable[m.MatchRecord] = ()) -> Graph:
-    """Of these endpoints, with the nodes that they need."""
+    """A graph of these endpoints, with the nodes that they need."""
     nodes = sorted({one.node for one in endpoints})
     return graph_of(
         m.GraphSnapshot(

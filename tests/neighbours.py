@@ -1,11 +1,11 @@
-"""A well-behaved pair that talks while a test is rude to their broker: what they say must arrive, all of it.
+"""A well-behaved pair that exchanges messages while a test misuses their broker: all must arrive.
 
     with Neighbours(path) as neighbours:
-        ...                         the rude part
-        neighbours.carry_on()       waits until more has been heard
+        ...                         the misuse
+        neighbours.carry_on()       waits until more messages have arrived
 
-They live in a thread with an event loop of its own, so that a test may block. Leaving checks that nothing was
-lost, repeated or reordered, and that the broker never cut them off.
+They run in a thread with its own event loop: a test may block. Leaving checks that nothing was lost, repeated
+or reordered, and that the broker never closed their connection.
 """
 
 import asyncio
@@ -62,7 +62,7 @@ class Neighbours:
             assert not self._was_cut_off, "the broker cut the neighbours off"
 
     def carry_on(self, messages: int = 10) -> None:
-        """Wait until so many more messages have been heard."""
+        """Wait until `messages` more messages have arrived."""
         goal = self.sent + messages
         wait_until(lambda: len(self.heard) >= goal or self._error is not None)
         self._raise()
@@ -99,7 +99,7 @@ class Neighbours:
 
 
 def wait_until(condition: Callable[[], object]) -> None:
-    """Wait for `condition` to hold; only the bound is a time. Raises TimeoutError."""
+    """Wait until `condition` is true; a time is only the bound. Raises TimeoutError."""
     end = time.monotonic() + WAIT_S
     while not condition():
         if time.monotonic() > end:
@@ -119,7 +119,7 @@ def with_limits(**limits: float) -> pytest.MarkDecorator:
 
 
 def answers(path: Path) -> bool:
-    """Whether somebody listens; the file is there a moment earlier."""
+    """Whether a server listens; its file exists a moment earlier."""
     with socket.socket(socket.AF_UNIX) as probe, contextlib.suppress(OSError):
         probe.connect(str(path))
         return True
@@ -127,5 +127,5 @@ def answers(path: Path) -> bool:
 
 
 def descriptors_of(pid: int) -> int:
-    """How many descriptors a process has open."""
+    """The number of open descriptors of a process."""
     return len(list(Path(f"/proc/{pid}/fd").iterdir()))

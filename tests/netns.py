@@ -6,9 +6,9 @@
         with cable.pulled():
             ...
 
-A namespace has no name and no file: a process of its own holds it until its standard input ends, so it goes
-with the test's process however that ends, and tests that run side by side can't meet. Each machine has its
-own loopback, and its own /dev/shm, by which Fast DDS would find the others.
+A namespace has no name and no file: a separate process holds it until its standard input ends. So it ends
+with the test's process in any case, and parallel tests can't collide. Each machine has its own loopback, and
+its own /dev/shm, by which Fast DDS would find the others.
 
 busd's sockets are files, which all machines share: programs that only talk to a busd may run anywhere.
 """
@@ -31,7 +31,7 @@ _NOBODY = "02:00:00:00:00:77"
 
 @cache
 def why_not() -> str:
-    """Why there can be no namespaces here; empty where there can."""
+    """The reason why namespaces are impossible here; empty if they are possible."""
     try:
         with Machines("here", "there") as machines:
             machines.connect("here", "there")
@@ -56,15 +56,15 @@ class Machine:
             raise RuntimeError(said.strip() or "unshare has failed")
         self.pid = self._holder.pid
         self.prefix = ("nsenter", "--target", str(self.pid), "--net", "--mount", "--")
-        """What stands before a command that is to run there: the process stays the same."""
+        """The first words of a command that runs there; it remains the same process."""
         self.cables = 0
 
     def run(self, *command: str) -> str:
-        """What a command there says. Raises RuntimeError where it fails."""
+        """The output of a command there. Raises RuntimeError if it fails."""
         return _run(*self.prefix, *command)
 
     def close(self) -> None:
-        """Let it go; it lives on as long as programs run in it."""
+        """Release it; it lives on as long as programs run in it."""
         assert self._holder.stdin is not None and self._holder.stdout is not None
         self._holder.stdin.close()
         self._holder.stdout.close()
@@ -72,9 +72,9 @@ class Machine:
 
 
 class Cable:
-    """Two interfaces, one on each machine, and a network of their own.
+    """Two interfaces, one on each machine, with their own network.
 
-    It can be out in two ways, which programs see differently.
+    It can be broken in two ways, which programs see differently.
     """
 
     def __init__(self, number: int, ends: tuple[Machine, Machine]) -> None:
@@ -94,7 +94,7 @@ class Cable:
             machine.run("ip", "link", "set", interface, "up")
 
     def address_of(self, machine: str) -> str:
-        """That the other end reaches it by."""
+        """The address of a machine for the other end."""
         return self._places[machine][1]
 
     def interface_of(self, machine: str) -> str:
@@ -102,7 +102,7 @@ class Cable:
 
     @contextmanager
     def pulled(self) -> Iterator[None]:
-        """Nothing for one machine gets through, and nobody is told: what is sent is lost on the way."""
+        """Drop everything between the two machines, without an error: sent data are lost in transit."""
         for name, address in self._addresses():
             machine, interface = self._ends[name], self._places[name][0]
             words = ("neigh", "replace", address, "lladdr", _NOBODY, "dev", interface, "nud", "permanent")
@@ -115,7 +115,7 @@ class Cable:
 
     @contextmanager
     def down(self) -> Iterator[None]:
-        """The interface of one end is down, so that the other has no carrier: who sends has an error."""
+        """Switch the interface of one end off: the other has no carrier, so sending fails with an error."""
         name, (interface, _) = next(iter(self._places.items()))
         machine = self._ends[name]
         machine.run("ip", "link", "set", interface, "down")
@@ -131,7 +131,7 @@ class Cable:
 
 
 class Machines:
-    """The machines of a test, by their names. Leaving lets them go."""
+    """The machines of a test, by name. Leaving releases them."""
 
     def __init__(self, *names: str) -> None:
         self._names = names

@@ -1,6 +1,6 @@
 """A test's end of `survivors.py`: starts talkers and listeners, kills, stops and questions them.
 
-Also what one can see of a process from outside: its descriptors, mappings, memory and state.
+It also has functions to inspect a process from outside: its descriptors, mappings, memory and state.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ from survivors import EARS, WORD_BYTES, Ear, Listen, Role, Talk
 
 
 class Actor:
-    """A process that lives a role. `ask` needs it to be `ready`."""
+    """A process with a role. `ask` needs it to be `ready`."""
 
     def __init__(self, role: Role, pid: int, channel: socket.socket, line: socket.socket) -> None:
         self.role = role
@@ -47,29 +47,30 @@ class Actor:
 
     @property
     def said(self) -> int:
-        """Of a talker: up to which number it has promised everything."""
+        """For a talker: the number up to which it has promised all messages."""
         return self._noted(0)
 
     @property
     def waits(self) -> bool:
-        """Of a talker: it waits for room."""
+        """For a talker: whether it waits for room."""
         return self._noted(1) > self._noted(0)
 
     def heard(self, talker: "Actor", ear: int = 0) -> int:
-        """Of a listener: the last number of that talker."""
+        """For a listener: the last number received from that talker."""
         assert isinstance(talker.role, Talk)
         return self._noted(talker.role.talker * EARS + ear)
 
     def hears(self, talker: "Actor", more: int = 0) -> None:
-        """Of a listener: wait until each ear has heard what the talker has promised by now, and `more`."""
+        """For a listener: wait until each ear has received all messages promised so far, and `more`."""
         assert isinstance(self.role, Listen)
         goal, ears = talker.said + more, range(len(self.role.ears))
         until_at_least(goal, lambda: min(self.heard(talker, ear) for ear in ears))
 
     def hears_out(self, *talkers: "Actor") -> None:
-        """Of a listener: wait until its first ear, which keeps all, has heard what these have promised.
+        """For a listener: wait until its first ear, a keep-all one, has received all promised messages.
 
-        And until the others have taken or lost as many: a small depth may lose the last of who died first.
+        And until the others have taken or lost as many: a small depth may lose the last messages of a talker
+        that died.
         """
         for talker in talkers:
             until_at_least(talker.said, partial(self.heard, talker))
@@ -82,11 +83,11 @@ class Actor:
         until_equal((0, 0), look)
 
     def goes_on(self, messages: int) -> None:
-        """Of a talker: wait until it has promised so many more."""
+        """For a talker: wait until it has promised `messages` more."""
         until_at_least(self.said + messages, lambda: self.said)
 
     def has_heard_all(self, *totals: tuple["Actor", int]) -> None:
-        """Of a listener: wait until each ear has heard talkers to their ends, and accounts for it all."""
+        """For a listener: wait until each ear has received talkers to their ends, and accounts for all."""
         assert isinstance(self.role, Listen)
         ears = range(len(self.role.ears))
         last = [number for _, number in totals]
@@ -115,7 +116,7 @@ class Actor:
     def _end(self, with_signal: int = 0) -> int:
         assert not self.has_ended
         self.has_ended = True
-        os.kill(self.pid, with_signal)  # nobody else has the pid as long as its status was not asked for
+        os.kill(self.pid, with_signal)  # the pid is not reused before its status was read
         self._line.send(b"%d" % self.pid)
         status = int(self._line.recv(64))
         self._answers.close()
@@ -137,7 +138,7 @@ class Actor:
 
 
 class Nursery:
-    """Starts actors. Leaving kills those that live, and asserts that nobody saw what must never happen."""
+    """Starts actors. Leaving kills living ones, and asserts that no actor reported a fault."""
 
     def __init__(self, folder: Path, chance: random.Random) -> None:
         self._folder = folder
@@ -172,7 +173,7 @@ class Nursery:
             assert "Traceback" not in errors, errors
 
     def look(self) -> None:
-        """Assert that nobody saw anything torn, lost, repeated or out of order up to now."""
+        """Assert that no actor has seen a torn, lost, repeated or reordered message so far."""
         faults = self._faults.read_text()
         assert not faults, faults[:2000]
 
@@ -184,7 +185,7 @@ class Nursery:
         return self._start(Talk(**self._common(name), talker=self._talkers, seed=seed, **options))
 
     def listener(self, *ears: Ear, keeps_rings: bool = False) -> Actor:
-        """A process that subscribes; `keeps_rings`: and holds on to all descriptors that it gets of rings."""
+        """Start a process that subscribes; with `keeps_rings` it keeps all received descriptors of rings."""
         self._listeners += 1
         common = self._common(f"listener{self._listeners}")
         return self._start(Listen(**common, ears=list(ears), keeps_rings=keeps_rings))
@@ -212,7 +213,7 @@ class Nursery:
 
 
 def until_equal(expected: object, look: Callable[[], object]) -> None:
-    """Wait until `look()` gives what is expected; if it never does, the failure shows what it gives."""
+    """Wait until `look()` returns the expected value; a failure shows the value instead."""
     with contextlib.suppress(TimeoutError):
         wait_until(lambda: look() == expected)
     seen = look()
@@ -228,7 +229,7 @@ def until_at_least(goal: int, look: Callable[[], int]) -> None:
 
 
 def until_alone(*actors: Actor) -> None:
-    """Wait until the graph has these nodes only, with what is theirs."""
+    """Wait until the graph has only these nodes and their endpoints."""
     names = {actor.name for actor in actors}
 
     def look() -> list[set[str]]:
@@ -239,17 +240,19 @@ def until_alone(*actors: Actor) -> None:
 
 
 def settle(*actors: Actor) -> None:
-    """Wait until all that their matches need has been said (listeners first): in the first round they hear of
-    the matches, in the second of what the others answered."""
+    """Wait until all messages for their matches are exchanged (listeners first).
+
+    In the first round they learn of the matches, in the second of the answers of the others.
+    """
     for actor in actors * 2:
         actor.ask("graph")
 
 
-# --- what is to be seen of a process
+# --- views of a process
 
 
 def state(pid: int) -> str:
-    """R, S, T and so on, as in ps."""
+    """The state, as in ps: R, S, T and so on."""
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
 
 
@@ -260,19 +263,19 @@ def cpu_ticks(pid: int) -> int:
 
 
 def private_bytes(pid: int) -> int:
-    """Memory that a process holds now, without what it shares (a ring may grow to 64 MiB)."""
+    """Memory that a process holds now, without shared memory (a ring may grow to 64 MiB)."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("RssAnon")) << 10
 
 
 def holdings(pid: int) -> Counter[str]:
-    """What a process has open and mapped that may have come of the bus: how many of each kind."""
+    """The number of open descriptors and mappings of each kind that may come from the bus."""
     found: Counter[str] = Counter()
     for entry in Path(f"/proc/{pid}/fd").iterdir():
         try:
             found[f"open {_kind(str(entry.readlink()))}"] += 1
         except FileNotFoundError:
-            continue  # the one that lists them, or closed meanwhile
+            continue  # the listing descriptor, or closed meanwhile
     for line in Path(f"/proc/{pid}/maps").read_text().splitlines():
         name = line[73:]
         if name.startswith(("/memfd:", "/dev/shm")):

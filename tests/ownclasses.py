@@ -1,4 +1,4 @@
-"""Message classes of one's own with what Python has and ROS 2 doesn't."""
+"""A program's own message classes, with types that Python has and ROS 2 doesn't."""
 
 import enum
 from typing import Annotated, Any

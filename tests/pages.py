@@ -1,4 +1,4 @@
-"""Runs what a page shows: programs as files, commands as processes; output has the shape that is shown."""
+"""Runs the examples of a page: programs as files, commands as processes; compares the shape of the output."""
 
 import os
 import re
@@ -28,7 +28,7 @@ _BLANKS = re.compile(r" {2,}")
 
 
 class Shown(NamedTuple):
-    """A command on a page, and what it prints there."""
+    """A command on a page, and its output there."""
 
     command: str
     lines: tuple[str, ...]
@@ -39,12 +39,12 @@ class Shown(NamedTuple):
 
     @property
     def output(self) -> tuple[str, ...]:
-        """What it prints before it is interrupted."""
+        """The output before the command is interrupted."""
         return self.lines[: self.lines.index(INTERRUPTED)] if self.is_interrupted else self.lines
 
     @property
     def farewell(self) -> tuple[str, ...]:
-        """What it prints after that."""
+        """The output after that."""
         return self.lines[len(self.output) + 1 :]
 
 
@@ -62,7 +62,7 @@ def console(page: str) -> list[Shown]:
 
 
 def shape(text: str) -> str:
-    """A pattern for what differs from `text` in numbers, ids, the width of columns and the socket only."""
+    """A pattern for text that differs only in numbers, ids, the width of columns and the socket."""
     marked = _ID.sub("\3", _SOCKET.sub("\1", _BLANKS.sub("\2", text)))
     parts = [re.escape(part) for part in _NUMBER.split(marked)]
     pattern = r"-?\d+(?:\.\d+)?".join(parts)
@@ -74,7 +74,7 @@ PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus_cli"), "python": ()}
 
 
 class Program:
-    """A command of a page as a process; what it prints is kept."""
+    """A command of a page as a process; its output is kept."""
 
     def __init__(self, command: str, folder: Path = ROOT) -> None:
         self.text = ""
@@ -84,11 +84,11 @@ class Program:
         finally:
             os.close(theirs)
         self.output = os.fdopen(output)
-        self.patience = threading.Timer(TEST_S, self.process.kill)  # some live as long as their test
+        self.patience = threading.Timer(TEST_S, self.process.kill)  # some run as long as their test
         self.patience.start()
 
     def read_until(self, pattern: str) -> None:
-        """Read until `pattern` matches what was printed, from the beginning of some line."""
+        """Read until `pattern` matches the output, from the beginning of some line."""
         while not re.search(f"^{pattern}", self.text, re.MULTILINE):
             line = self.output.readline()
             assert line, f"{pattern!r} did not come; {self.process.args!r} printed:\n{self.text}"
@@ -105,11 +105,11 @@ class Program:
 
 
 def _begin(command: list[str], folder: Path, output: int) -> Fork | subprocess.Popen[bytes]:
-    """Users' own scripts get an interpreter of their own: what they don't import shall be missing."""
+    """Begin a program; users' own scripts get a new interpreter, without modules that they don't import."""
     name, *arguments = command
     words = [*PROGRAMS.get(name, ()), *arguments]
     environment = {**os.environ, "PYTHONASYNCIODEBUG": "", "PYTHONUNBUFFERED": "1"}  # as in a terminal
-    environment.pop("PYTEST_ADDOPTS", None)  # meant for this run, not for one that a page shows
+    environment.pop("PYTEST_ADDOPTS", None)  # meant for this run, not for a page's
     if name in ("busd", "bus") and folder == Path.cwd() and cli.forks and cli.forks.can_run(environment):
         return cli.forks.run(words, stdout=output, stderr=output, environment=environment)
     return subprocess.Popen(
@@ -126,7 +126,7 @@ Start = Callable[..., Program]
 
 
 def check(program: Program, shown: Shown) -> None:
-    """Read what was shown; a program that is not interrupted must print that and nothing else."""
+    """Read the shown output; a program that is not interrupted must print exactly that."""
     pattern = "\n".join(shape(line) for line in shown.output)
     if shown.is_interrupted:
         program.read_until(f"{pattern}\n" if pattern else "")

@@ -1,4 +1,4 @@
-"""Values of any message type that a schema describes, as MessagePack has them."""
+"""Values of any message type from its schema, as MessagePack."""
 
 import random
 import struct

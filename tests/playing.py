@@ -1,4 +1,4 @@
-"""Replays in a test: bags of any messages, and who hears what of them."""
+"""Replays in a test: bags of any messages, and subscriptions to them."""
 
 import asyncio
 from collections.abc import AsyncIterator, Mapping, Sequence
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-pytest.importorskip("mcap")  # for whatever imports this
+pytest.importorskip("mcap")  # for all modules that import this
 
 import bus
 from bus.qos import QoSProfile
@@ -36,7 +36,7 @@ class Sample(NamedTuple):
     at_ms: float
     message: Any
     published_ms: float | None = None
-    """When it was sent, if not when it was received."""
+    """The time of publication, if it differs from the time of reception."""
 
 
 def write_bag(
@@ -45,7 +45,7 @@ def write_bag(
     qos: Mapping[str, Sequence[QoSProfile]] = {},
     with_schema: bool = False,
 ) -> Path:
-    """A bag of so many files; equal messages of a topic that were sent at one time have one number."""
+    """Write a bag; equal messages of a topic with one time of publication have one number."""
     writer = BagWriter(folder)
     channels: dict[str, int] = {}
     numbers: dict[str, list[tuple[float, Any]]] = {}
@@ -79,16 +79,16 @@ def _encoded(message: Any) -> bytes:
 
 
 class Heard(NamedTuple):
-    """What a subscription was given."""
+    """A message that a subscription received."""
 
     topic: str
     message: Any
     source_ms: float
-    """When it was published as the bag has it, after its beginning."""
+    """The time of publication in the bag, after its beginning."""
 
 
 class Audience:
-    """Subscriptions on a node; `heard` has what came, in order."""
+    """Subscriptions on a node; `heard` has the received messages, in order."""
 
     def __init__(self, node: bus.Node) -> None:
         self.node = node
@@ -106,7 +106,7 @@ class Audience:
         return hear
 
     def texts(self, *topics: str) -> list[Any]:
-        """The contents of what was heard on these topics, or on all."""
+        """The contents of messages received on these topics, or on all."""
         return [one.message.data for one in self.heard if not topics or one.topic in topics]
 
     async def has_heard(self, count: int) -> None:
@@ -114,7 +114,7 @@ class Audience:
 
 
 def options(**given: Any) -> PlayOptions:
-    """`topics`, `regex` and the like make the selection."""
+    """Options of the player; `topics`, `regex` and the like make the selection."""
     choice = {name: given.pop(name) for name in list(given) if name in _CHOICE}
     return PlayOptions(selection=Selection(**choice), has_keys=False, **given)
 
@@ -123,7 +123,7 @@ _CHOICE = {"topics", "services", "regex", "exclude_topics", "exclude_services", 
 
 
 class Replay:
-    """A player at work, and its services."""
+    """A running player, and its services."""
 
     def __init__(self, node: bus.Node, task: asyncio.Task[None]) -> None:
         self.task = task
@@ -131,7 +131,7 @@ class Replay:
         self._clients: dict[str, Any] = {}
 
     async def call(self, name: str, service: str, **fields: Any) -> Any:
-        """Ask the player's `~/name`."""
+        """Call the player's service `~/name`."""
         cls: type[Service] = service_class(f"rosbag2_interfaces/srv/{service}")
         if name not in self._clients:
             self._clients[name] = await self._node.create_client(cls, f"/{NAME}/{name}")
@@ -141,7 +141,7 @@ class Replay:
 
 @asynccontextmanager
 async def replay(node: bus.Node, bag: Path, burst: int | None = None, **given: Any) -> AsyncIterator[Replay]:
-    """Play in a task that is cancelled at the end of the block, where it has not ended before."""
+    """Play in a task; if it still runs at the end of the block, it is cancelled."""
     task = asyncio.create_task(run(bag, options(**given), burst=burst))
     try:
         yield Replay(node, task)

@@ -1,4 +1,4 @@
-"""Places that no other test has: ports of loopback for who listens late, domains of DDS."""
+"""Addresses that no other test uses: ports of loopback for late servers, domains of DDS."""
 
 import os
 import random
@@ -8,16 +8,20 @@ from functools import cache
 __all__ = ["free_port", "own_domain"]
 
 _FIRST, _LAST = 15_000, 32_000
-"""Below what the kernel gives to whoever asks for any: nobody else takes one between now and then, and who
-connects before somebody listens is not given that very port, and so connected to itself."""
+"""Limits of the ports.
+
+They are below the range from which the kernel gives ports on request: no other program takes one in between.
+And a client that connects before its server listens is not given the same port, so it can't connect to
+itself.
+"""
 _DOMAINS = range(1, 100)
-"""Those whose ports are below that, too."""
+"""Domains with all ports below that, too."""
 _random = random.SystemRandom()
 _given: set[int] = set()
 
 
 def free_port() -> int:
-    """A port of loopback at which nobody listens just now; none is given twice."""
+    """A port of loopback without a server now; each is returned only once."""
     while True:
         port = _random.randrange(_FIRST, _LAST)
         with socket.socket() as probe:
@@ -32,7 +36,7 @@ def free_port() -> int:
 
 @cache
 def own_domain() -> int:
-    """A domain of DDS that no other process of tests on this machine has, to this process's end."""
+    """A domain of DDS that no other test process on this machine has, until the end of this process."""
     for domain in _DOMAINS:
         claim = socket.socket(socket.AF_UNIX)
         try:

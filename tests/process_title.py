@@ -1,4 +1,4 @@
-"""What /proc says of this process, set as if it had been started that way (prctl(2), PR_SET_MM_MAP)."""
+"""The entries of this process in /proc, set as if it had been started that way (prctl(2), PR_SET_MM_MAP)."""
 
 import ctypes
 import mmap
@@ -22,7 +22,7 @@ _FIELDS = {
     "env_end": 51,
     "auxv": 0,
 }
-"""Those of the kernel's struct prctl_mm_map, and where each stands in /proc/self/stat."""
+"""The fields of the kernel's struct prctl_mm_map, and the position of each in /proc/self/stat."""
 
 
 class _Map(ctypes.Structure):
@@ -37,7 +37,7 @@ _kept: list[mmap.mmap] = []
 
 
 def set_title(words: Sequence[str], environment: Mapping[str, str]) -> bool:
-    """Set /proc/self/cmdline and environ; False where the kernel can't."""
+    """Set /proc/self/cmdline and environ; False if the kernel can't."""
     arguments = b"".join(os.fsencode(word) + b"\0" for word in words)
     variables = b"".join(os.fsencode(f"{name}={value}") + b"\0" for name, value in environment.items())
     text = arguments + variables

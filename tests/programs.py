@@ -1,4 +1,4 @@
-"""Programs run as their users run them: as processes, of which one reads what they say."""
+"""Programs run as users run them: as processes. Tests read their output."""
 
 import asyncio
 import os
@@ -22,11 +22,11 @@ LIMIT_S = 120.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 on_one_loop = pytest.mark.asyncio(loop_factories=["uvloop"])
-"""For tests of programs, which choose their event loop themselves."""
+"""For tests of programs that choose their event loop themselves."""
 
 
 class Program:
-    """A running program; its lines, stdout and stderr in one, are kept as they come."""
+    """A running program; its lines, stdout and stderr together, are kept as they come."""
 
     def __init__(self, process: Fork | subprocess.Popen[bytes], output: int, mark: str) -> None:
         self.process = process
@@ -37,7 +37,7 @@ class Program:
         self._reader = asyncio.create_task(self._read())
 
     async def line(self, pattern: str) -> re.Match[str]:
-        """The first line that `pattern` is found in."""
+        """The first line with a match of `pattern`."""
         async with self._news:
             while True:
                 for line in self.lines:
@@ -47,12 +47,12 @@ class Program:
                 await self._news.wait()
 
     async def end(self) -> int:
-        """Its exit status, once it has ended and everything that it said is in `lines`."""
+        """Its exit status, once it has ended and `lines` has its whole output."""
         await self._reader
         return await asyncio.to_thread(self.process.wait, LIMIT_S)
 
     def family(self, command: str = "") -> list[int]:
-        """Pids of the program and its children, those with `command` in their command line."""
+        """Pids of the program and its children with `command` in their command line."""
         found = []
         for entry in Path("/proc").glob("[0-9]*"):
             try:
@@ -74,16 +74,16 @@ class Program:
                 self.lines.append(line.decode().rstrip("\n"))
                 self._news.notify_all()
         transport.close()
-        await asyncio.sleep(0)  # uvloop lets go of it in its next turn
+        await asyncio.sleep(0)  # uvloop releases it in its next turn
         async with self._news:
             self._news.notify_all()
 
 
 @asynccontextmanager
 async def running(folder: Path, *command: str | Path, **variables: str) -> AsyncIterator[Program]:
-    """A Python program with its temporary files in `folder`; killed if it outlives the test."""
+    """A Python program with its temporary files in `folder`; killed if it still runs after the test."""
     mark = str(uuid4())  # in the environment of its children, too
-    # asyncio takes any text but an empty one for a yes.
+    # For asyncio, any text except an empty one means yes.
     given = {"PYTHONASYNCIODEBUG": "", "TMPDIR": str(folder), **variables, "PROGRAM": mark}
     output, theirs = os.pipe()
     try:
@@ -102,7 +102,7 @@ async def running(folder: Path, *command: str | Path, **variables: str) -> Async
 
 
 def _begin(words: list[str], output: int, environment: dict[str, str]) -> Fork | subprocess.Popen[bytes]:
-    """In a session of its own."""
+    """Begin a program in a separate session."""
     if cli.forks is not None and cli.forks.can_run(environment):
         return cli.forks.run(words, stdout=output, stderr=output, environment=environment, leads_session=True)
     return subprocess.Popen(
@@ -121,7 +121,7 @@ def assert_nothing_is_left(program: Program, folder: Path) -> None:
 
 
 def example(name: str) -> Any:
-    """A module of the examples, imported by the name that they use among themselves."""
+    """A module of the examples, imported by the name that the examples use."""
     for folder in (EXAMPLES, EXAMPLES / "robot"):
         if str(folder) not in sys.path:
             sys.path.append(str(folder))

@@ -1,14 +1,14 @@
-"""A peer that says what a test tells it to: blocking, over a real socket, with the real wire and no manners.
+"""A peer with scripted messages: blocking, over a real socket, with the real wire and without any rules.
 
     with RawPeer(path) as peer:
         peer.hello()
         peer.write(b"...")              any bytes
         peer.send(m.Ping(number=1))     a message, or a message's bytes in a frame
-        peer.carry(m.Share(), a, b)     a message with descriptors, whatever it claims to bring
+        peer.carry(m.Share(), a, b)     a message with descriptors, whatever it announces
         peer.expect(m.Pong)
-        peer.fault()                    the broker's last word, after which the connection must end
+        peer.fault()                    the broker's last message, after which the connection must end
 
-Knows nothing of what a well-behaved client does; `declare` and the two helpers after it only save typing.
+Knows nothing of the behaviour of a normal client; `declare` and the two helpers after it only save typing.
 """
 
 import array
@@ -74,7 +74,7 @@ class RawPeer:
         self.socket.settimeout(WAIT_S)
         self.socket.connect(str(path))
         self.descriptors: tuple[Descriptor, ...] = ()
-        """What came with the last message that claimed some."""
+        """Descriptors received with the last message that announced some."""
         self._session = Session(Role.CLIENT)
         self._waiting: list[Any] = []
         self._requests = count(1)
@@ -94,14 +94,14 @@ class RawPeer:
     # --- out
 
     def write(self, raw: bytes) -> None:
-        """Send bytes as they are; a broker that has cut us off already is no error here."""
+        """Send bytes as they are; no error if the broker has closed the connection already."""
         try:
             self.socket.sendall(raw)
         except (BrokenPipeError, ConnectionResetError):
             pass
 
     def write_some(self, raw: bytes) -> int:
-        """Send what the socket takes at once; returns how much that was."""
+        """Send as much as the socket takes at once; returns how much."""
         try:
             return self.socket.send(raw, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -111,7 +111,7 @@ class RawPeer:
         self.write(b"".join(map(m.encode_frame, messages)))
 
     def carry(self, message: m.Message, *descriptors: Descriptor) -> None:
-        """Send a message with these descriptors; a broker that has cut us off already is no error here."""
+        """Send a message with these descriptors; no error if the broker has closed the connection already."""
         try:
             numbers = [descriptor.fileno() for descriptor in descriptors]
             socket.send_fds(self.socket, [m.encode_frame(message)], numbers)
@@ -128,7 +128,7 @@ class RawPeer:
 
     @property
     def has_more(self) -> bool:
-        """Whether something has come that was not taken yet."""
+        """Whether there is received data that was not taken yet."""
         return bool(self._waiting or select.select([self.socket], [], [], 0)[0])
 
     def receive(self) -> Any:
@@ -147,7 +147,7 @@ class RawPeer:
         return item
 
     def _read(self) -> int:
-        """One read, with the descriptors that it brings."""
+        """Read once, including descriptors."""
         buffers, space = [self._session.reader.get_buffer()], socket.CMSG_SPACE(8)
         size, ancillary, _, _ = self.socket.recvmsg_into(buffers, space, socket.MSG_CMSG_CLOEXEC)
         for _, _, numbers in ancillary:
@@ -160,7 +160,7 @@ class RawPeer:
             yield item
 
     def expect(self, kind: type[T]) -> T:
-        """The next message of that kind; what comes before it is passed over."""
+        """The next message of that kind; earlier ones are skipped."""
         for item in self.until_end():
             if isinstance(item, kind):
                 return item
@@ -168,17 +168,17 @@ class RawPeer:
         raise AssertionError(f"the broker closed the connection; no {kind} came")
 
     def fault(self) -> str:
-        """The text with which the broker cuts the connection, which must end thereafter."""
+        """The text with which the broker closes the connection; the connection must end after it."""
         *_, last = self.until_end()
         assert isinstance(last, m.Fault), f"the last word was {last}"
         return last.text
 
     def was_cut_off(self) -> bool:
-        """Whether the stream ends without a last word, as for one that did not read."""
+        """Whether the stream ends without a last message, as for a peer that did not read."""
         return not any(isinstance(item, m.Fault) for item in self.until_end())
 
     def barrier(self) -> None:
-        """Wait until the broker has handled everything that was sent before."""
+        """Wait until the broker has handled everything sent before."""
         number = next(self._requests)
         self.send(m.Ping(number=number))
         while self.expect(m.Pong).number != number:
@@ -191,7 +191,7 @@ class RawPeer:
         return next(self._requests)
 
     def ask(self, message: m.Message) -> Any:
-        """Send a request and return the answer to it, which may be Refused."""
+        """Send a request and return its answer, which may be Refused."""
         self.send(message)
         number = message.request  # type: ignore[attr-defined]
         for item in self.until_end():
@@ -215,7 +215,7 @@ class RawPeer:
         return self.ask(m.CreateSubscription(**self.endpoint_fields(node, topic, changes)))
 
     def endpoint_fields(self, node: int, topic: str, changes: dict[str, Any]) -> dict[str, Any]:
-        """Of a declaration."""
+        """The fields of a declaration."""
         return {
             "request": self.request(),
             "node": node,

@@ -1,4 +1,4 @@
-"""What a RawPeer shares: memory and doorbells as clients make them, and the messages that bring them."""
+"""Memory and doorbells that a RawPeer shares, as clients make them, and the messages that carry them."""
 
 import fcntl
 import os
@@ -13,7 +13,7 @@ SIZE = 128 << 10
 
 
 def memfd(*, size: int = SIZE, seals: int = SEALS, is_reserved: bool = True) -> Descriptor:
-    """A segment; busd takes it as a ring or for readers as it is made by default."""
+    """A segment; with the default arguments, busd accepts it as a ring or for readers."""
     made = Descriptor(os.memfd_create("busd-test", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
     os.ftruncate(made.fileno(), size)
     if size and is_reserved:
@@ -28,14 +28,14 @@ def eventfd() -> Descriptor:
 
 
 def share(peer: RawPeer) -> tuple[Descriptor, Descriptor]:
-    """Say Share; returns the doorbell and the readers' segment."""
+    """Send Share; returns the doorbell and the readers' segment."""
     doorbell, readers = eventfd(), memfd()
     peer.carry(m.Share(), doorbell, readers)
     return doorbell, readers
 
 
 def create_publisher(peer: RawPeer, node: int, *descriptors: Descriptor, claims: int = 1) -> int:
-    """Ask for a publisher; returns the number of the request."""
+    """Request a publisher; returns the number of the request."""
     fields = peer.endpoint_fields(node, "/t", {"descriptors": claims})
     peer.carry(m.CreatePublisher(**fields), *descriptors)
     return int(fields["request"])

@@ -1,11 +1,11 @@
-"""What the tests of the facade share: a context on the test's daemon, waiting, and leaving nothing behind.
+"""Common parts of the facade's tests: a context on the test's daemon, waits, and clean-up.
 
     def test_x(world: World) -> None:
         node = world.node("tester")
         world.spin_until(lambda: heard)
 
-Import the fixture `world` beside the class. Leaving it shuts down what was made, ends the engine, and fails
-where a thread is left.
+Import the fixture `world` as well as the class. At its end it shuts everything down, ends the engine, and
+fails if a thread is left.
 """
 
 import gc
@@ -65,7 +65,7 @@ every_kind = pytest.mark.parametrize(
 
 
 class World:
-    """The default context, initialized, and the nodes and executors that a test makes."""
+    """The default context, initialized, and the nodes and executors of a test."""
 
     def __init__(self, arguments: list[str]) -> None:
         self.context = rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO).context
@@ -80,12 +80,12 @@ class World:
         return self.keep(Node(name, **options))
 
     def keep(self, node: Node) -> Node:
-        """Destroy it at the end."""
+        """Destroy the node at the end."""
         self._nodes.append(node)
         return node
 
     def nodes(self) -> list[Node]:
-        """Those that it made."""
+        """The nodes that it made."""
         return list(self._nodes)
 
     def executor(self, *nodes: Node, kind: Kind = SingleThreadedExecutor) -> Executor:
@@ -97,7 +97,7 @@ class World:
         return executor
 
     def spin_until(self, condition: Callable[[], object], *nodes: Node) -> None:
-        """Spin, in this thread, with `nodes`, by default those that have no executor."""
+        """Spin in this thread with `nodes`, by default all without an executor."""
         executor = self.executor(*(nodes or (one for one in self._nodes if one.executor is None)))
         self.spin_executor_until(condition, executor)
         executor.shutdown()
@@ -111,7 +111,7 @@ class World:
 
     @contextmanager
     def spinning(self, *nodes: Node, kind: Kind = SingleThreadedExecutor) -> Iterator[Executor]:
-        """An executor that spins in a thread of its own; what comes out of it is raised at the end."""
+        """An executor that spins in a separate thread; its exception is raised at the end."""
         executor = self.executor(*nodes, kind=kind)
         with in_thread(executor.spin):
             try:
@@ -132,7 +132,7 @@ class World:
 
 @contextmanager
 def in_thread(function: Callable[[], object]) -> Iterator[threading.Thread]:
-    """Run it beside; leaving waits for its end, and raises what it raised."""
+    """Run a function in a thread; leaving waits for its end, and raises its exception."""
     errors: list[BaseException] = []
 
     def run() -> None:
@@ -159,17 +159,17 @@ def add(request: Any, response: Any) -> Any:
 
 
 def trigger(node: Node, callback: Callable[[], object], group: CallbackGroup | None = None) -> None:
-    """Have `node` call it once."""
+    """Let `node` call a callback once."""
     node.create_guard_condition(callback, group).trigger()
 
 
 def is_waiting(executor: Executor) -> bool:
-    """Whether the thread that spins has nothing to do now, and runs the loop."""
+    """Whether the spinning thread has nothing to do now, and runs the loop."""
     return executor._engine._runner is executor.waiter
 
 
 def arrived(subscription: Any) -> int:
-    """How many messages it has had, taken or waiting or replaced by newer ones."""
+    """The number of its messages so far: taken, waiting or replaced."""
     with subscription._engine.loop:
         return accounted(subscription.native)
 
@@ -182,7 +182,7 @@ def arguments() -> list[str]:
 
 @pytest.fixture
 def world(daemon: Daemon, arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # rclpy.init puts its own there
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # rclpy.init sets its own
     before = set(threading.enumerate())
     world = World(arguments)
     try:

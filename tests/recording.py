@@ -1,4 +1,4 @@
-"""Recordings in tests: `bus bag record` as a process, who speaks to it, and what is in its bag."""
+"""Recordings in tests: `bus bag record` as a process, publishers for it, and the content of its bag."""
 
 import signal
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-pytest.importorskip("mcap")  # for whatever imports this
+pytest.importorskip("mcap")  # for all modules that import this
 
 from bus.msg.std_msgs import String
 from bus.schema import MessageSchema
@@ -47,7 +47,7 @@ bus.run(main())
 
 
 class Speaker:
-    """A program that publishes texts, which were given to the bus when the call returns."""
+    """A program that publishes texts; a call returns after the bus has them."""
 
     def __init__(self, running: Running) -> None:
         self._running = running
@@ -56,7 +56,7 @@ class Speaker:
         self._speak(topic, "volatile", *texts)
 
     def keep(self, topic: str, *texts: object) -> None:
-        """As a transient local publisher that keeps one."""
+        """Publish as a transient local publisher with depth one."""
         self._speak(topic, "transient_local", *texts)
 
     def _speak(self, *words: object) -> None:
@@ -65,7 +65,7 @@ class Speaker:
 
 
 class Bag:
-    """A bag that was recorded, as the readers of others see it."""
+    """A recorded bag, as other programs' readers see it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -76,7 +76,7 @@ class Bag:
 
     @property
     def files(self) -> list[Path]:
-        """In their order."""
+        """The files in order."""
         return sorted(self.folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2]))
 
     def texts(self, topic: str = "/topic") -> list[str]:
@@ -92,20 +92,20 @@ class Bag:
         return [str(one.data) for one in messages]
 
     def texts_now(self, topic: str = "/topic") -> list[str]:
-        """The same of a bag that was not closed."""
+        """The same for a bag that is still open."""
         decode = codec_of(MessageSchema.of(String)).decode
         return [str(msgspec.msgpack.decode(decode(one))[0]) for one in self.messages_now(topic)]
 
     def messages_now(self, topic: str) -> list[bytes]:
-        """The messages of a bag that was not closed."""
+        """The messages of a bag that is still open."""
         try:
             with open_bag(self.folder) as reader:
                 return [bytes(message.data) for message in reader.messages(topics=[topic])]
-        except BagError:  # it is empty yet
+        except BagError:  # it is still empty
             return []
 
     def messages(self, file: Path, topic: str = "/topic") -> list[Any]:
-        """Of one file, in its order, by the reader of MCAP that looks at CRCs: schema, channel, message."""
+        """Schema, channel and message of one file, in order, by an MCAP reader that checks CRCs."""
         from mcap.reader import make_reader
 
         with file.open("rb") as stream:
@@ -113,7 +113,7 @@ class Bag:
             return list(reader.iter_messages(topics=[topic], log_time_order=False))
 
     def read_by_others(self) -> int:
-        """Have rosbags and mcap-ros2 decode all messages; returns how many."""
+        """Decode all messages by rosbags and mcap-ros2; returns how many."""
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
         from rosbags.highlevel import AnyReader
@@ -130,7 +130,7 @@ class Bag:
         return count
 
     def losses(self, file: Path | None = None) -> dict[str, TopicLosses]:
-        """The last account in the last file, or in this one."""
+        """The last report of losses in the last file, or in this one."""
         from mcap.reader import make_reader
 
         with (file or self.files[-1]).open("rb") as stream:
@@ -146,12 +146,12 @@ def speaking(name: str = "speaker", *, depth: int = 1000) -> Iterator[Speaker]:
 
 @contextmanager
 def recording(bag: Bag, *options: str) -> Iterator[Running]:
-    """A recorder that has begun, until the end of the block."""
+    """A started recorder, until the end of the block."""
     with start("bag", "record", "-o", str(bag.folder), *options) as running:
         running.error_line_with("Recording|Wait for recording")
         yield running
 
 
 def end(running: Running) -> Result:
-    """Ctrl-C."""
+    """End it by Ctrl-C."""
     return running.end(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""Bags as the package `rosbags` writes them."""
+"""Bags written by the package `rosbags`."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ LATCHED_QOS = Qos(
     INFINITE,
     False,
 )
-"""Of the only publisher of what rosbags writes here."""
+"""The QoS of the only publisher in such bags."""
 
 
 def write_as_rosbags(

@@ -1,4 +1,4 @@
-"""Tables of values: all rows in one case of pytest, where a failure still names its row."""
+"""Tables of values: all rows in one case of pytest; a failure still names its row."""
 
 from collections.abc import Callable, Iterable
 from functools import wraps
@@ -15,11 +15,11 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
 def for_each(
     names: str | tuple[str, ...], rows: Iterable[Any]
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """The test with each row, as by `pytest.mark.parametrize`, but in one case and with the same fixtures.
+    """Run a test with each row, as `pytest.mark.parametrize`, but in one case and with the same fixtures.
 
-    All rows are tried. What is shown is the first failure, with its row, and a line for each other row that
-    fails. What needs a loop, a process or a fixture of its own for each row stays parametrized, and so does
-    what skips.
+    All rows are tried. The output is the first failure, with its row, and a line for each other row that
+    fails. A test that needs a separate loop, process or fixture for each row stays parametrized, and so does
+    a test that skips.
     """
     if isinstance(names, str):
         names = tuple(name.strip() for name in names.split(","))

@@ -1,4 +1,4 @@
-"""What the tests of the semantics share: a node on the test's daemon, waiting, profiles, a type."""
+"""Common parts of the tests of semantics: a node on the test's daemon, waits, profiles, a type."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
@@ -30,7 +30,7 @@ async def node(daemon: Daemon) -> AsyncIterator[bus.Node]:
 
 
 async def until(condition: Callable[[], Any]) -> None:
-    """Wait for `condition` to hold; only the bound is a time."""
+    """Wait until `condition` is true; a time is only the bound."""
     async with asyncio.timeout(WAIT_S):
         while not condition():  # noqa: ASYNC110
             await asyncio.sleep(0.002)

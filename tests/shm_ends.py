@@ -13,10 +13,10 @@ from bus.shm import segments
 pytest.importorskip("bus.shm._core", reason="the native core was not built")
 
 core: Any = shm.native
-"""Without types: tests give it what it does not take."""
+"""Without types: tests pass invalid arguments."""
 
 LARGE = 8192
-"""A payload that is pinned, not copied."""
+"""The size of a payload that is pinned, not copied."""
 
 
 class Talker:
@@ -36,7 +36,7 @@ class Talker:
             assert self.writer.write(payload) is True
 
     def lend_field(self, message: Any, index: int, size: int) -> Any:
-        """The place itself, or why there is none."""
+        """The lent place itself, or the reason why there is none."""
         return self.writer.lend_field(message, index, size, lambda place, _: place, None)
 
     def grow(self, capacity: int, index: int = 512) -> Descriptor:
@@ -47,7 +47,7 @@ class Talker:
 
 
 class Listener:
-    """A process that reads, with one reader."""
+    """A reading process, with one reader."""
 
     def __init__(self, depth: int = 0, *, tells_cursor: bool = False) -> None:
         self.segment, memory = segments.make_readers(128)

@@ -1,13 +1,13 @@
-"""Counts what one message costs a process: bytecodes, Python calls, allocations, system calls.
+"""Counts the cost of one message for a process: bytecodes, Python calls, allocations, system calls.
 
-No mood of the machine is in them, so tests hold them as bounds. Each count is made in a process of its own,
-of which this file is the program, while another one publishes or listens, with a pause between messages.
-It is the median of what the process does from one message to the next, without the event loop's own Python,
-and without what the pause of a publisher costs by itself.
+The counts do not depend on the load of the machine, so tests use them as bounds. Each count is made in a
+separate process, which runs this file. Meanwhile another one publishes or listens, with a pause between
+messages. The count is the median of the process's work from one message to the next. It leaves out the event
+loop's own Python, and the cost of a publisher's pause.
 
     assert steps("subscriber").bytecodes <= 40
 
-What some code of a test itself takes, StepCounter counts.
+StepCounter counts the steps of code in a test itself.
 """
 
 import asyncio
@@ -62,16 +62,16 @@ counts_bytecodes = pytest.mark.skipif(not _IS_TOLD_OF_ALL, reason=_REASON)
 
 
 class Steps(NamedTuple):
-    """Of Python, for one message."""
+    """Steps of Python for one message."""
 
     bytecodes: float
     calls: float
 
 
 class StepCounter:
-    """Counts bytecodes and Python calls of all that the code in its block calls, but for the event loop's.
+    """Counts bytecodes and Python calls below the code in its block, except the event loop's.
 
-    `also`: code that counts wherever it stands.
+    `also`: code that is counted wherever it runs.
     """
 
     def __init__(self, also: CodeType | None = None) -> None:
@@ -107,10 +107,10 @@ class StepCounter:
 
 
 def steps(role: Role, loop: str = "uvloop", **options: bool) -> Steps:
-    """What a publisher or a subscriber with a plain callback does for a message of 64 characters.
+    """The steps of a publisher, or of a subscriber with a plain callback, for a message of 64 characters.
 
-    `loop`: uvloop, asyncio, rclpy (it spins), or none, that is the API for scripts; there a subscriber
-    iterates. `options`: as `_listen` and `_listen_without_loop` take them. Skips as `counts_bytecodes` does.
+    `loop`: uvloop, asyncio, rclpy (it spins), or none: the API for scripts, in which a subscriber iterates.
+    `options`: as `_listen` and `_listen_without_loop` take them. Skips as `counts_bytecodes` does.
     """
     if not _IS_TOLD_OF_ALL:
         pytest.skip(_REASON)
@@ -120,9 +120,9 @@ def steps(role: Role, loop: str = "uvloop", **options: bool) -> Steps:
 
 
 def allocations(role: Role, folder: Path, loop: str = "uvloop", **options: bool) -> float:
-    """Calls of malloc, calloc and realloc, with all of Python's objects made by them.
+    """Calls of malloc, calloc and realloc; each of Python's objects is made by such a call.
 
-    Skips the test where there is no C compiler or no glibc.
+    Skips the test without a C compiler or glibc.
     """
     library, source = folder / "count_mallocs.so", folder / "count_mallocs.c"
     source.write_text(_COUNT_MALLOCS)
@@ -138,7 +138,7 @@ def allocations(role: Role, folder: Path, loop: str = "uvloop", **options: bool)
 
 
 def system_calls(role: Role, folder: Path, loop: str = "uvloop", **options: bool) -> float:
-    """System calls, the wait for the next message among them. Skips the test where strace may not look."""
+    """System calls, including the wait for the next message. Skips the test if strace is not allowed."""
     strace = shutil.which("strace") or pytest.skip("system calls are counted by strace, which is not there")
     log = folder / "strace.log"
     command = [strace, "-qq", "-o", str(log)]
@@ -152,7 +152,7 @@ def system_calls(role: Role, folder: Path, loop: str = "uvloop", **options: bool
         if _MARK in line:
             counts.append(since - 1)
             since = 0
-    if role == "subscriber":  # beside other work some come together with the one before, and take none
+    if role == "subscriber":  # under load some arrive together with the previous one, without a system call
         return median(filter(None, counts[1:]))
     return _of_one(role, counts[1:])
 
@@ -162,7 +162,7 @@ def _of_one(role: Role, counts: list[int]) -> float:
 
 
 def _measure(role: Role, before: list[str], variables: dict[str, str], **options: Any) -> Any:
-    """What the program says."""
+    """The output of the program."""
     other = "subscriber" if role == "publisher" else "publisher"
     with (
         _program(other, [], {}, unit="nothing", loop="uvloop"),
@@ -189,24 +189,24 @@ def _program(
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-# --- in the process that is measured
+# --- in the measured process
 
 
 class _Meter:
-    """Measures nothing, and without an end."""
+    """Measures nothing, without an end."""
 
     is_endless = True
 
     def mark(self) -> None:
-        """One message is dealt with, and the next begins."""
+        """Mark the end of one message and the start of the next."""
 
     def counts(self) -> list[Any]:
-        """Of what lies between two marks."""
+        """The counts between two marks."""
         return []
 
 
 class _StepCount(_Meter):
-    """`code`: of the user's callback, whose steps count, too."""
+    """`code` belongs to the user's callback; its steps count, too."""
 
     is_endless = False
 
@@ -236,7 +236,7 @@ class _AllocationCount(_Meter):
 
     def mark(self) -> None:
         self._seen[self._at] = self._count.value
-        self._seen[self._at + 1] = self._count.value  # tells what a mark takes by itself
+        self._seen[self._at + 1] = self._count.value  # the cost of a mark itself
         self._at += 2
 
     def counts(self) -> list[Any]:
@@ -245,7 +245,7 @@ class _AllocationCount(_Meter):
 
 
 class _SystemCallCount(_Meter):
-    """strace counts."""
+    """Leaves counting to strace."""
 
     is_endless = False
 
@@ -265,7 +265,7 @@ def _meter(unit: str, code: CodeType | None = None) -> _Meter:
 
 
 async def _listen(unit: str, *, message_lost: bool = False) -> list[Any]:
-    """`message_lost`: it wants to hear of losses."""
+    """`message_lost`: with a callback for losses."""
     heard = 0
     is_done = asyncio.get_running_loop().create_future()
 
@@ -289,7 +289,7 @@ async def _listen(unit: str, *, message_lost: bool = False) -> list[Any]:
 
 
 def _listen_without_loop(unit: str, *, with_info: bool = False) -> list[Any]:
-    """`with_info`: by `receive`."""
+    """`with_info`: with `receive`."""
     meter = _meter(unit)
     with bus.connect("listener", rosout=False, arguments=[]) as node:
         subscription = node.create_subscription(String, "steps", 10)
@@ -303,8 +303,8 @@ def _listen_without_loop(unit: str, *, with_info: bool = False) -> list[Any]:
 
 
 def _listen_in_executor(unit: str, *, threads: bool = False) -> list[Any]:
-    """Without the steps of `Executor.spin` itself, which has begun before. `threads`: those of one of two."""
-    import bus_ros.rclpy as rclpy  # has signals and threads of its own
+    """Without the steps of `Executor.spin` itself, which began earlier. `threads`: one of two is counted."""
+    import bus_ros.rclpy as rclpy  # has its own signals and threads
     from bus_ros.rclpy.executors import MultiThreadedExecutor
 
     heard = 0
@@ -327,7 +327,7 @@ def _listen_in_executor(unit: str, *, threads: bool = False) -> list[Any]:
 
 
 def _publish_without_loop(unit: str) -> list[Any]:
-    """As `_publish`."""
+    """Publish, as `_publish` does."""
     meter, message = _meter(unit), String(data=_TEXT)
     with bus.connect("talker", rosout=False, arguments=[]) as node:
         publisher = node.create_publisher(String, "steps", 10)
@@ -344,7 +344,7 @@ def _publish_without_loop(unit: str) -> list[Any]:
 
 
 async def _publish(unit: str) -> list[Any]:
-    """By turns a message and a pause, and a pause."""
+    """Alternate a message with a pause, and a pause alone."""
     meter, message = _meter(unit), String(data=_TEXT)
     async with bus.Node("talker", rosout=False, arguments=[]) as node:
         publisher = await node.create_publisher(String, "steps", 10)

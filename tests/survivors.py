@@ -1,8 +1,8 @@
-"""Processes that tests kill and stop: talkers and listeners, forked from one that has imported everything.
+"""Processes that tests kill and stop: talkers and listeners, forked from a process with all imports.
 
-`nursery.py` starts this as a program and talks to it by its standard input; what is said is here. A talker
-notes in a file how far it has come, a listener what it has heard, so that a test knows it even of those that
-were killed. What must never happen goes to the file of faults.
+`nursery.py` starts this as a program and sends orders by its standard input. A talker notes its progress in a
+file, and a listener its received numbers: a test can read them also for killed processes. Forbidden events go
+to the file of faults.
 """
 
 import asyncio
@@ -31,10 +31,10 @@ from zygote import serve
 TOPIC = "/parcels"
 WORD_BYTES = 8
 EARS = 4
-"""A listener has so many subscriptions at most."""
+"""The most subscriptions of a listener."""
 
 NEWEST = 50
-"""So many numbers of what it heard last it remembers for each."""
+"""The number of recently received numbers kept for each."""
 
 _BLOCK = random.Random(1).randbytes(1 << 20)
 _F_ADD_SEALS = 1033
@@ -64,9 +64,9 @@ class Talk(msgspec.Struct, tag="talk"):
     burst: int = 10
     pause_s: float = 0.001
     size: int = 400
-    growth: int = 0  # bytes by which messages may be longer from one to the next, up to `size`; 0: at once
-    notes: Literal["publish", "flush"] = "publish"  # after which of them messages are promised
-    is_certain: bool = True  # nothing of it may be lost, but by the depth of the subscription
+    growth: int = 0  # bytes that each message may be longer than the previous one, up to `size`; 0: at once
+    notes: Literal["publish", "flush"] = "publish"  # the call after which messages are promised
+    is_certain: bool = True  # nothing of it may be lost, except by the depth of the subscription
     loop: str = "uvloop"
 
 
@@ -78,7 +78,7 @@ class Ear(msgspec.Struct):
         "never"  # where numbers may be missing: before = before the first
     )
     takes: int = 1 << 40  # then it takes no more
-    holds: int = 0  # how many messages it keeps, and looks at once more when it lets them go
+    holds: int = 0  # how many messages it keeps; it checks each again at its release
     views: bool = False
     calls_back: bool = True
 
@@ -90,7 +90,7 @@ class Listen(msgspec.Struct, tag="listen"):
     ledger: str
     faults: str
     ears: list[Ear]
-    keeps_rings: bool = False  # the descriptors of those that it reads
+    keeps_rings: bool = False  # the descriptors of rings that it reads
     loop: str = "uvloop"
 
 
@@ -98,7 +98,7 @@ Role = Talk | Listen
 
 
 class Ledger:
-    """Numbers in a file, which outlive the process that writes them."""
+    """Numbers in a file, which outlive the writing process."""
 
     def __init__(self, path: str) -> None:
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC)
@@ -122,7 +122,7 @@ def checksum(talker: int, number: int, body: bytes) -> int:
 
 
 class Talker:
-    """Publishes, in bursts, up to its goal, or until it is told to stop."""
+    """Publishes, in bursts, up to its goal, or until a request to stop."""
 
     def __init__(self, role: Talk) -> None:
         self.role = role
@@ -169,7 +169,7 @@ class Talker:
 
 
 class Listener:
-    """Looks at everything that it hears."""
+    """Checks every received message."""
 
     def __init__(self, role: Listen) -> None:
         self.role = role
@@ -258,7 +258,7 @@ def _is_torn(parcel: Parcel) -> bool:
 
 
 def start(role: Role, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-    """Begin what the role does; that it must not fail."""
+    """Begin the work of the role; a failure is reported as a fault."""
 
     def look(task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
@@ -274,11 +274,11 @@ def complain(role: Role, text: str) -> None:
         faults.write(f"{role.name}, {text}\n")
 
 
-# --- what a process may do to the rings that it reads
+# --- possible actions of a process on the rings that it reads
 
 
 def _what_can_be_done_to(number: int) -> list[str]:
-    """What a reader might try: the names of what worked."""
+    """Attempts of a hostile reader: the names of those with success."""
     size = os.fstat(number).st_size
 
     def reopened() -> None:
@@ -326,7 +326,7 @@ def _what_can_be_done_to(number: int) -> list[str]:
 
 
 async def _live(role: Role, channel: socket.socket) -> None:
-    """Be what `role` says, and answer the test's questions, until it says "leave"."""
+    """Play `role`, and answer the test's questions, until the word "leave"."""
     actor = Talker(role) if isinstance(role, Talk) else Listener(role)
     reader, writer = await asyncio.open_connection(sock=channel)
     async with bus.Node(role.name, arguments=[], rosout=False) as node:
@@ -377,5 +377,5 @@ if __name__ == "__main__":
     line = os.dup(0)
     with open(os.devnull) as nothing:  # noqa: PTH123
         os.dup2(nothing.fileno(), 0)
-    # A union is no type to mypy, but is what msgspec decodes into.
+    # A union is no type to mypy, but msgspec decodes into it.
     serve(line, Role, lambda role, received: _be(role, socket.socket(fileno=received[0])))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""A program at a terminal of its own: its keys, and what it shows."""
+"""A program at its own terminal: its keys, and its display."""
 
 import os
 import pty
@@ -17,7 +17,7 @@ __all__ = ["OwnTerminal"]
 
 
 class OwnTerminal:
-    """A Python program that is in the foreground of a terminal, until the end of the block."""
+    """A Python program in the foreground of a terminal, until the end of the block."""
 
     def __init__(self, *words: str) -> None:
         self._text = ""
@@ -26,10 +26,10 @@ class OwnTerminal:
             try:
                 os.execv(sys.executable, [sys.executable, *words])
             finally:
-                os._exit(127)  # a second pytest must not go on here
+                os._exit(127)  # a second pytest must not continue here
 
     def read_until(self, pattern: str) -> str:
-        """Read until it has shown this, behind what was read before; returns all up to there.
+        """Read until this is shown after earlier output; returns the output up to there.
 
         Raises TimeoutError.
         """
@@ -45,11 +45,11 @@ class OwnTerminal:
         os.write(self._end, keys if isinstance(keys, bytes) else keys.encode())
 
     def mode(self) -> list[Any]:
-        """How the terminal treats what is typed."""
+        """The terminal's settings for input."""
         return termios.tcgetattr(self._end)
 
     def is_raw(self) -> bool:
-        """Whether what is typed is neither shown nor gathered into lines."""
+        """Whether input is neither echoed nor gathered into lines."""
         return not self.mode()[3] & (termios.ICANON | termios.ECHO)
 
     def send_signal(self, number: int) -> None:

@@ -1,7 +1,7 @@
 """Answers questions with the tf2 of ROS 1, whose C++ core has the same rules; for Debian's own Python.
 
-Reads deeds as JSON: `["begin"]`, for a new buffer, `["tell", parent, child, ns, moved, turned, is_static]` or
-`["ask", target, source, ns]`. Prints for each that asks seven numbers and a time, or the exception's name.
+Reads commands as JSON: `["begin"]`, for a new buffer, `["tell", parent, child, ns, moved, turned, is_static]`
+or `["ask", target, source, ns]`. For each `ask` it prints seven numbers and a time, or the exception's name.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""What the tests of transforms share: messages in few words, and buffers on either core."""
+"""Common parts of the tests of transforms: short functions for messages, and buffers on either core."""
 
 from collections.abc import Iterator
 from math import cos, sin
@@ -41,7 +41,7 @@ def transform(
 
 @pytest.fixture(params=["native", "twin"])
 def either_core(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Buffers that are made meanwhile are on that core."""
+    """Buffers made during the test are on that core."""
     if request.param == "twin":
         monkeypatch.setattr(buffer_core, "FrameTree", twin.FrameTree)
     else:

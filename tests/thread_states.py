@@ -1,4 +1,4 @@
-"""What Python keeps of threads: a state for each, with a number that no other one gets."""
+"""Python's thread states: one for each thread, with a number that is never used again."""
 
 import ctypes
 import sys
@@ -19,15 +19,15 @@ _LONG_S = 1000.0
 
 
 def this_state() -> int:
-    """The number of the calling thread's."""
+    """The number of the calling thread's state."""
     number: int = _api.PyThreadState_GetID(_api.PyThreadState_Get())
     return number
 
 
 def all_states() -> set[int]:
-    """The numbers of all threads'."""
+    """The numbers of all threads' states."""
     interval_s, found = sys.getswitchinterval(), set[int]()
-    sys.setswitchinterval(_LONG_S)  # or another thread might run, and end what the next step begins at
+    sys.setswitchinterval(_LONG_S)  # otherwise another thread might run, and end the next state
     try:
         state = _api.PyInterpreterState_ThreadHead(_api.PyInterpreterState_Get())
         while state:

@@ -1,4 +1,4 @@
-"""How tests walk a table of transitions: which events lead to a state."""
+"""Walks a table of transitions for tests: the events that lead to a state."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ _Event = TypeVar("_Event")
 
 
 def paths(transitions: Mapping[_State, Mapping[_Event, _State]], first: _State) -> dict[_State, list[_Event]]:
-    """To each state that can be reached from `first`, the events of a shortest way."""
+    """For each state that can be reached from `first`, the events of a shortest path."""
     found: dict[_State, list[_Event]] = {first: []}
     waiting = deque([first])
     while waiting:

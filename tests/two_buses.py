@@ -15,7 +15,7 @@ __all__ = ["bridge", "script_on", "wait_for_graph_of"]
 
 @contextmanager
 def bridge(path: Path, *words: str) -> Iterator[Running]:
-    """`bus bridge` on the bus at `path`. It has said what that bus is called, and may not listen yet."""
+    """`bus bridge` on the bus at `path`. It has printed the name of that bus, and may not listen yet."""
     with start("bridge", *words, "--socket", str(path)) as running:
         running.error_line_with("this bus is ")
         yield running
@@ -23,7 +23,7 @@ def bridge(path: Path, *words: str) -> Iterator[Running]:
 
 @contextmanager
 def script_on(path: Path, source: str, *arguments: str) -> Iterator[Running]:
-    """A program of a user's on the bus at `path`, as by `cli.script`."""
+    """A user's program on the bus at `path`, as by `cli.script`."""
     before = os.environ["BUSD_SOCKET"]
     os.environ["BUSD_SOCKET"] = str(path)
     try:

@@ -4,7 +4,7 @@ def test_it(two: Play) -> None:
     async def story(world: World) -> None:
         talker, listener = nodes(world)
         ...
-        world.block(LISTENER)       it hears nothing more of busd
+        world.block(LISTENER)       it reads nothing more from busd
     two(story)
 """
 
@@ -22,14 +22,14 @@ from jumping_loop import play
 
 TALKER, LISTENER = 1, 2
 WINDOW = 16
-"""Messages that a publisher that keeps all may be ahead by socket."""
+"""Messages by which a keep-all publisher may be ahead by socket."""
 
 Play = Callable[..., None]
 
 
 @pytest.fixture
 def two(tmp_path: Path, route: str) -> Play:
-    """Plays a story with these; more arguments are limits of busd, in place of that WINDOW."""
+    """Plays a story with these processes; further arguments are limits of busd, instead of WINDOW."""
 
     def two(story: Callable[[World], Coroutine[Any, Any, None]], **limits: Any) -> None:
         async def tell() -> None:
@@ -51,7 +51,7 @@ def nodes(world: World) -> tuple[bus.Node, bus.Node]:
 
 
 async def restart_busd(world: World, *order: int) -> None:
-    """As kill does it; the processes come back one after the other."""
+    """Restart busd as kill does it; the processes come back one after the other."""
     for process in world.processes.values():
         process.gate.clear()
     world.stop_busd()

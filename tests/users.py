@@ -1,10 +1,10 @@
-"""Other users, for tests of access; only root can be them.
+"""Other users, for tests of access; only root can act as them.
 
     with acting_as(GUEST):
-        peer = RawPeer(path)            what connects in here belongs to that user, as the kernel tells it
-    program(GUEST, source, "argument")  a process of that user, with nothing of root's left
+        peer = RawPeer(path)            a connection made here belongs to that user for the kernel
+    program(GUEST, source, "argument")  a process of that user, without any of root's rights
 
-The users have numbers that nobody has. `Guests` is a busd that belongs to one of them, with rules for others.
+The users have unused numbers. `Guests` is a busd that belongs to one of them, with rules for others.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ TEAM = 54400
 
 @cache
 def why_not() -> str:
-    """Why there can be no other users here; "" where there can."""
+    """The reason why other users are impossible here; "" if they are possible."""
     if os.geteuid() != 0:
         return "only root can be another user"
     if shutil.which("setpriv") is None:
@@ -46,7 +46,7 @@ def command(uid: int, *arguments: str, groups: tuple[int, ...] = ()) -> list[str
 
 
 _READING = ("--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search")
-"""Where this Python lies in a folder of root's: another user may read all files then, but write none."""
+"""For a Python in a folder of root's: another user may then read all files, but write none."""
 
 
 @cache
@@ -71,7 +71,7 @@ def _environment() -> dict[str, str]:
 
 @contextlib.contextmanager
 def acting_as(uid: int, *groups: int) -> Iterator[None]:
-    """In here this process's files and connections are that user's. No thread should be at work meanwhile."""
+    """In the block, this process's files and connections belong to that user. Other threads should idle."""
     before = os.getgroups()
     os.setgroups(groups)
     os.setegid(uid)
@@ -106,7 +106,7 @@ def program(
 
 @contextlib.contextmanager
 def running(process: subprocess.Popen[str]) -> Iterator[tuple[IO[str], IO[str]]]:
-    """What the program says, and what is said to it; it is killed in the end, if it still runs."""
+    """The output and the input of the program; it is killed at the end, if it still runs."""
     assert process.stdout is not None and process.stdin is not None
     with process:
         try:
@@ -116,7 +116,7 @@ def running(process: subprocess.Popen[str]) -> Iterator[tuple[IO[str], IO[str]]]
 
 
 def output_of(process: subprocess.Popen[str]) -> str:
-    """All that a program says until it ends; it is killed where that takes too long."""
+    """All output of a program until its end; it is killed if that takes too long."""
     with process:
         try:
             return process.communicate(timeout=WAIT_S)[0]
@@ -169,18 +169,18 @@ class Guests:
         return path
 
     def write(self, rules: str) -> None:
-        """Other rules, for the next start or `reload`."""
+        """Write other rules, for the next start or `reload`."""
         self._config.write_text(f"[socket]\n{self._socket}\n{rules}")
 
     def reload(self, rules: str) -> None:
-        """Have other rules in force."""
+        """Apply other rules."""
         self.write(rules)
         reloads = self.log.count("] [busd]: reloaded ")
         self.process.send_signal(signal.SIGHUP)
         self.wait_for_log(lambda log: log.count("reloaded ") > reloads)
 
     def wait_for_log(self, condition: "object") -> None:
-        """Wait until the log is as `condition` wants: a text that is in it, or a function of it."""
+        """Wait until the log fits `condition`: a text that is in it, or a function of it."""
         end = time.monotonic() + WAIT_S
         while not (condition in self.log if isinstance(condition, str) else condition(self.log)):  # type: ignore[operator]
             assert time.monotonic() < end, self.log

@@ -1,7 +1,7 @@
 """`make vendor`: the page's two libraries, as npm has them, with their licences and hashes.
 
-`make axe` fetches what tests find faults of access by, `make foxglove` the client that Foxglove has
-published; they are no part of the page.
+`make axe` fetches the library with which tests find accessibility faults, `make foxglove` the client that
+Foxglove has published; they are not part of the page.
 """
 
 import json
@@ -22,7 +22,7 @@ PACKAGES = {
         "LICENSE": "uplot.LICENSE.txt",
     },
 }
-"""To have newer ones, write their versions here."""
+"""For newer ones, write their versions here."""
 
 AXE = Path(__file__).parents[1] / ".venv" / "axe.min.js"
 _AXE = "axe-core@4.14.1", "29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c"

@@ -1,4 +1,4 @@
-"""`bus web` as tests run it, and who comes to it: HTTP, WebSockets, one that stops reading."""
+"""`bus web` as tests run it, and its clients: HTTP, WebSockets, a client that stops reading."""
 
 import base64
 import json
@@ -52,7 +52,7 @@ bus.run(main())
 
 
 class Serving:
-    """A `bus web` that runs."""
+    """A running `bus web`."""
 
     def __init__(self, running: Running, page: str, foxglove: str) -> None:
         self.running = running
@@ -65,7 +65,7 @@ class Serving:
         self.token = parts.query.removeprefix("token=")
 
     def get(self, target: str, headers: Mapping[str, str] | None = None, method: str = "GET") -> HTTPResponse:
-        """An answer, of which the body is read."""
+        """An answer with its body already read."""
         connection = HTTPConnection(self.host, self.port, timeout=WAIT_S)
         try:
             connection.request(method, target, headers=dict(headers or {}))
@@ -76,13 +76,13 @@ class Serving:
             connection.close()
 
     def cookie(self) -> str:
-        """What a browser sends once it was at the address with the token."""
+        """The cookie that a browser sends after a visit to the address with the token."""
         given = self.get(f"/?token={self.token}").headers["Set-Cookie"]
         return str(given).partition(";")[0]
 
     @contextmanager
     def viewer(self, **more: Any) -> Iterator["Viewer"]:
-        """A page that is open."""
+        """An open page."""
         address = f"ws://{self.host}:{self.port}/"
         headers = {"Cookie": self.cookie()}
         with connect(
@@ -90,7 +90,7 @@ class Serving:
             subprotocols=[Subprotocol(PAGE)],
             additional_headers=headers,
             max_size=None,
-            max_queue=None,  # else what waits here holds up the answer to our close for ten seconds
+            max_queue=None,  # otherwise a full queue delays the answer to our close by ten seconds
             proxy=None,
             **more,
         ) as connection:
@@ -98,7 +98,7 @@ class Serving:
 
 
 class Viewer:
-    """What a page says and hears."""
+    """The messages that a page sends and receives."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -107,7 +107,7 @@ class Viewer:
         self.connection.send(json.dumps({"op": op, **fields}))
 
     def hear(self, op: str, fits: Callable[[Any], object] = lambda told: True) -> Any:
-        """The next of that kind that fits. Raises TimeoutError."""
+        """The next fitting message of that kind. Raises TimeoutError."""
         end = time.monotonic() + WAIT_S
         while True:
             told = json.loads(self.connection.recv(max(0.0, end - time.monotonic())))
@@ -117,7 +117,7 @@ class Viewer:
 
 @contextmanager
 def serving(*words: str, is_fresh: bool = False) -> Iterator[Serving]:
-    """On a port that is free."""
+    """Start it on a free port."""
     given = words if "--listen" in words else ("--listen", "127.0.0.1:0", *words)
     with start("web", *given, is_fresh=is_fresh) as running:
         addresses = dict(running.line().split(": ", 1) for _ in range(2))
@@ -125,7 +125,7 @@ def serving(*words: str, is_fresh: bool = False) -> Iterator[Serving]:
 
 
 class Silent:
-    """A client that asks for a WebSocket and from then on reads nothing."""
+    """A client that requests a WebSocket and then reads nothing."""
 
     def __init__(self, serving: Serving, subprotocol: str = PAGE) -> None:
         self._socket = socket.socket()
@@ -151,11 +151,11 @@ class Silent:
         self.send(struct.pack("!BBI", 0x81, 0x80 | len(data), 0) + data)  # masked with zeros
 
     def send(self, octets: bytes) -> None:
-        """Of frames, well made or not."""
+        """Send bytes of frames, valid or not."""
         self._socket.sendall(octets)
 
     def hear_of_missed(self, least: int) -> None:
-        """Now it reads, until it is told that so many messages were left out for it."""
+        """Read now, until a report that so many messages were left out for it."""
         data, missed = b"", 0
         while missed < least:
             part = self._socket.recv(1 << 20)
@@ -167,7 +167,7 @@ class Silent:
             data = data[-4096:]
 
     def wait_for(self, pattern: bytes) -> None:
-        """Now it reads, until it is told something like that."""
+        """Read now, until a text like that."""
         data = b""
         while not re.search(pattern, data):
             part = self._socket.recv(1 << 20)
@@ -179,7 +179,7 @@ class Silent:
 
 
 def own_bytes(pid: int) -> int:
-    """Memory of a process, without the rings of others that it has mapped."""
+    """Memory of a process, without other processes' rings that it has mapped."""
     found = re.search(r"RssAnon:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
     assert found is not None
     return int(found[1]) * 1024

@@ -96,7 +96,7 @@ def of_source(text: str) -> Iterator[tuple[int, str]]:
 
 
 def read(paths: list[str]) -> tuple[list[Finding], list[Finding]]:
-    """The sentences of the pages, and those of the sources, among the files that git knows below `paths`."""
+    """The sentences of the pages, then of the sources, from the files that git knows below `paths`."""
     listed = subprocess.run(
         ["git", "ls-files", "--", *paths], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines()

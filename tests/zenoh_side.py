@@ -1,10 +1,10 @@
-"""One side of a link between two engines for zenoh, as a program: a publisher, or who reads it.
+"""One side of a link between two engines for zenoh, as a program: a publisher, or its reader.
 
     zenoh_side.py publish BUS ADDRESS QOS SIZE RATE_HZ      listens at ADDRESS
     zenoh_side.py read BUS ADDRESS                          connects to it
 
-QOS is as in tokens (`rk10v`). RATE_HZ 0 is as fast as the writer takes. Each line on standard input is
-answered by a line of JSON: how it stands. It ends with the input.
+QOS is as in tokens (`rk10v`). RATE_HZ 0 is as fast as the writer takes. It answers each line on standard
+input by a line of JSON: its state. It ends with the input.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ DEPTH = 1000
 
 
 class Publishing:
-    """What waits goes when it can; the oldest go when there are too many."""
+    """Sends queued messages when it can; if there are too many, it drops the oldest."""
 
     def __init__(self, engine: ZenohEngine, qos: str, size: int, rate_hz: float) -> None:
         profile = qos_text.read(qos)
@@ -93,7 +93,7 @@ class Publishing:
 
 
 class Reading:
-    """A FarSide that reads every publisher that comes."""
+    """A FarSide that reads every new publisher."""
 
     def __init__(self) -> None:
         self.engine: ZenohEngine | None = None

@@ -1,8 +1,8 @@
-"""Forks processes of one that has imported everything: a new one costs milliseconds, and is known at once.
+"""Forks processes from one with all imports: a new one costs milliseconds, and its pid is known at once.
 
-The line is a socket that keeps messages apart. An order with descriptors is answered by the pid of a new
-process, which has these descriptors; a pid, once the process has ended, by its status. What lives when the
-line ends is killed.
+The line is a socket that keeps messages apart. The answer to an order with descriptors is the pid of a new
+process, which has these descriptors. The answer to a pid, once the process has ended, is its status. When the
+line ends, remaining processes are killed.
 """
 
 import os
@@ -17,16 +17,16 @@ R = TypeVar("R")
 E = TypeVar("E")
 
 MOST_BYTES = 1 << 17
-"""No order is longer."""
+"""The longest order."""
 
 _DESCRIPTORS = 3
-"""No order has more."""
+"""The most descriptors of an order."""
 
 
 def serve(line_number: int, roles: type[R], be: Callable[[R, list[int]], E]) -> E | None:
-    """Fork a process for each role that comes over the line, which is to `be` that.
+    """Fork a process for each role received over the line; it calls `be` with the role.
 
-    Returns None in the process that forks, once the line has ended; in the others what `be` returns.
+    Returns None in the forking process, once the line has ended; in the others the result of `be`.
     """
     children: set[int] = set()
     decode = msgspec.json.Decoder(roles | int).decode
