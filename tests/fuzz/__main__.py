@@ -1,7 +1,8 @@
-"""`python -m fuzz`: runs the fuzzers, as many at a time as there are processors, and says what they did.
+"""`python -m fuzz`: runs the fuzzers, as many at a time as there are processors, and prints the results.
 
-What one run finds interesting stays in .fuzz/, and the next goes on from there; --merge brings it into the
-corpus, as few inputs as cover the same. An input that makes a target fail is added to crashes/<target>.txt.
+Inputs that a run finds interesting stay in .fuzz/, and the next run continues with them. --merge brings them
+into the corpus, with few inputs for the same coverage. An input that makes a target fail is added to
+crashes/<target>.txt.
 """
 
 import argparse
@@ -25,15 +26,15 @@ ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "tests" / "native" / "build" / "fuzz"
 FOUND = ROOT / ".fuzz"
 PROGRAMS = {"ring": "fuzz_ring", "gates": "fuzz_gates", **dict.fromkeys(OF_THE_CORE, "fuzz_core")}
-"""Of those whose code is in C; only there the fuzzer sees what it covers."""
+"""Fuzzers for targets with code in C; only there the fuzzer sees the coverage."""
 
 LONGEST_BYTES = {"broker": 400, "client": 400, "reader": 400, "control": 2000, "ring": 512, "gates": 512}
 USUAL_LONGEST_BYTES = 1024
 TIMEOUT_S = 20
-"""For one input: a hang."""
+"""For one input: above this, it hangs."""
 MEMORY_MIB = 1024
 START_S = 300
-"""For a fuzzer's start, in which it runs all that is kept, and its end; beside its share."""
+"""For a fuzzer's start, in which it runs all kept inputs, and for its end; in addition to its share."""
 
 _PROGRESS = re.compile(
     r"^#(\d+)\s+(?:DONE|pulse|NEW|REDUCE|INITED).*?cov: (\d+) ft: (\d+) corp: (\d+)/(\S+)", re.MULTILINE
@@ -41,7 +42,7 @@ _PROGRESS = re.compile(
 
 
 class Outcome(NamedTuple):
-    """What one fuzzer did; `log` is all that it said."""
+    """The results of one fuzzer; `log` is its whole output."""
 
     runs: int
     coverage: int
@@ -73,7 +74,7 @@ def main() -> int:
 
 
 def _ready(wanted: list[str]) -> list[str]:
-    """Those of the targets that can be run here; says why the others can't."""
+    """The targets that can run here; prints the reason for the others."""
     command = [
         "make",
         "-sk",
@@ -94,7 +95,7 @@ def _ready(wanted: list[str]) -> list[str]:
 
 
 def _program(name: str) -> list[str]:
-    """A target's fuzzer in C, where it has one and that was built."""
+    """A target's fuzzer in C, if it has one and it is built."""
     path = BUILD / PROGRAMS.get(name, "none")
     return [str(path)] if path.exists() else []
 
@@ -159,7 +160,7 @@ def _run(name: str, share_s: int) -> Outcome:
 
 
 def _merge(name: str) -> int:
-    """The corpus anew: as few inputs as cover what it and all that was found cover."""
+    """Write the corpus again: few inputs with the same coverage as the corpus and all found inputs."""
     _unpack(inputs(CORPUS, name), FOUND / name)
     if program := _program(name):
         with tempfile.TemporaryDirectory() as folder:
@@ -178,7 +179,7 @@ def _merge(name: str) -> int:
 
 
 def _unpack(data: Iterable[bytes], folder: Path) -> None:
-    """As files, which is what a fuzzer reads, named as it names them."""
+    """Write inputs as files for a fuzzer, with the names that a fuzzer uses."""
     folder.mkdir(parents=True, exist_ok=True)
     for one in data:
         (folder / hashlib.sha1(one).hexdigest()).write_bytes(one)
@@ -189,7 +190,7 @@ def _longest(name: str) -> int:
 
 
 def _call(name: str, program: list[str], options: Iterable[str], *, limit_s: float) -> tuple[str, int]:
-    """Run a fuzzer with these options of libFuzzer; its log and its exit status."""
+    """Run a fuzzer with these options of libFuzzer; returns its log and its exit status."""
     ours = [str(ROOT / folder) for folder in ("tests", "tests/world", "clients", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((*ours, *sys.path)), "FUZZ_TARGET": name}
     try:

@@ -1,4 +1,4 @@
-"""What comes out of zenoh, before it is on the bus: parts of messages, and tokens. Without zenoh."""
+"""Data from zenoh before they are on the bus: parts of messages, and tokens. Without zenoh."""
 
 from typing import Any
 from unittest.mock import patch
@@ -12,13 +12,13 @@ from bus_bridge.zenoh.records import MAX_NUMBER, Assembler, Content, Piece, Prob
 from fuzz.script import Script
 
 _SMALL: dict[str, Any] = {"PART_BYTES": 64, "WHOLE_BYTES": 128}
-"""So that short inputs have messages of several parts."""
+"""Small limits: short inputs then have messages of several parts."""
 _ROOM_BYTES = 2000
 _OWN = "laptop"
 
 
 def parts(data: bytes) -> None:
-    """Parts in any order: what goes on are messages that can be; no more is held than there is room."""
+    """Parts in any order: only possible messages pass, and never more is held than there is room."""
     script = Script(data)
     room = Room(_ROOM_BYTES)
     arrival, assembler = Arrival(room), Assembler(room)
@@ -56,7 +56,7 @@ def _next(script: Script, arrival: Arrival) -> list[Content]:
 
 
 def _made(script: Script, last: int) -> tuple[int, Content] | None:
-    """A part as it is sent, with a byte of its head changed now and then."""
+    """A part as it is sent, rarely with a changed byte in its head."""
     samples = [
         Sample(bytes(script.byte() << script.byte() % 2), script.byte(), script.byte())
         for _ in range(script.byte() % 3)
@@ -82,7 +82,7 @@ def _take(content: Content, assembler: Assembler) -> None:
 
 
 class _Far:
-    """Who is told; see bus_bridge.engine.FarSide. What is said is about something that is there."""
+    """The receiver of events; see bus_bridge.engine.FarSide. Each event must be about an existing object."""
 
     def __init__(self) -> None:
         self.nodes: dict[str, set[str]] = {}
@@ -116,7 +116,7 @@ class _Far:
 
 
 def tokens(data: bytes) -> None:
-    """Tokens that come and go: what is told follows from them, and once they have gone nothing is left."""
+    """Tokens that come and go: all events follow from them, and once they have gone nothing is left."""
     script = Script(data)
     far = _Far()
     there: list[str] = []
@@ -151,7 +151,7 @@ def _bus(script: Script) -> str:
 
 
 def _token(script: Script) -> str:
-    """As it is written, with some characters changed now and then."""
+    """A token as it is written, rarely with changed characters."""
     bus, run = _bus(script), script.choose(("1", "2", "3"))
     kind = script.choose("BNPSIX")
     node, gid = str(script.byte() % 3), bytes([script.byte() % 4]).rjust(16).hex()

@@ -1,7 +1,7 @@
-"""The broker core, through the real wire both ways: bytes as they come, and scripts that get far into it.
+"""The broker core, through the real wire both ways: raw bytes, and scripts that get far into it.
 
-Whatever its peers say: nothing is raised, all that it sends can be understood, no limit is passed, and when
-they have gone nothing is left of them.
+For any input of its peers: it raises nothing, all its messages can be decoded, and no limit is exceeded. When
+the peers have gone, no trace of them is left.
 """
 
 from typing import Any
@@ -59,7 +59,7 @@ _SOME_MAY = AccessRule(
 _ACCESS = ((ALL_MAY,), (), (_SOME_MAY,), (_SOME_MAY, ALL_MAY))
 
 _RUN_BYTES = 4 * KIB
-"""More than one run has here: by so much a process may be over, since its newest run stays."""
+"""More than the size of one run here: a process may exceed a limit by this, since its newest run stays."""
 
 _NAMES = ("x", "twin", "", "9", "x" * 300)
 _SPACES = ("/", "/ns", "", "ns")
@@ -80,7 +80,7 @@ _STAMPS = (10**12, 0, -(1 << 63), (1 << 63) - 1)
 
 
 def control(data: bytes) -> None:
-    """The bytes of a client, beside an honest one."""
+    """The bytes of a client, next to an honest one."""
     world = _world()
     witness = world.process("witness")
     client = world.process("client", shares=bool(data[:1] and data[0] & 1))
@@ -90,9 +90,9 @@ def control(data: bytes) -> None:
 
 
 def broker(data: bytes) -> None:
-    """A script of what three clients say, in messages that are mostly whole, of things that mostly exist.
+    """A script of messages from three clients, mostly complete, about mostly existing objects.
 
-    One of them is another user's. Limits and access change meanwhile.
+    One of them belongs to another user. Limits and access change meanwhile.
     """
     script = Script(data)
     world = _world()
@@ -110,7 +110,7 @@ def broker(data: bytes) -> None:
 
 
 class _Client:
-    """One process; it knows the ids that it was given, and chooses among them."""
+    """One process; it chooses among the ids that it was given."""
 
     def __init__(self, world: World, index: int) -> None:
         self.world = world
@@ -246,7 +246,7 @@ def _world() -> World:
 
 
 def _check(world: World) -> None:
-    """No limit is passed, and the tables agree with one another."""
+    """Check that no limit is exceeded, and that the tables agree."""
     core = world.broker
     assert not core.is_overfull
     assert len(core.graph.topics) <= LIMITS.topics
@@ -267,7 +267,7 @@ def _check(world: World) -> None:
 
 
 def _end(world: World, witness: Process) -> None:
-    """The witness is still served, and when all have left, nothing is left."""
+    """Check that the witness is still served, and that nothing is left when all have gone."""
     graph = witness.graph(statistics=True)
     assert {node.id for node in graph.nodes} == set(world.broker.graph.nodes)
     holders = [one for peer in world.broker._peers.values() for one in (peer, peer.user)]

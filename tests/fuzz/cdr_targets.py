@@ -1,4 +1,4 @@
-"""CDR and definitions out of bag files: each has one error for all that is wrong."""
+"""CDR and definitions in bag files: each has one error for all faults."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -24,7 +24,7 @@ WHEEL: Final = codec_of(bus.MessageSchema.of(Wheel))
 
 
 def cdr(data: bytes) -> None:
-    """A CDR message of a ready-made type: one that its class reads and that comes back, or a CdrError."""
+    """A CDR message of a ready-made type: its class reads it and it comes back, or a CdrError."""
     script = Script(data)
     index = script.byte() % len(CODECS)
     with suppress(CdrError):
@@ -34,7 +34,7 @@ def cdr(data: bytes) -> None:
 
 
 def wheels(data: bytes) -> None:
-    """CDR messages and payloads of a class with all that Python has: a message, or a CdrError."""
+    """CDR messages and payloads of a class with all Python types: a message, or a CdrError."""
     script = Script(data)
     with suppress(CdrError):
         if script.byte() % 2:
@@ -44,7 +44,7 @@ def wheels(data: bytes) -> None:
 
 
 def payloads(data: bytes) -> None:
-    """A payload of a type that another process describes: CDR that can be read, or an error."""
+    """A payload of a type that another process describes: readable CDR, or an error."""
     script = Script(data)
     payload = script.take(script.byte())
     decoders: tuple[Callable[[bytes], Any], ...] = (msgspec.json.decode, msgspec.msgpack.decode)
@@ -61,7 +61,7 @@ def payloads(data: bytes) -> None:
 
 
 def bag_definitions(data: bytes) -> None:
-    """The definition of a type in a bag file: a type that is described alike, or a ConfigurationError."""
+    """The definition of a type in a bag file: a type with the same description, or a ConfigurationError."""
     with suppress(ConfigurationError):
         schema = schema_of_definition("fuzz/msg/Fuzz", data.decode(errors="replace"))
         codec = Codec(schema)
@@ -71,5 +71,5 @@ def bag_definitions(data: bytes) -> None:
 
 def _encode(codec: Codec, payload: bytes) -> None:
     sent = b"".join(codec.encode(payload))
-    with suppress(CdrError):  # of a union, say, which is JSON: nobody has checked what is in it
+    with suppress(CdrError):  # for example a union, which is JSON with unchecked contents
         codec.decode(sent)

@@ -1,6 +1,6 @@
-"""A client whose broker is hostile, without a socket.
+"""A client with a hostile broker, without a socket.
 
-Whatever a broker says: the client ends the connection or goes on, and what it answers is well-formed.
+For any messages of the broker: the client ends the connection or continues, and its answers are well-formed.
 """
 
 import asyncio
@@ -57,7 +57,7 @@ _SHORT = ("liveliness", "lost", "refused", "done", "pong", "ping", "graph*", "ty
 
 
 class _Silent:
-    """Stands for the stream to the broker, which takes nothing."""
+    """A stream to the broker that takes nothing."""
 
     is_quiet = True
     writing = WriteState.OPEN
@@ -76,7 +76,7 @@ class _Silent:
 
 
 def client(data: bytes) -> None:
-    """What a broker says to a process with two publishers and two subscriptions."""
+    """Messages of a broker to a process with two publishers and two subscriptions."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         runner.run(_talk(Script(data)))
 
@@ -135,7 +135,7 @@ class _Client:
         raise error
 
     async def begin(self) -> None:
-        """Declare all, to a broker that answers well or not."""
+        """Declare everything, to a broker that answers well or not."""
         node = self.node = LinkNode("node", "/", None, (__file__, 0))  # the link refers to it weakly
         self.hear(m.encode_frame(m.Hello(version=1)))
         everything: list[LinkNode | EndpointCore[String]] = [node, *self.cores]
@@ -256,7 +256,7 @@ class _Client:
         self.hear(FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body)
 
     def descriptor(self, kind: int) -> Descriptor:
-        """A ring, mostly with something wrong in it; or what is none."""
+        """A ring, mostly with a fault in it; or a descriptor of another kind."""
         shm_context = self.link.shm_context
         if shm_context is None or kind == 0:
             return Descriptor(os.open("/dev/null", os.O_RDONLY))
@@ -279,7 +279,7 @@ class _Client:
             self.is_cut = True
 
     def check(self) -> None:
-        """All that it says can be understood."""
+        """Check that all its messages can be decoded."""
         for endpoint in self.cores:
             if endpoint.id:
                 self.link.send_about(endpoint, endpoint.totals())

@@ -1,6 +1,6 @@
-"""Which inputs of many are worth keeping: the short ones first, each that takes a step no other has taken.
+"""Selects inputs to keep: the short ones first, and each that takes a new step.
 
-A step is a line of our packages after another. Needs no fuzzer; atheris can't merge what it has found.
+A step is a pair of consecutive lines of our packages. It needs no fuzzer; atheris can't merge its findings.
 """
 
 import os
@@ -21,7 +21,7 @@ Steps = set[tuple[str, int, int]]
 
 
 def covering(name: str, inputs: Iterable[bytes]) -> list[bytes]:
-    """As few of `inputs`, nearly, as make the target take all the steps that all of them make it take."""
+    """Few of `inputs`, nearly the fewest, with which the target takes all the steps of all inputs."""
     reached: Steps = set()
     kept: list[bytes] = []
     for data in sorted(set(inputs), key=lambda data: (len(data), data)):
@@ -51,7 +51,7 @@ def _steps(target: Callable[[bytes], None], data: bytes) -> Steps:
 
     sys.settrace(enter)
     try:
-        with suppress(Exception):  # a target that fails is the fuzzer's business
+        with suppress(Exception):  # a failing target is the fuzzer's subject
             target(data)
     finally:
         sys.settrace(None)

@@ -1,4 +1,4 @@
-"""Rings of a publisher that writes what it likes, and what reads them. Needs the native core."""
+"""Rings of a publisher that writes arbitrary data, and readers of them. Needs the native core."""
 
 import mmap
 import os
@@ -20,14 +20,14 @@ from fuzz.script import Script
 
 _HEADER_BYTES = 640
 _HEADER_WORDS = (16, 32, 33, 48, 49, 64, 65, 66)
-"""Of layout.h: oldest, latest, end, the bell, closed and the first tickets."""
+"""From layout.h: oldest, latest, end, the bell, closed and the first tickets."""
 _GEOMETRY_WORDS = 9
 _LARGE = 6000
-"""A payload that is pinned, not copied."""
+"""The size of a payload that is pinned, not copied."""
 
 
 class HostileRing:
-    """A ring with some records, some words of which are not what they should be; sealed as it must be."""
+    """A ring with some records and some wrong words; sealed correctly."""
 
     def __init__(self, script: Script) -> None:
         self.capacity, self.index = (4096, 32768)[script.byte() % 2], 16 << script.byte() % 3
@@ -51,12 +51,12 @@ class HostileRing:
         return Descriptor(os.dup(self.descriptor.number))
 
     def write(self, script: Script) -> None:
-        """A message, as an honest publisher writes it."""
+        """Write a message as an honest publisher does."""
         size = script.byte()
         self.writer.write(msgspec.msgpack.encode(String(data="x" * (_LARGE if size == 255 else size))))
 
     def scribble(self, script: Script) -> None:
-        """Change a word of those that readers look at, or any."""
+        """Change a word that readers look at, or any other."""
         kind, where = script.byte(), script.byte()
         index_at = _HEADER_BYTES // 8
         match kind % 4:
@@ -135,7 +135,7 @@ def reader(data: bytes) -> None:
 
 
 def _hold(payload: Any) -> Any:
-    return bytes(payload), payload  # the payload keeps the record in its place, where it is a view
+    return bytes(payload), payload  # a payload that is a view keeps the record in its place
 
 
 _decode = msgspec.msgpack.Decoder(String).decode

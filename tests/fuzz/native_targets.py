@@ -1,4 +1,4 @@
-"""What the native core makes of packs of samples and of payloads. Needs it."""
+"""The native core's handling of packs of samples and of payloads. Needs the core."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +28,7 @@ Outcome = tuple[Any, ...]
 
 
 def check_pack(pack: tuple[Any, ...] | None, most_bytes: int, longest: int) -> int:
-    """What `Reader.take_packed` says of a pack is so; how many samples it has."""
+    """Check the report of `Reader.take_packed` about a pack; returns the number of samples."""
     if pack is None:
         return 0
     _, data, count, payload_bytes, last_at, is_consecutive, _ = pack
@@ -42,7 +42,7 @@ def check_pack(pack: tuple[Any, ...] | None, most_bytes: int, longest: int) -> i
 
 
 def packs(data: bytes) -> None:
-    """A pack is looked through as in Python; what of it is published comes back the same, packed again."""
+    """A pack is read as in Python; its published samples come back unchanged when packed again."""
     script = Script(data)
     _, memory = ring = segments.make_ring((4096, 32768)[script.byte() % 2], 16 << script.byte() % 4, 1)
     writer = shm.native.Writer(memory, 1 + script.byte() % 8)
@@ -81,7 +81,7 @@ def packs(data: bytes) -> None:
 
 
 def _pack(script: Script) -> bytes:
-    """Records, some of which lie about their size, or bytes that are none."""
+    """Records, some with a wrong size, or arbitrary bytes."""
     parts: list[bytes] = []
     for _ in range(script.byte() % 16):
         kind = script.byte()
@@ -106,13 +106,13 @@ def _places(whole: bytes, start: int) -> list[int]:
 
 
 def _sample(whole: bytes, at: int) -> tuple[int, bytes]:
-    """Its source time and its payload."""
+    """The source time and the payload."""
     _, time_ns, size = RECORD.unpack_from(whole, at)
     return time_ns, whole[at + RECORD.size :][:size]
 
 
 def _published(time_ns: int, payload: bytes) -> tuple[int, bytes]:
-    """The same as who takes it one by one sees it; without a source time, 0."""
+    """The sample as a receiver of single samples sees it; without a source time, 0."""
     if time_ns > 0:
         payload = source_head(time_ns) + payload
     time_ns = source_ns_of(payload)
@@ -120,7 +120,7 @@ def _published(time_ns: int, payload: bytes) -> tuple[int, bytes]:
 
 
 def _is_same(taken: tuple[int, bytes], given: tuple[int, bytes]) -> bool:
-    """Where there was no time, there is the one of publication now."""
+    """Whether the samples agree; a missing time has become the time of publication."""
     return taken[1] == given[1] and (taken[0] == given[0] or given[0] == 0)
 
 
@@ -133,7 +133,7 @@ def _outcome(decode: Callable[[Any], Any], payload: Any) -> Outcome:
 
 
 def plans(data: bytes) -> None:
-    """A plan decodes as msgspec does, or leaves it to that; what it has decoded, it encodes as that does."""
+    """A plan decodes as msgspec does, or leaves it to msgspec; it encodes decoded messages as msgspec."""
     script = Script(data)
     name = script.choose(_NAMES)
     payload = script.rest()

@@ -1,6 +1,6 @@
-"""An input as a script: bytes that choose what is done next, so that a changed byte is a changed step.
+"""An input as a script: each byte chooses a next step, so a changed byte is a changed step.
 
-Where it has ended, everything chosen is the first, the least, the empty.
+After its end, each choice is the first, the least, or the empty one.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ class Script:
         return choices[self.byte() % len(choices)]
 
     def number(self, near: int = 0, *, signed: bool = True) -> int:
-        """A number that fits into 64 bits: mostly one near `near`, now and then one at an edge."""
+        """A number that fits into 64 bits: mostly one near `near`, rarely one at a limit."""
         byte = self.byte()
         if byte < 128:
             number = near + byte
@@ -46,7 +46,7 @@ class Script:
         return min(max(number, least), (1 << 64) - 1)
 
     def take(self, count: int) -> bytes:
-        """The next `count` bytes, or as many as there are."""
+        """The next `count` bytes, or as many as are left."""
         taken = self._data[self._at : self._at + count]
         self._at += count
         return taken

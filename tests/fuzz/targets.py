@@ -15,7 +15,7 @@ from fuzz import (
 )
 
 Target = Callable[[bytes], None]
-"""Raises nothing, whatever the bytes are."""
+"""Raises nothing for any bytes."""
 
 TARGETS: dict[str, Target] = {
     "frames": wire_targets.frames,
@@ -45,7 +45,7 @@ TARGETS: dict[str, Target] = {
     "bag_definitions": cdr_targets.bag_definitions,
 }
 NATIVE = ("ring", "gates")
-"""Those in C, in tests/native; `make native` runs what is kept for them."""
+"""The targets in C, in tests/native; `make native` runs their kept inputs."""
 
 OF_THE_CORE = ("reader", "packs", "plans")
 

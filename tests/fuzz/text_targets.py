@@ -1,6 +1,6 @@
-"""What people and files say: configuration, parameters, arguments, names, definitions, messages in YAML.
+"""Texts of people and files: configuration, parameters, arguments, names, definitions, messages in YAML.
 
-Each has one error for all that is wrong; anything else that is raised is a fault.
+Each has one error for all mistakes; any other exception is a fault.
 """
 
 import io
@@ -53,7 +53,7 @@ _MESSAGES: tuple[type[msgspec.Struct], ...] = (Anything, String, PoseStamped, Fl
 
 
 class _File:
-    """Stands for a path."""
+    """A replacement for a path."""
 
     def __init__(self, content: bytes) -> None:
         self._content = content
@@ -67,7 +67,7 @@ class _File:
 
 
 def configuration(data: bytes) -> None:
-    """busd.toml: a configuration to make a broker of, or a ConfigurationError that names the file."""
+    """busd.toml: a configuration for a broker, or a ConfigurationError that names the file."""
     try:
         loaded = load(_File(data))  # type: ignore[arg-type]
     except ConfigurationError as error:
@@ -82,7 +82,7 @@ def configuration(data: bytes) -> None:
 
 
 def parameters(data: bytes) -> None:
-    """A file of parameters, and a value as it stands after -p or is typed at a tool."""
+    """A file of parameters, and a value as after -p or as typed for a tool."""
     text = data.decode(errors="replace")
     with suppress(ConfigurationError):
         sections = parse_file(text, "file.yaml")
@@ -101,7 +101,7 @@ def _check_value(value: Any) -> None:
 
 
 def arguments(data: bytes) -> None:
-    """A command line, its parts ended by zero bytes as the kernel keeps them."""
+    """A command line; zero bytes end its parts, as in the kernel."""
     argv = [part.decode(errors="surrogateescape") for part in data.split(b"\0")]
     with suppress(ConfigurationError):
         parsed = Arguments.parse(argv)
@@ -115,7 +115,7 @@ def arguments(data: bytes) -> None:
 
 
 def topic_names(data: bytes) -> None:
-    """Names: refused with the place that is wrong, or good in all that follows."""
+    """Names: refused with the position of the mistake, or valid in all later steps."""
     parts = data.decode(errors="replace").split("\0")
     name, node, namespace = [*parts, "", "", ""][:3]
     checks: tuple[Callable[[str], None], ...] = (
@@ -154,7 +154,7 @@ def definitions(data: bytes) -> None:
 
 
 def documents(data: bytes) -> None:
-    """What `bus topic pub` takes: messages that can be published and shown, or a CommandError."""
+    """Input of `bus topic pub`: messages that can be published and shown, or a CommandError."""
     kind = _MESSAGES[data[0] % len(_MESSAGES)] if data else Anything
     support = type_support(kind)
     for document in split(io.StringIO(data[1:].decode(errors="replace"))):
@@ -180,7 +180,7 @@ def expressions(data: bytes) -> None:
 
 
 def schemas(data: bytes) -> None:
-    """A type that another process describes: a class whose messages can be read and shown, or an error."""
+    """A type that another process describes: a class with readable messages, or an error."""
     script = Script(data)
     payload = script.take(script.byte() % 64)
     decoders: tuple[Callable[[bytes], Any], ...] = (msgspec.json.decode, msgspec.msgpack.decode)
@@ -197,7 +197,7 @@ def schemas(data: bytes) -> None:
     messages: list[Any] = []
     with suppress(ValueError, RecursionError):  # msgspec's errors and bad UTF-8 are ValueErrors
         messages.append(decoder.decode(payload))
-    with suppress(TypeError):  # a field that must be given
+    with suppress(TypeError):  # a required field
         messages.append(cls())
     described = describe(cls)
     for message in messages:

@@ -30,12 +30,12 @@ from feeding import feed
 from fuzz.script import Script
 
 _SMALL_BUFFER = 128
-"""In place of 256 KiB, so that short inputs have frames that are too long for it."""
+"""In place of 256 KiB: short inputs then have frames that are too long for it."""
 _MOST_CONTROL, _MOST_DATA = 300, 500
 
 
 class Brought:
-    """Stands for a descriptor."""
+    """A replacement for a descriptor."""
 
     def __init__(self) -> None:
         self.is_closed = False
@@ -46,7 +46,7 @@ class Brought:
 
 
 def frames(data: bytes) -> None:
-    """A stream cut anywhere gives the same frames, and the same end, as a plain decoder of it whole."""
+    """A stream cut anywhere gives the same frames, and the same end, as a plain decoder of the whole."""
     script = Script(data)
     pieces = [1 + script.byte() for _ in range(script.byte() % 16)]
     stream = script.rest()
@@ -100,7 +100,7 @@ def _shown(item: Any) -> Any:
 
 
 def session(data: bytes) -> None:
-    """Either end, told anything: one RemoteProtocolError, and then nothing more; no descriptor is lost."""
+    """Either end, with any input: one RemoteProtocolError, and then nothing more; no descriptor is lost."""
     script = Script(data)
     how = script.byte()
     receiver = Session(Role.CLIENT if how & 1 else Role.BROKER, max_message_bytes=1 << 20)
@@ -137,7 +137,7 @@ def _check_round_trip(message: m.Message, receiver: Session) -> None:
 
 
 def runs(data: bytes) -> None:
-    """A queue of runs that are shorter than they claim, or worse: its counts stay true, its end is empty."""
+    """A queue of runs that are shorter than announced, or worse: its counts stay right, its end is empty."""
     script = Script(data)
     account = Account(script.byte() * 8)
     queue = RunQueue(script.byte() % 8, account, endpoint=3)
@@ -194,7 +194,7 @@ def _check_frame(queue: RunQueue) -> None:
 
 
 def receiver(data: bytes) -> None:
-    """What a subscription is sent is delivered, or dropped for one reason, or waits; whatever it is sent."""
+    """For any input, samples to a subscription are delivered, or dropped for one reason, or wait."""
     script = Script(data)
     depth = script.byte() % 8
     dropped: dict[str, int] = {}
@@ -239,7 +239,7 @@ def receiver(data: bytes) -> None:
 
 
 def outbox(data: bytes) -> None:
-    """Control frames go out in their order and before the samples; each descriptor with its frame, alone."""
+    """Control frames go out in order and before the samples; each descriptor with its frame, alone."""
     script = Script(data)
     box, account = Outbox(), Account(1 << 30)
     queues = [RunQueue(0, account, endpoint=number) for number in range(3)]

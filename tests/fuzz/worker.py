@@ -1,8 +1,8 @@
 """One target under atheris, as a process: `python -m fuzz.worker frames [options of libFuzzer]`.
 
-Only our packages are instrumented: what is covered is what belongs to us. And the targets themselves, as
-nothing is seen here of the native core that some use; and the functions that codecs make, where the codecs
-stay the same.
+Only our packages are instrumented, so coverage is only counted there. The targets themselves are
+instrumented, too: atheris sees nothing of the native core that some of them use. So are functions generated
+by codecs, for targets with a fixed set of codecs.
 """
 
 import sys

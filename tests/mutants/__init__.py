@@ -1,4 +1,4 @@
-"""Whether the tests see what they are there for: lines of the source, broken one at a time.
+"""Checks that the tests find faults: breaks lines of the source, one at a time.
 
-mutants.toml has them as data; `make mutants` (`python -m mutants`) tries each in a copy of the tree.
+mutants.toml lists the lines as data; `make mutants` (`python -m mutants`) tries each in a copy of the tree.
 """

@@ -1,7 +1,8 @@
 """`python -m mutants [WORD ...]`: breaks one line after the other in a copy of the tree, and runs its tests.
 
-With words only those mutants whose file or description has one of them. Fails where the tests pass all the
-same (the mutant survived), where the line is not there once, or where the tests fail on the unbroken tree.
+With words: only mutants with one of the words in their file or description. Fails if the tests pass
+nevertheless (the mutant survived), if the line does not exist exactly once, or if the tests fail on the
+unbroken tree.
 """
 
 import os
@@ -18,7 +19,7 @@ import msgspec
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 100
 _FAILED = 1
-"""pytest's status where tests failed, and not where they could not be run."""
+"""pytest's status if tests failed; it has others if they could not be run."""
 _FOLDERS = ("busd", "clients", "tests", "examples", "benchmarks", "docs")
 _FILES = (
     "pyproject.toml",
@@ -35,7 +36,7 @@ _CORE = "clients/bus/shm/"
 
 
 class Mutant(msgspec.Struct, forbid_unknown_fields=True):
-    """A line that is broken, what that breaks, and the files of tests of which one at least must fail."""
+    """A line to break, the effect, and the files of tests of which at least one must fail."""
 
     breaks: str
     file: str
@@ -45,7 +46,7 @@ class Mutant(msgspec.Struct, forbid_unknown_fields=True):
 
     @property
     def is_in_core(self) -> bool:
-        """Whether the native core is to be built anew with it."""
+        """Whether the native core has to be built again with it."""
         is_built = self.file.startswith(_CORE) and not self.file.endswith(".py")
         return is_built and not all(test.startswith(_NATIVE) for test in self.tests)
 
@@ -78,7 +79,7 @@ def read() -> list[Mutant]:
 
 
 def mistakes(mutant: Mutant) -> list[str]:
-    """Where it and the tree no longer fit each other: its line, and its tests."""
+    """Mismatches between the mutant and the tree: in its line, and in its tests."""
     is_there = (ROOT / mutant.file).read_text().count(mutant.old) == 1
     line = [] if is_there else [f"not there once: {mutant.file}: {mutant.old!r} ({mutant.breaks})"]
     return line + [f"no such file: {test}" for test in mutant.tests if not (ROOT / test).is_file()]
@@ -111,7 +112,7 @@ def _is_killed(tree: Path, mutant: Mutant) -> bool:
 
 
 def _build_core(tree: Path) -> None:
-    """In the copy. What the sources are compiled with, setup.py alone knows."""
+    """Build the core in the copy; only setup.py knows the compiler's options."""
     done = subprocess.run(
         [sys.executable, "setup.py", "-q", "build_ext", "--inplace"],
         cwd=tree,
