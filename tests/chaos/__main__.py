@@ -1,4 +1,4 @@
-"""`python -m chaos --seconds 60 --seed 7`: storms over a bus of its own, and what came of them."""
+"""`python -m chaos --seconds 60 --seed 7`: storms over a separate bus, and their results."""
 
 import argparse
 import os

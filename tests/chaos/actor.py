@@ -1,7 +1,7 @@
-"""An actor: a process with a node that publishes and listens, and looks at everything that it hears.
+"""An actor: a process with a node that publishes and listens, and checks every received message.
 
-Started by `stage`, forked from one that has imported everything. What must never happen goes to the file of
-faults at once; what it has published stands in a file, which outlives it.
+`stage` starts it as a fork of a process with all imports. It writes forbidden events to the file of faults at
+once. Its published numbers are in a file, which outlives it.
 """
 
 import asyncio
@@ -33,16 +33,16 @@ from survivors import Ledger
 from zygote import serve
 
 BEGUN, DONE = 0, 1
-"""Places in a talker's ledger: the numbers that it last began and last ended to publish."""
+"""Positions in a talker's ledger: the last number begun to publish, and the last finished one."""
 
 _LIBC = ctypes.CDLL(None)
 _BLOCK = random.Random(1).randbytes(8 << 20)
 _STARVED = (MemoryError, OSError, bus.BusError)
-"""What may go wrong in a limited process."""
+"""Errors that are possible in a limited process."""
 
 
 class Speaking:
-    """A talker that speaks while it may."""
+    """A talker that publishes while it may."""
 
     def __init__(self, actor: "Actor", talker: Talker, publisher: bus.Publisher[Parcel]) -> None:
         self.talker = talker
@@ -60,7 +60,7 @@ class Speaking:
         self._may.set()
 
     async def rest(self) -> int:
-        """Up to which number everything is published and handed over."""
+        """Stop; returns the number up to which everything is published and handed over."""
         self._may.clear()
         await self._rests.wait()
         await self.publisher.flush()
@@ -101,7 +101,7 @@ class Speaking:
 
     def _parcel(self, number: int) -> Parcel:
         least, most = self.talker.sizes
-        size = int(least * (most / least) ** self._chance.random())  # of each order of magnitude as many
+        size = int(least * (most / least) ** self._chance.random())  # log-uniform
         if self._chance.random() < 0.3:
             size = least
         begin = self._chance.randrange(len(_BLOCK) - size)
@@ -110,7 +110,7 @@ class Speaking:
 
 
 class Listening:
-    """A subscription whose messages are looked at."""
+    """A subscription with a check of its messages."""
 
     def __init__(self, actor: "Actor", ear: Ear) -> None:
         self.ear = ear
@@ -160,7 +160,7 @@ class Listening:
 
 
 class Actor:
-    """Does what it is told, one thing after the other."""
+    """Carries out orders one after the other."""
 
     def __init__(self, role: Role, node: bus.Node, proxy: Proxy | None) -> None:
         self.role = role
@@ -186,9 +186,9 @@ class Actor:
                 for one in self._speaking.values():
                     await one.speak_once()
             case "settle":
-                await self._node.graph()  # what came before on this connection has been heard
-                gc.collect()  # of what is held, only what is still needed counts
-                _LIBC.malloc_trim(0)  # and not what the allocator keeps of what was freed
+                await self._node.graph()  # earlier messages on this connection have then arrived
+                gc.collect()  # only objects that are still needed count
+                _LIBC.malloc_trim(0)  # and not the allocator's free memory
             case "look":
                 return self.look()
             case "make":
@@ -205,7 +205,7 @@ class Actor:
         return None
 
     async def make(self, what: Talker | Ear) -> bool:
-        """Whether it is made: a limited process may not succeed."""
+        """Make an endpoint; returns whether it exists: a limited process may not succeed."""
         print(f"makes {what}")
         try:
             if isinstance(what, Talker):
@@ -222,7 +222,7 @@ class Actor:
         return True
 
     async def _end(self, number: int) -> int:
-        """End an endpoint; how many messages it has published."""
+        """End an endpoint; returns how many messages it has published."""
         print(f"ends {number}")
         if number in self._listening:
             await self._listening.pop(number).close()
@@ -242,7 +242,7 @@ class Actor:
         )
 
     def suffer(self, error: BaseException) -> None:
-        """Something failed: that is a fault, but where things are scarce on purpose."""
+        """Report an error as a fault, except in a limited process."""
         text = f"{type(error).__name__}: {error}"
         if not self.role.is_limited:
             self.complain(text)
@@ -285,7 +285,7 @@ async def _live(role: Role, channel: socket.socket, proxy: Proxy | None) -> None
 
 
 async def _enter_node(stack: contextlib.AsyncExitStack, name: str) -> bus.Node:
-    """Where busd is away at the moment, it is tried again."""
+    """Enter a node; if busd is away, try again."""
     while True:
         try:
             return await stack.enter_async_context(bus.Node(name, arguments=[], rosout=False))
@@ -299,7 +299,7 @@ def _say(writer: asyncio.StreamWriter, what: object) -> None:
 
 
 def _proxy(name: str) -> Proxy:
-    """What the node connects to in place of busd."""
+    """Start the proxy to which the node connects in place of busd."""
     broker, path = Path(os.environ["BUSD_SOCKET"]), Path(f"{name}.sock").absolute()
     os.environ["BUSD_SOCKET"] = str(path)
     return Proxy(path, broker)

@@ -1,12 +1,12 @@
-"""`python -m chaos.bridges --kills 200 --seed 7`: two buses joined by zenoh, and faults of all between them.
+"""`python -m chaos.bridges --kills 200 --seed 7`: two buses joined by zenoh, with faults in between.
 
 Bridges and busds are killed and come back, bridges hang, and the cable is pulled, one after the other or
-together, under streams in both directions. What must hold:
+together, under streams in both directions. Invariants:
 
-- Nothing comes twice, and nothing out of order: always.
+- No message comes twice or out of order: always.
 - After the last fault everything flows again within five seconds.
-- In a round in which nobody was killed, so that no counter has gone with its process, all that is missing has
-  been counted: by the subscription, or by one of the bridges.
+- In a round without kills no counter is lost with its process. Then every missing message has been counted,
+  by the subscription or by one of the bridges.
 """
 
 import argparse
@@ -43,11 +43,11 @@ _PER_ROUND = 4
 _NO_BUSD = "no busd listens on"
 _AWAY_S, _BETWEEN_S = (0.0, 1.5), (0.0, 1.0)
 _BACK_S = SOON_S
-"""So long after the end of a fault at the latest messages flow again."""
+"""The longest time from the end of a fault until messages flow again."""
 
 
 class Deed(NamedTuple):
-    """What is done to whom, for so long; `kills`: a process, with its counters."""
+    """A fault: its kind, its side, its duration; `kills`: it ends a process, with its counters."""
 
     what: str
     who: str
@@ -57,11 +57,11 @@ class Deed(NamedTuple):
 
 
 class Broken(Exception):
-    """An invariant did not hold."""
+    """An invariant was violated."""
 
 
 def plan(chance: random.Random, kills: int) -> Iterator[list[Deed]]:
-    """Rounds of some deeds each, until so many are done. Every third round kills nobody."""
+    """Rounds of some faults each, until `kills` are done. Every third round kills no process."""
     done = number = 0
     while done < kills:
         number += 1
@@ -81,7 +81,7 @@ def plan(chance: random.Random, kills: int) -> Iterator[list[Deed]]:
 
 
 class Storms:
-    """The streams, and what is done to what carries them."""
+    """The streams, and the faults on their way."""
 
     def __init__(self, world: World, streams: dict[str, Stream]) -> None:
         self._world = world
@@ -92,7 +92,7 @@ class Storms:
         self._locks: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def lines(self) -> Iterator[str]:
-        """What came of it."""
+        """The results."""
         yield f"faults: {', '.join(f'{what}: {count}' for what, count in sorted(self.done.items()))}"
         yield f"until all flowed again: {median(self.back_s):.2f} s, {max(self.back_s):.2f} s at most"
         for name, stream in self._streams.items():
@@ -100,9 +100,9 @@ class Storms:
             yield f"{name}: {stream.sent} said, {heard} heard, {missing} missing on the way"
 
     async def round(self, deeds: list[Deed]) -> None:
-        """Do them, and see what holds. Raises Broken."""
+        """Make the faults, and check the invariants. Raises Broken."""
         before = None if any(deed.kills for deed in deeds) else await self._counted()
-        # What is heard after this was said after the count, so no loss is in the count and missing as well.
+        # Messages received after this were sent after the count, so no loss is both in the count and missing.
         await asyncio.gather(*(self._flows(stream) for stream in self._streams.values()))
         marks = {name: len(stream.heard) for name, stream in self._streams.items()}
         pending = []
@@ -125,7 +125,7 @@ class Storms:
                 await self._accounts(name, missing, before[name])
 
     def _mind(self) -> None:
-        """As systemd does: a bridge that began while its busd was away has ended, and begins again."""
+        """Restart a bridge that has ended because busd was away at its start, as systemd does."""
         for bridge in self._world.bridges:
             if bridge.process.poll() is not None and bridge.log.read_text().splitlines()[-1].startswith(
                 _NO_BUSD
@@ -133,7 +133,7 @@ class Storms:
                 bridge.restart()
 
     async def _accounts(self, name: str, missing: int, before: int) -> None:
-        """What is missing was counted. What the bridges tell in the graph is some tenths of a second old."""
+        """Check that missing messages were counted. The bridges' counters in the graph are some 0.1 s old."""
         end = time.monotonic() + _BACK_S
         while (counted := (await self._counted())[name] - before) < missing:
             if time.monotonic() > end:
@@ -141,8 +141,8 @@ class Storms:
             await asyncio.sleep(0.1)
 
     async def _counted(self) -> dict[str, int]:
-        """For each stream what was counted as dropped or lost."""
-        # Not by the loop, which has to take what comes meanwhile.
+        """The number of messages counted as dropped or lost, for each stream."""
+        # Not in the loop, which has to take messages meanwhile.
         told = await asyncio.gather(*(asyncio.to_thread(self._status, one) for one in self._world.bridges))
         routes = [route for status in told for route in status["routes"]]
         found = {}
@@ -153,7 +153,7 @@ class Storms:
         return found
 
     def _status(self, bridge: Bridge) -> dict[str, Any]:
-        """What it says of itself, as soon as it is on its bus again."""
+        """The bridge's status, once it is on its bus again."""
         end = time.monotonic() + _BACK_S
         while True:
             try:
@@ -189,7 +189,7 @@ class Storms:
 
 
 async def storm(world: World, kills: int, chance: random.Random, tell: Callable[[str], None]) -> None:
-    """Until so many deeds are done. Raises Broken."""
+    """Make faults until there were `kills`. Raises Broken."""
     world.join_by_zenoh()
     sides = {"there": ("robot", "laptop"), "back": ("laptop", "robot")}
     async with AsyncExitStack() as stack:

@@ -1,10 +1,10 @@
-"""Memory cgroups of the kernel, as containers have them: v2, or v1 where there is that. For root only.
+"""Memory cgroups of the kernel, as containers have them: v2, or v1 if the kernel uses it. For root only.
 
 if not (reason := why_not()):
-    place = make("name", 64 << 20)     with at most so many bytes
-    enter(place)                       what this process takes from now on is counted there
-    kills(place)                       how many processes the kernel has killed for want of memory
-    remove(place)                      once nobody is in it
+    place = make("name", 64 << 20)     limited to this many bytes
+    enter(place)                       memory that this process takes from now on counts there
+    kills(place)                       how many processes the kernel has killed for lack of memory
+    remove(place)                      once no process is in it
 """
 
 import contextlib
@@ -17,7 +17,7 @@ _ROOT = Path("/sys/fs/cgroup")
 
 @cache
 def why_not() -> str:
-    """Why there can be none here; "" where there can."""
+    """The reason why cgroups are impossible here; "" if they are possible."""
     if os.geteuid() != 0:
         return "only root can make a memory cgroup"
     if _is_v1():
@@ -31,7 +31,7 @@ def why_not() -> str:
 
 
 def make(name: str, limit_bytes: int) -> Path:
-    """Raises OSError."""
+    """Make a cgroup. Raises OSError."""
     place = _parent() / f"busd-{os.getpid()}-{name}"
     place.mkdir()
     (place / ("memory.limit_in_bytes" if _is_v1() else "memory.max")).write_text(str(limit_bytes))

@@ -1,4 +1,4 @@
-"""What can be done to the processes of a bus: values."""
+"""Possible events for the processes of a bus: values."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -6,7 +6,7 @@ from typing import TypeAlias
 from chaos.roles import Ear, Role, Talker
 
 LEASE_S = 3.0
-"""busd's, short enough that some who are stopped or asleep outlast it."""
+"""busd's lease; short, so that some actors are stopped or asleep for longer."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Kill:
 
 @dataclass(frozen=True)
 class Leave:
-    """It hands over what it has published, and ends in order."""
+    """The actor hands over its published messages, and ends in order."""
 
     name: str
 
@@ -38,14 +38,14 @@ class Resume:
 
 @dataclass(frozen=True)
 class Doze:
-    """It is stopped, just after busd has heard of it."""
+    """The actor is stopped, just after busd has received data from it."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Nap:
-    """Its event loop stands still for so long."""
+    """The actor's event loop stands still for this time."""
 
     name: str
     time_s: float
@@ -53,7 +53,7 @@ class Nap:
 
 @dataclass(frozen=True)
 class Remake:
-    """One of its endpoints ends, and another like it comes."""
+    """One of the actor's endpoints ends, and a similar one replaces it."""
 
     name: str
     old: int
@@ -62,7 +62,7 @@ class Remake:
 
 @dataclass(frozen=True)
 class Cut:
-    """Its connection ends after so many more bytes."""
+    """The actor's connection ends after this many more bytes."""
 
     name: str
     after_bytes: int
@@ -81,7 +81,7 @@ class StartBroker:
 
 @dataclass(frozen=True)
 class RestartBroker:
-    """In order."""
+    """Restart busd in order."""
 
 
 @dataclass(frozen=True)
@@ -111,4 +111,4 @@ Deed: TypeAlias = (
     | ResumeBroker
 )
 Script: TypeAlias = list[tuple[float, Deed]]
-"""Deeds with the time of each, in seconds from the storm's begin, in order."""
+"""Deeds in order, each with its time in seconds from the beginning of the storm."""

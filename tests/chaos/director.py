@@ -1,7 +1,7 @@
-"""Does what the plan says, brings quiet after each storm, and has judged what is to be seen then.
+"""Carries out the plan, brings quiet after each storm, and lets `judge` check the state then.
 
-Complaints must hold for as long as PATIENCE_S to count: what is on its way at a quiet moment arrives.
-What the actors themselves see to be wrong counts at once.
+A complaint counts only if it stays for PATIENCE_S: messages in transit at a quiet moment arrive. Faults that
+the actors themselves report count at once.
 """
 
 import contextlib
@@ -26,22 +26,22 @@ from forks import Fork
 
 STORM_S = 4.0
 GRAPH_S = 10.0
-"""The graph is to be true within a second; a machine that stalls for a few shall not fail the run."""
+"""The graph should be right within a second; a machine that stalls for a few must not fail the run."""
 
 _LOOK_S = 0.05
 _QUIET_S = 0.1
-"""As long as busd keeps drops to itself."""
+"""The time for which busd may hold back reports of drops."""
 
 
 class Broker(Daemon):
-    """A busd that nobody waits for until he needs it."""
+    """A busd; its start does not wait until it is ready."""
 
     def _wait_until_ready(self, process: "subprocess.Popen[bytes] | Fork") -> None:
         pass
 
 
 class Failed(Exception):
-    """An invariant does not hold; with who is concerned."""
+    """An invariant was violated; with the actors concerned."""
 
     def __init__(self, invariant: str, complaints: list[str]) -> None:
         super().__init__(f"{invariant}: {complaints[0]}")
@@ -61,20 +61,23 @@ class Director:
         self._deaths = 0
         self._asleep_s: defaultdict[str, float] = defaultdict(float)  # in the present storm
         self._stopped: dict[str, float] = {}  # since when
-        self._dozing: set[str] = set()  # stopped, and connected until then since the last calm
+        self._dozing: set[str] = set()  # stopped, but connected from the last calm until then
         self._leaving: dict[str, Leaver] = {}
         self._is_broker_stopped = False
         self._cuts: dict[str, int] = {}
         self._baseline: dict[str, Footprint] = {}
 
     def run(self, time_s: float) -> None:
-        """Storms and calms for so long, but two at least: in every second one busd lives. Raises Failed."""
+        """Run storms and calms for `time_s`, but at least two: in every second one a busd lives.
+
+        Raises Failed.
+        """
         end = time.monotonic() + time_s
         for role in self._plan.cast:
             self._enter(role)
         self._order_all("go")
         time.sleep(1)
-        self._calm()  # what is held then is what may be held after each storm
+        self._calm()  # the resources held then are the limit after each storm
         self._baseline = self._footprints()
         while self._tally.storms < 2 or time.monotonic() + STORM_S < end:
             self._storm(self._plan.storm(STORM_S, spares_broker=self._tally.storms % 2 == 1))
@@ -82,7 +85,7 @@ class Director:
             self._tally.storms += 1
 
     def end(self) -> None:
-        """Let all leave. Raises Failed."""
+        """Let all actors leave. Raises Failed."""
         for name in tuple(self._stage.actors):
             self._leave(name)
         log = self._daemon.stop()
@@ -155,13 +158,13 @@ class Director:
         self._tally.deeds[type(deed).__name__] += 1
 
     def _look_at_leavers(self) -> None:
-        """Who has left, while those that doze were still connected? Who sleeps can't connect anew."""
+        """Note leavers that have ended while dozing actors were still connected: these can't reconnect."""
         for leaver in self._leaving.values():
             if leaver.is_seen or self._is_broker_stopped or not leaver.has_ended():
                 continue
             with contextlib.suppress(BusError):  # busd may be away
                 there = {node[0] for node in self._graph() if len(node) == 1}
-                if leaver.name not in there:  # busd has heard all of it
+                if leaver.name not in there:  # busd has received all of it
                     leaver.is_seen, leaver.witnesses = True, frozenset(self._dozing & there)
                     self._tally.farewells += len(leaver.witnesses)
 
@@ -182,12 +185,12 @@ class Director:
             self._leave(name)
         for name, actor in tuple(self._stage.actors.items()):
             if actor.role.is_limited:
-                self._kill(name)  # it may be waiting for what it can't have
+                self._kill(name)  # it may wait for an event that never comes
         self._order_all("rest")
         self._until_right("busd comes back", self._is_away)
-        scene = self._look()  # naps are over, and who rests has handed everything over
+        scene = self._look()  # naps are over, and resting talkers have handed everything over
         self._check_graph(scene)
-        self._order_all("speak")  # with the next message one sees what was lost before it
+        self._order_all("speak")  # the next message shows losses before it
         self._wait_for_quiet()
 
         def wrong() -> list[str]:
@@ -210,7 +213,7 @@ class Director:
         self._ears = {n: pair for n, pair in self._ears.items() if pair[1] in self._stage.actors}
 
     def _wait_for_quiet(self) -> None:
-        """Until nothing has changed since the look before the last, and busd has answered all in between."""
+        """Wait until nothing has changed since the look before the last, and busd has answered in between."""
         looks: list[judge.Scene] = []
 
         def wrong() -> list[str]:
@@ -308,7 +311,7 @@ class Director:
             ]
 
         self._until_right("late joiners get the history", wrong)
-        if complaints := wrong():  # nor does anything come after it
+        if complaints := wrong():  # nothing may come after it, either
             raise Failed("late joiners get the history", complaints)
         self._leave(role.name)
 

@@ -1,4 +1,4 @@
-"""What a process holds, seen from outside."""
+"""The resources of a process, seen from outside."""
 
 from collections import Counter
 from pathlib import Path
@@ -6,12 +6,14 @@ from pathlib import Path
 from nursery import holdings, private_bytes
 
 MOST_GROWTH_BYTES = 48 << 20
-"""Memory that a process may hold beyond what it held before the storms: what allocators keep of a few
-messages of 4 MiB, encoded, decoded and waiting."""
+"""Memory that a process may hold in addition to its memory before the storms.
+
+It is the allocators' share for a few messages of 4 MiB: encoded, decoded and waiting.
+"""
 
 
 class Footprint:
-    """What a process holds: descriptors and mappings by kind, threads, memory of its own."""
+    """The resources of a process: descriptors and mappings by kind, threads, private memory."""
 
     def __init__(self, pid: int) -> None:
         found = holdings(pid)  # without files of the test, which have other names each time
@@ -21,7 +23,7 @@ class Footprint:
         self.memory_bytes = private_bytes(pid)
 
     def beyond(self, before: "Footprint") -> list[str]:
-        """What it holds more than `before`."""
+        """The resources that exceed `before`."""
         more = [f"has {count} {what} more" for what, count in (self.holdings - before.holdings).items()]
         if self.threads > before.threads:
             more.append(f"has {self.threads} threads, had {before.threads}")

@@ -1,30 +1,36 @@
-"""What must hold of what actors tell at quiet moments. Pure: scenes in, complaints out.
+"""Invariants of the actors' reports at quiet moments. Pure: scenes in, complaints out.
 
-A scene is what was told at one quiet moment: nobody publishes, everything published was handed over, busd and
-all processes that live are awake. The accounts are closed from one scene to the next, over the storm between:
+A scene has the reports of one quiet moment: nothing is published, everything published was handed over, busd
+and all living processes are awake. The accounts are closed from one scene to the next, over the storm
+between:
 
-- A pair of a talker and an ear that was matched before the storm and whose two ends lived through it is
-  *steady*. What is published in it is delivered, or dropped with a reason. busd may have died meanwhile, any
-  number of times.
-- A talker that came in the storm and left in order, while the ear was connected to a busd that lived, owes
-  as much, also where the ear was cut off later: what waited for it then has a reason.
-- Of other pairs the ear accounts for what it got at least, and for what was published at most: where one of
-  the two came, went or died, or where its own connection broke while busd lived. Then it has left, and come
-  back as another.
+- A pair of a talker and an ear is *steady* if it was matched before the storm and both ends lived through it.
+  Each message published in the storm is delivered, or dropped with a reason. busd may have died meanwhile,
+  any number of times.
+- A talker may come in the storm and leave in order, while the ear is connected to a living busd. Its messages
+  are accounted for in the same way, also if the ear is cut off later: messages waiting for it then have a
+  reason.
+- In other pairs, one end came, went or died, or the ear's own connection broke while busd lived. (Then the
+  ear has left, and come back as a new one.) The ear accounts at least for the messages that it got, and at
+  most for the published ones.
 
-So an ear's delivered + dropped lies between two bounds, which are the same where all of its pairs are steady.
-Of lossless pairs whose two ends lived through the storm, nothing is dropped at all, whichever was cut off,
-unless one of the two processes stood still for long. By socket, what a busd that is killed had
-dropped and not yet told nobody knows, and what it had told may be found missing once more: where an end of a
-pair by socket has lost busd in a storm in which that died, the ear's own account must close, and is not
-compared with the talkers'. And there may be more where a talker by shared memory was cut off by a busd that
-lived: if it comes back without its ring, what its ear had read there may be dropped for that once more.
+So an ear's delivered + dropped is between two bounds, which are equal if all of its pairs are steady.
+Lossless pairs drop nothing if both ends lived through the storm, whichever was cut off. Exception: one of the
+two processes stood still for long.
 
-What an ear that was cut off has missed of a talker that was killed, busd may count later: the talker could
+Two more exceptions are for busd's own losses:
+
+- By socket, drops that a killed busd had not yet reported are unknown, and reported ones may be counted
+  again. If an end of a pair by socket has lost busd in a storm in which busd died, only the ear's own account
+  must close. It is not compared with the talkers'.
+- A talker by shared memory that was cut off by a living busd may come back without its ring. Then messages
+  that its ear had read there may be counted as dropped once more.
+
+If an ear was cut off, and a talker was killed, busd may count the missed messages later: the talker could
 come back with its history. So such an ear may have more in the scenes of the next SETTLE_S.
 
-Always, also by socket where busd died: an ear has counted as dropped what is missing between two numbers that
-it got of one talker, unless one of the two was cut off by a busd that lived.
+Always, also by socket if busd died: an ear has counted as dropped all numbers missing between two numbers of
+one talker. Exception: one of the two was cut off by a living busd.
 """
 
 from collections import Counter
@@ -35,12 +41,12 @@ from busd.core.absent import RETURN_NS
 from chaos.roles import Ear, EarLook, Heard, Role, Talker
 
 SETTLE_S = RETURN_NS / 1e9 + 5.0
-"""As long as busd waits for a killed talker, and then a while: the machine may be busy."""
+"""The time for which busd waits for a killed talker, plus a reserve: the machine may be busy."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """What a talker has published, at least and at most: of the dead nobody knows it exactly."""
+    """The messages that a talker has published, at least and at most: for a dead one they may differ."""
 
     talker: Talker
     actor: str
@@ -53,27 +59,27 @@ class Said:
 
 @dataclass
 class Scene:
-    """A quiet moment. Of talkers also those that are gone since the one before."""
+    """A quiet moment. It includes talkers that have gone since the previous one."""
 
     talkers: dict[int, Said] = field(default_factory=dict)
     ears: dict[int, tuple[Ear, str, EarLook]] = field(default_factory=dict)
     losses: dict[str, int] = field(default_factory=dict)
-    """How often each actor that lives has lost busd."""
+    """How often each living actor has lost busd."""
     deaths: int = 0
     """How often busd has ended."""
     sleepers: set[str] = field(default_factory=set)
-    """Actors that were stopped or asleep so long in the storm that others may have gone on without them."""
+    """Actors that were stopped or asleep so long in the storm that others may have continued without them."""
     roles: dict[str, Role] = field(default_factory=dict)
     at_s: float = field(default=0.0, compare=False)
     unsettled: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
-    """By ear, up to when so many messages more may be counted as dropped: see `note_unsettled`."""
+    """For each ear: times and numbers of further drops allowed until then: see `note_unsettled`."""
 
     def lives(self, number: int) -> bool:
         """Whether a talker is alive."""
         return number in self.talkers and self.talkers[number].lives
 
     def graph(self) -> Counter[tuple[str, ...]]:
-        """What must be in busd's graph: nodes, and endpoints with their kind and topic."""
+        """The expected content of busd's graph: nodes, and endpoints with their kind and topic."""
         found: Counter[tuple[str, ...]] = Counter((name,) for name in self.losses)
         found.update((one.actor, "publisher", one.talker.topic) for one in self.talkers.values() if one.lives)
         found.update((actor, "subscription", ear.topic) for ear, actor, _ in self.ears.values())
@@ -81,10 +87,9 @@ class Scene:
 
 
 def judge(before: Scene, now: Scene, *, trusts_cut_off: bool = True) -> list[str]:
-    """Everything that is wrong `now`, in words.
+    """All violations in `now`, in words.
 
-    `trusts_cut_off`: the account of an ear that was cut off, by a busd that lived, is compared with what the
-    talkers say.
+    `trusts_cut_off`: if a living busd has cut off an ear, its account is compared with the talkers' reports.
     """
     return [*_waiting(now), *_accounts(before, now, trusts_cut_off), *_streams(before, now)]
 
@@ -102,7 +107,7 @@ def _waiting(now: Scene) -> Iterator[str]:
 
 
 def note_unsettled(before: Scene, now: Scene) -> None:
-    """Have `now` know how many messages each ear may have missed that busd counts later."""
+    """Note in `now`, for each ear, how many missed messages busd may count later."""
     for number, (_, actor, _) in now.ears.items():
         late = [(until_s, count) for until_s, count in before.unsettled.get(number, ()) if until_s > now.at_s]
         if number in before.ears and _was_cut_off(before, now, actor):
@@ -115,7 +120,7 @@ def note_unsettled(before: Scene, now: Scene) -> None:
 
 @dataclass
 class _Account:
-    """What is known of one ear, from one scene to the next."""
+    """The account of one ear, from one scene to the next."""
 
     got: int
     dropped: dict[str, int]
@@ -180,9 +185,9 @@ def _add_up(before: Scene, now: Scene, number: int, *, trusts_cut_off: bool = Tr
 
 
 def _new_gaps(then: Heard, now: Heard, published: int) -> int:
-    """How many of the numbers behind `published`, which was the last one `then`, are missing between others.
+    """The number of gaps in numbers above `published`, which was the last one `then`.
 
-    What was lost at the end of the scene before was counted there.
+    Losses at the end of the previous scene were counted there.
     """
     if not then.messages or now.last == then.last:
         return 0
@@ -190,7 +195,7 @@ def _new_gaps(then: Heard, now: Heard, published: int) -> int:
 
 
 def _is_steady(before: Scene, now: Scene, said: Said, actor: str) -> bool:
-    """Whether talker and ear, which is of `actor` and lived through, were matched all the time."""
+    """Whether a talker and an ear of `actor`, which lived through the storm, were matched all the time."""
     number = said.talker.number
     if not (before.lives(number) and now.lives(number)):
         return False
@@ -198,7 +203,7 @@ def _is_steady(before: Scene, now: Scene, said: Said, actor: str) -> bool:
 
 
 def _is_by_socket(now: Scene, said: Said, actor: str) -> bool:
-    """Whether messages may come through busd; of those that are gone nobody knows it."""
+    """Whether messages may come through busd; unknown for talkers that are gone."""
     mouth = now.roles.get(said.actor)
     return mouth is None or mouth.is_limited or mouth.by_socket or now.roles[actor].by_socket
 
@@ -208,23 +213,23 @@ def _may_lose_its_ring(before: Scene, now: Scene, said: Said, actor: str) -> boo
     if now.roles[actor].by_socket:
         return False
     if said.actor not in now.losses:
-        return not said.witnesses  # it has died, and of the dead nobody knows it
+        return not said.witnesses  # it has died, so this is unknown
     return not _is_by_socket(now, said, actor) and _was_cut_off(before, now, said.actor)
 
 
 def _losses(before: Scene, now: Scene, actor: str) -> int:
-    """How often it has lost busd in the storm, if it is there."""
+    """How often it has lost busd in the storm, if it exists."""
     return now.losses.get(actor, 0) - before.losses.get(actor, 0)
 
 
 def _was_cut_off(before: Scene, now: Scene, actor: str) -> bool:
-    """Whether an actor may have lost its connection to a busd that lived."""
+    """Whether an actor may have lost its connection to a living busd."""
     losses = _losses(before, now, actor)
     return losses > (0 if now.roles[actor].is_fragile else now.deaths - before.deaths)
 
 
 def _streams(before: Scene, now: Scene) -> Iterator[str]:
-    """Reliable + keep all at both ends: complete."""
+    """Check that pairs with reliable + keep all at both ends are complete."""
     for number, (ear, actor, look) in now.ears.items():
         if not ear.quality.is_lossless or now.roles[actor].is_limited or number not in before.ears:
             continue
@@ -250,7 +255,7 @@ def _streams(before: Scene, now: Scene) -> Iterator[str]:
 
 
 def history(talkers: list[Said], ear: Ear, look: EarLook) -> list[str]:
-    """What is wrong with what one heard that came at a quiet moment."""
+    """Violations in the history that an ear received after coming at a quiet moment."""
     wrong = []
     for said in talkers:
         talker = said.talker

@@ -1,4 +1,4 @@
-"""An actor that leaves in order in the middle of a storm, while the director does other things."""
+"""An actor that leaves in order in the middle of a storm, while the director continues."""
 
 import contextlib
 import os
@@ -8,7 +8,7 @@ from chaos.stage import Actor, Gone
 
 
 class Leaver:
-    """Tells it to hand over everything and to end. `witnesses` are as in judge.Said, once that `is_seen`."""
+    """Makes the actor hand over everything and end. `witnesses` are as in judge.Said, once that `is_seen`."""
 
     def __init__(self, actor: Actor) -> None:
         self.name = actor.role.name

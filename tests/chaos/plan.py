@@ -1,6 +1,6 @@
-"""What happens when: the actors, and the faults of each storm, all out of one seed.
+"""The times of all events: the actors, and the faults of each storm, all from one seed.
 
-Pure: the same seed gives the same plan. What comes of it, the scheduler decides.
+Pure: the same seed gives the same plan. The result depends on the scheduler.
 """
 
 import random
@@ -36,7 +36,7 @@ _KIB, _MIB = 1 << 10, 1 << 20
 
 @dataclass
 class _Topic:
-    """What is published there: `requests` are the QoS that its subscriptions may have."""
+    """A topic and its traffic: `requests` are the possible QoS of its subscriptions."""
 
     name: str
     offers: Callable[[random.Random], Quality]
@@ -90,7 +90,7 @@ TOPICS = tuple(topic.name for topic in _TOPICS)
 
 @dataclass
 class Plan:
-    """`cast` lives through the whole run. `storm` writes what happens in the next one."""
+    """`cast` lives through the whole run. `storm` writes the events of the next storm."""
 
     seed: int
     stories: frozenset[str] = frozenset(STORIES)
@@ -113,9 +113,9 @@ class Plan:
         self.cast += self._stories.cast()
 
     def storm(self, time_s: float, pace_s: float = 0.12, *, spares_broker: bool = False) -> Script:
-        """About one deed each `pace_s`; who comes in it may be alive at its end, as may busd or not.
+        """About one deed each `pace_s`; new actors may be alive at its end or not, and so may busd.
 
-        `spares_broker`: it is stopped at most, and no connection is cut.
+        `spares_broker`: busd is stopped at most, and no connection is cut.
         """
         script: Script = [(0.0, Enter(role)) for role in self._guests_at_once(3)]
         guests = [deed.role.name for _, deed in script if isinstance(deed, Enter)]
@@ -135,7 +135,7 @@ class Plan:
         return sorted(script, key=lambda pair: pair[0])
 
     def visitor(self) -> Role:
-        """Comes late, at a quiet moment, to all topics that keep a history."""
+        """An actor that comes late, at a quiet moment, and subscribes to all topics with a history."""
         depths = (1, self._chance.randint(2, 100), 1000, 0)
         ears = [self._ear("/state", Quality(depth, is_durable=True)) for depth in depths]
         ears += [self._ear(topic, LOSSLESS) for topic in ("/stream", "/state")]

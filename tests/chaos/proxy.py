@@ -1,7 +1,7 @@
-"""Stands between an actor and busd, and cuts a connection after any byte; descriptors are passed on.
+"""A proxy between an actor and busd, which cuts a connection after any byte; descriptors are passed on.
 
-A thread of the actor, so that busd sees the right process. What was read and is not yet taken by the other
-side keeps it from reading more: back-pressure passes through.
+It is a thread of the actor: busd sees the right process. While the other side has not taken the data read so
+far, it reads no more: back-pressure passes through.
 """
 
 import contextlib
@@ -28,10 +28,10 @@ class _Way:
         self.target = target
         self.waiting: deque[tuple[bytes, list[int]]] = deque()
         self.budget = _ENDLESS
-        """Bytes that it may yet pass on; then the connection is cut."""
+        """Bytes that it may still pass on; then the connection is cut."""
 
     def read(self) -> bool:
-        """Take what has come, where nothing waits; returns whether the connection goes on."""
+        """Take received data, if nothing waits; returns whether the connection continues."""
         try:
             data, descriptors, _, _ = socket.recv_fds(self.source, _READ_BYTES, _MOST_DESCRIPTORS)
         except BlockingIOError:
@@ -44,12 +44,12 @@ class _Way:
         return self.write()
 
     def pass_on(self) -> None:
-        """Pass on all that has come, as far as the other side takes it."""
+        """Pass on all received data, as far as the other side takes it."""
         while not self.waiting and select.select([self.source], [], [], 0)[0] and self.read():
             pass
 
     def write(self) -> bool:
-        """As `read`."""
+        """Write waiting data; returns the same as `read`."""
         while self.waiting and self.budget:
             data, descriptors = self.waiting[0]
             try:
@@ -99,22 +99,22 @@ class Proxy:
         self._thread.join()
 
     def cut(self, after_bytes: int, seed: int) -> None:
-        """Cut some connection, once so many bytes more have passed in one of its directions."""
+        """Cut some connection after this many more bytes in one of its directions."""
         self._orders.append((random.Random(seed), after_bytes))
         self._ours.send(b"x")
 
     def hang_up(self) -> None:
-        """Cut all connections, once what was sent before has passed, as far as it is taken."""
+        """Cut all connections after earlier data has passed, as far as it is taken."""
         self._is_hanging_up = True
         self._ours.send(b"x")
 
     @property
     def is_alone(self) -> bool:
-        """Whether no connection goes through it."""
+        """Whether it has no connection."""
         return not self._ways
 
     def spare(self) -> None:
-        """Cut nothing more."""
+        """Stop cutting."""
         self._orders.append(None)
         self._ours.send(b"x")
 

@@ -1,4 +1,4 @@
-"""What a run did, in figures."""
+"""The totals of a run, in figures."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Tally:
-    """Totals over the run. Of those that were killed, what they had told by the last quiet moment."""
+    """Totals over the run. For killed actors, their reports at the last quiet moment."""
 
     seed: int
     deeds: Counter[str] = field(default_factory=Counter)

@@ -1,4 +1,4 @@
-"""What actors are told to be, and what they tell of themselves: values only."""
+"""The roles of actors, and their reports: values only."""
 
 import zlib
 
@@ -33,7 +33,7 @@ class Quality(msgspec.Struct, frozen=True):
         return self.is_reliable and not self.depth
 
     def serves(self, request: "Quality") -> bool:
-        """Whether a publisher with this matches a subscription with `request`."""
+        """Whether a publisher with this quality matches a subscription with `request`."""
         return self.is_reliable >= request.is_reliable and self.is_durable >= request.is_durable
 
     def profile(self) -> bus.QoSProfile:
@@ -47,7 +47,7 @@ class Quality(msgspec.Struct, frozen=True):
 
 
 class Talker(msgspec.Struct, frozen=True, tag="talker"):
-    """A publisher. `number` is its name in its messages; nobody else ever has the same."""
+    """A publisher. `number` identifies it in its messages, and is never used again."""
 
     number: int
     topic: str
@@ -68,15 +68,16 @@ class Ear(msgspec.Struct, frozen=True, tag="ear"):
 
 
 class Role(msgspec.Struct, frozen=True):
-    """A process with one node. Limits are what it may have beyond what it has at its start; 0 = no limit.
+    """A process with one node. Limits are additional to its resources at its start; 0 = no limit.
 
-    `cgroup_bytes`: so much memory of any kind, in a cgroup of the kernel, which is `cgroup` once it is made.
+    `cgroup_bytes`: the limit for memory of any kind, in a cgroup of the kernel, which is `cgroup` once it is
+    made.
     """
 
     name: str
     endpoints: tuple[Talker | Ear, ...]
     by_socket: bool = False
-    is_fragile: bool = False  # its connection goes by a proxy, which cuts it
+    is_fragile: bool = False  # its connection goes through a proxy, which cuts it
     loop: str = "uvloop"
     files: int = 0
     memory_bytes: int = 0
@@ -90,7 +91,7 @@ class Role(msgspec.Struct, frozen=True):
 
 
 class Heard(msgspec.Struct):
-    """Of one talker: how many messages, the first and the last number, and how many are missing between."""
+    """For one talker: the number of messages, the first and last number, and how many are missing between."""
 
     messages: int = 0
     first: int = 0
@@ -99,7 +100,7 @@ class Heard(msgspec.Struct):
 
 
 class EarLook(msgspec.Struct):
-    """The state of a subscription: its own statistics, and what came out of it."""
+    """The state of a subscription: its own statistics, and its messages."""
 
     delivered: int
     queued: int
@@ -109,10 +110,10 @@ class EarLook(msgspec.Struct):
 
 
 class Look(msgspec.Struct):
-    """The state of an actor; `talkers`: what each has published."""
+    """The state of an actor; `talkers`: how many messages each has published."""
 
     talkers: dict[int, int]
     ears: dict[int, EarLook]
     losses: int = 0  # how often busd was lost
     cuts: int = 0
-    errors: dict[str, int] = {}  # what failed, as in a limited process it may
+    errors: dict[str, int] = {}  # failures that are possible in a limited process

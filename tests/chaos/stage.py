@@ -1,4 +1,4 @@
-"""The director's end of the actors: starts, orders, kills and stops them, and reads what they noted."""
+"""The director's end of the actors: starts, orders, kills and stops them, and reads their notes."""
 
 import contextlib
 import os
@@ -22,7 +22,7 @@ from chaos.roles import Look, Role
 from survivors import WORD_BYTES
 
 PATIENCE_S = 60.0
-"""Nobody waits longer for anything; only a machine that stands still needs so long."""
+"""The longest wait for any event; only a machine that stands still needs so long."""
 
 
 class Gone(Exception):
@@ -30,7 +30,7 @@ class Gone(Exception):
 
 
 class Actor:
-    """A process that lives a role. Orders are given at once, and answered when it comes to it."""
+    """A process with a role. Orders are sent at once, and answered when their turn comes."""
 
     def __init__(self, role: Role, pid: int, channel: socket.socket) -> None:
         self.role = role
@@ -40,7 +40,7 @@ class Actor:
         self._due = deque(["ready"])
 
     def order(self, order: str, value: object = None) -> None:
-        """Without waiting. Raises Gone."""
+        """Send an order without waiting. Raises Gone."""
         try:
             self._channel.sendall(msgspec.json.encode((order, value)) + b"\n")
         except OSError:
@@ -48,7 +48,7 @@ class Actor:
         self._due.append(order)
 
     def ask(self, order: str, value: object = None) -> Any:
-        """The answer, after those to all that was ordered before. Raises Gone."""
+        """The answer, after the answers to all earlier orders. Raises Gone."""
         self.order(order, value)
         while self._due:
             try:
@@ -66,10 +66,10 @@ class Actor:
         return msgspec.convert(self.ask("look"), Look, strict=False)
 
     def signal(self, number: int) -> None:
-        os.kill(self.pid, number)  # nobody else has the pid as long as its status was not asked for
+        os.kill(self.pid, number)  # the pid is not reused before its status was read
 
     def leave(self) -> None:
-        """Tell it to end in order."""
+        """Order it to end."""
         with contextlib.suppress(OSError):
             self._channel.sendall(b'["leave",null]\n')
 
@@ -80,7 +80,7 @@ class Actor:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """A Ctrl-C waits: between an actor's start and its name in `actors` nothing would end it."""
+    """Delay a Ctrl-C: between an actor's start and its entry in `actors`, no code would end it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -89,7 +89,7 @@ def _uninterrupted() -> Iterator[None]:
 
 
 class Stage:
-    """The actors that live, in `folder`. Leaving kills them."""
+    """The living actors, in `folder`. Leaving kills them."""
 
     def __init__(self, folder: Path, environment: dict[str, str]) -> None:
         self.folder = folder
@@ -98,7 +98,7 @@ class Stage:
         self._faults = folder / "faults"
         self._faults.touch()
         self.starved: list[str] = []
-        """Whom the kernel has killed because a cgroup had no memory left."""
+        """Actors that the kernel has killed because a cgroup had no memory left."""
 
     def __enter__(self) -> Self:
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -111,7 +111,7 @@ class Stage:
                 stderr=errors,
                 cwd=self.folder,
                 env=self._environment,
-                start_new_session=True,  # a Ctrl-C is for the director, who then ends them
+                start_new_session=True,  # a Ctrl-C is for the director, which then ends them
             )
         return self
 
@@ -134,7 +134,7 @@ class Stage:
         return actor
 
     def kill(self, name: str) -> int:
-        """kill -9; returns the status, which is another where it had ended before."""
+        """Kill it; returns the status, which differs if it had ended before."""
         self.actors[name].signal(signal.SIGKILL)
         return self.reap(name)
 
@@ -158,7 +158,7 @@ class Stage:
         return status
 
     def published(self, talker: int) -> tuple[int, int]:
-        """How many messages a talker, which may be dead, has published at least and at most."""
+        """How many messages a talker, living or dead, has published, at least and at most."""
         try:
             noted = (self.folder / f"{talker}.ledger").read_bytes()
         except FileNotFoundError:
@@ -169,12 +169,12 @@ class Stage:
         return done, max(begun, done)
 
     def note(self, what: str) -> None:
-        """What is done when, for who looks for a cause."""
+        """Note an event with its time, for people who look for a cause."""
         with (self.folder / "deeds").open("a") as deeds:
             deeds.write(f"{time.time():.3f} {what[:300]}\n")
 
     def faults(self) -> list[str]:
-        """What actors saw that must never happen."""
+        """Forbidden events that actors reported."""
         return self._faults.read_text().splitlines()
 
     def last_lines(self, name: str, number: int = 12) -> list[str]:

@@ -1,6 +1,6 @@
-"""What happens in a storm on purpose, besides what chance brings: deeds that only mean something together.
+"""Planned events in a storm, in addition to random ones: deeds that only have a meaning together.
 
-Pure, as `plan` is. The actors of a story are of it alone: chance does nothing to them.
+Pure, as `plan` is. The actors of a story belong to it alone: random events do not affect them.
 """
 
 import random
@@ -17,13 +17,13 @@ STORIES = (CROWD, FAREWELL, CGROUP)
 _KIB, _MIB = 1 << 10, 1 << 20
 _EACH = 50
 DOZERS = ("dozer", "dreamer")
-"""Listeners who fall asleep, by socket and by shared memory."""
+"""Listeners that fall asleep, by socket and by shared memory."""
 
 _HEARD = "/farewell"
 
 
 class Stories:
-    """Those of one run. `number` gives each endpoint its own."""
+    """The stories of one run. `number` returns a new number for each endpoint."""
 
     def __init__(self, seed: int, told: frozenset[str], number: Callable[[], int]) -> None:
         self._chance = random.Random(~seed)
@@ -32,7 +32,7 @@ class Stories:
         self._roles = 0
 
     def cast(self) -> list[Role]:
-        """Who lives through the whole run."""
+        """Actors that live through the whole run."""
         if FAREWELL not in self._told:
             return []
         depths = (1000, 20, 1)
@@ -47,7 +47,7 @@ class Stories:
         ]
 
     def script(self, time_s: float, *, spares_broker: bool) -> Script:
-        """Deeds for a storm of so many seconds."""
+        """Deeds for a storm of `time_s` seconds."""
         script: Script = []
         if CROWD in self._told and not spares_broker:
             script += self._crowd(time_s)
@@ -68,7 +68,7 @@ class Stories:
     def _farewell(self) -> Iterator[tuple[float, Enter | Doze | Leave | Cut | Resume]]:
         """Publishers leave in order while their subscriptions sleep, longer than their lease.
 
-        When they wake up, they may be cut off: their connection, with what waits for them in it.
+        When these wake up, they may be cut off: their connection ends, and with it the data that waits in it.
         """
         chance = self._chance
         leaving = [self._role("leaver", self._leavers(), by_socket=by_socket) for by_socket in (True, False)]
