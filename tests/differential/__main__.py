@@ -1,4 +1,4 @@
-"""Runs programs under rclpy and under busd, and prints how they differ; see `differential`."""
+"""Runs programs under rclpy and under busd, and prints the differences; see `differential`."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""What programs print, with what differs from run to run taken out, and how two of that differ."""
+"""The output of programs without parts that differ in each run, and the difference of two outputs."""
 
 import ast
 import difflib
@@ -11,7 +11,7 @@ SHARE = FOLDER / "share"
 """For BUS_INTERFACE_PATH."""
 
 _CHANCE = (
-    (r", at /[\w/.]+:\d+", ""),  # where in the C sources
+    (r", at /[\w/.]+:\d+", ""),  # a place in the C sources
     (r"0x[0-9a-f]+", "0x..."),
     (r"\[\d{10}\.\d{9}\]", "[time]"),
     (r'File ".*", line \d+', 'File "...", line ...'),
@@ -38,6 +38,6 @@ def asks(name: str) -> str:
 
 
 def difference(genuine: list[str], ours: list[str]) -> list[str]:
-    """The lines that only rclpy prints, after -, and those that only busd does, after +."""
+    """The lines that only rclpy prints, after -, and the lines that only busd prints, after +."""
     lines = list(difflib.unified_diff(genuine, ours, n=0, lineterm=""))[2:]
     return [line for line in lines if not line.startswith("@@")]

@@ -1,4 +1,4 @@
-"""ROS 2's own rclpy: runs a program alone, so that it sees nothing else of the machine's ROS."""
+"""ROS 2's own rclpy: runs a program in isolation from the machine's ROS."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from benchmarks import ros
 from cli import Result
 from conftest import WAIT_S
 
-# Processes of another network would be found by Fast DDS's shared memory.
+# Fast DDS's shared memory would find processes of another network.
 _ALONE = (
     *("unshare", "--net", "--mount", "sh", "-c"),
     "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && mount -t tmpfs none /dev/shm"
@@ -19,7 +19,7 @@ _ALONE = (
 
 
 def missing() -> str:
-    """Why there is none; empty where there is one."""
+    """The reason why there is no rclpy; empty if there is one."""
     if reason := ros.missing():
         return reason
     site = ros.PYTHON.parents[1].glob("lib/python*/site-packages/test_msgs")
@@ -27,7 +27,7 @@ def missing() -> str:
 
 
 def run(program: Path, folder: Path) -> Result:
-    """Run it to its end; `folder` is for its files."""
+    """Run a program to its end; `folder` is for its files."""
     alone = _ALONE if _can_be_alone() else ()
     done = subprocess.run(
         [*alone, str(ros.PYTHON), str(program)],
@@ -51,7 +51,7 @@ def hashes() -> dict[str, str]:
 
 @cache
 def _can_be_alone() -> bool:
-    """Where not, it has a domain of its own."""
+    """Whether isolation is possible; otherwise the program has a separate domain."""
     try:
         return subprocess.run([*_ALONE, "true"], capture_output=True, check=False).returncode == 0
     except OSError:

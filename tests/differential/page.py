@@ -1,6 +1,6 @@
-"""docs/rclpy-differences.md: its table of the programs, and the lines in which each of them differs.
+"""docs/rclpy-differences.md: its table of programs, and the differing lines of each.
 
-`write` writes both anew and leaves all sentences as they are.
+`write` writes both again and leaves all sentences as they are.
 """
 
 import re
@@ -16,18 +16,18 @@ _BLOCK = r"^```diff\n(.*?)^```\n?"
 
 
 def rows() -> dict[str, tuple[str, str]]:
-    """Of each program: what it asks, and what comes of it."""
+    """For each program: its subject, and its outcome."""
     found = re.findall(_ROW, PAGE.read_text(), re.MULTILINE)
     return {name: (asked, outcome) for name, asked, outcome in found}
 
 
 def differences() -> dict[str, list[str]]:
-    """Of each program that has a section: its lines."""
+    """For each program with a section: its lines."""
     return {name: _lines(text) for name, text in _sections(PAGE.read_text()).items()}
 
 
 def write(found: Mapping[str, list[str]]) -> None:
-    """With these lines for these programs, and those that stand there for the others."""
+    """Write the page with these lines for these programs, and the present lines for the others."""
     text = PAGE.read_text()
     sections = _sections(text)
     head = text.partition("\n## ")[0].rstrip()

@@ -1,4 +1,4 @@
-"""Actions: answers to goals, feedback, results, cancellations, the states of handles, and what is refused."""
+"""Actions: answers to goals, feedback, results, cancellations, the states of handles, and refusals."""
 
 import rclpy
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
@@ -81,7 +81,7 @@ def result_of(future):
 
 
 def send(order):
-    """The handle; what comes of it is printed."""
+    """Send a goal and print its events; returns the handle."""
     feedback = []
     goal_id = UUID(uuid=[order] * 16)
     future = client.send_goal_async(

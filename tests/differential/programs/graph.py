@@ -1,4 +1,4 @@
-"""What a node says of the graph: names and types, counts, nodes, and errors for names that are wrong."""
+"""A node's view of the graph: names and types, counts, nodes, and errors for wrong names."""
 
 import rclpy
 from show import attempt, until

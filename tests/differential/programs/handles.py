@@ -1,4 +1,4 @@
-"""Handles of what a node makes: in a `with`, after they were destroyed, and what is used meanwhile."""
+"""Handles of a node's objects: in a `with`, after their destruction, and during their use."""
 
 import rclpy
 from rclpy.context import Context

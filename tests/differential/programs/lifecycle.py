@@ -1,4 +1,4 @@
-"""Lifecycle nodes: transitions, callbacks and what they return, managed entities, publishers."""
+"""Lifecycle nodes: transitions, callbacks and their results, managed entities, publishers."""
 
 from types import MappingProxyType
 
@@ -36,7 +36,7 @@ rclpy.init()
 
 
 class Recorder(LifecycleNode):
-    """Prints what is called, and returns what it has."""
+    """Prints each call, and returns the prepared result."""
 
     results = MappingProxyType({})
 
@@ -67,7 +67,7 @@ class Recorder(LifecycleNode):
 
 
 def recorder(*verbs):
-    """One that has made these transitions."""
+    """A recorder that has made these transitions."""
     node = Recorder("recorder", enable_communication_interface=False, start_parameter_services=False)
     for verb in verbs:
         getattr(node, f"trigger_{verb}")()

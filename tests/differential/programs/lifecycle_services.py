@@ -1,4 +1,4 @@
-"""Lifecycle nodes from outside: their services, transition events, and requests that can't be fulfilled."""
+"""Lifecycle nodes from outside: their services, transition events, and requests that fail."""
 
 import rclpy
 from lifecycle_msgs.msg import Transition, TransitionEvent

@@ -1,4 +1,4 @@
-"""Log levels: of loggers, by the services of enable_logger_service, and the logger above all."""
+"""Log levels: of loggers, by the services of enable_logger_service, and of the root logger."""
 
 import rclpy
 import rclpy.logging

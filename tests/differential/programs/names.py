@@ -1,4 +1,4 @@
-"""Names of nodes, topics and services that are not allowed: the errors and their texts."""
+"""Invalid names of nodes, topics and services: the errors and their texts."""
 
 import rclpy
 from rclpy.expand_topic_name import expand_topic_name

@@ -1,4 +1,4 @@
-"""Names with an underscore that programs and tests read all the same, of nodes and executors."""
+"""Names with an underscore, of nodes and executors, that programs and tests read."""
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
@@ -33,7 +33,7 @@ attempt("none such", lambda: node._nothing)
 
 
 class Own(Node):
-    """A program may have such names itself."""
+    """A node that uses such names itself."""
 
     def __init__(self):
         super().__init__("own")

@@ -1,4 +1,4 @@
-"""QoS profiles: defaults, comparison, what is wrong, C profiles, and which of them match."""
+"""QoS profiles: defaults, comparison, errors, C profiles, and compatible pairs."""
 
 import warnings
 

@@ -1,4 +1,4 @@
-"""What loggers of a node and their children publish on /rosout, and the filters of a log."""
+"""Messages of a node's loggers and their children on /rosout, and the filters of a log."""
 
 import rclpy
 import rclpy.logging

@@ -1,10 +1,10 @@
-"""What the programs share: printing what a call returns or raises, and waiting."""
+"""Common functions of the programs: print the result or error of a call, and wait."""
 
 import time
 
 
 def attempt(label, call, *arguments, **keywords):
-    """Print what `call` returns, or the error that it raises; returns what it returned."""
+    """Print the result of `call`, or the error that it raises; returns the result."""
     try:
         result = call(*arguments, **keywords)
     except BaseException as error:
@@ -19,7 +19,7 @@ def name_of(error):
 
 
 def until(condition, spin=None, timeout_s=10.0):
-    """Wait until `condition()`, calling `spin` meanwhile where it is given; returns whether it came."""
+    """Wait until `condition()` is true, and call `spin`, if given, meanwhile; returns whether it is."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:

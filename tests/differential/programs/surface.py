@@ -1,7 +1,7 @@
 """The surface of rclpy: every public name of its modules and classes, with the arguments of each call.
 
-The names are those of surface.names, which `python surface.py names` prints under rclpy; what a program gets
-from an instance is looked at by programs about that.
+surface.names lists the names; `python surface.py names` prints it under rclpy. Other programs check
+attributes that only instances have.
 """
 
 import importlib
@@ -25,7 +25,7 @@ def modules():
 
 
 def names():
-    """Each public name that a module defines, and each member of such a class that is its own."""
+    """Each public name that a module defines, and each member that such a class defines."""
     for module in modules():
         loaded = importlib.import_module(module)
         yield module
@@ -50,7 +50,7 @@ def is_enum(cls):
 
 
 def find(path):
-    """What a path leads to; raises ImportError or AttributeError."""
+    """The object at a path; raises ImportError or AttributeError."""
     parts = path.split(".")
     for count in range(len(parts), 0, -1):
         try:

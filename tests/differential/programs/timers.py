@@ -1,4 +1,4 @@
-"""Timers: when they are ready, cancel, reset, and what a destroyed one says."""
+"""Timers: when they are ready, cancel, reset, and errors of a destroyed one."""
 
 import rclpy
 from show import attempt, until

@@ -1,4 +1,4 @@
-"""The service ~/get_type_description and its parameter: what a node says of the types that it uses."""
+"""The service ~/get_type_description and its parameter: descriptions of the types that a node uses."""
 
 import rclpy
 from rclpy.parameter import Parameter

@@ -1,4 +1,4 @@
-"""What counts as a message or a service, and messages as bytes."""
+"""Checks for message and service classes, and messages as bytes."""
 
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.type_support import check_for_type_support, check_is_valid_msg_type, check_is_valid_srv_type

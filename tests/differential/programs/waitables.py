@@ -1,4 +1,4 @@
-"""Waitables of a program's own, and events and actions in wait sets."""
+"""A program's own waitables, and events and actions in wait sets."""
 
 import rclpy
 from rclpy.action import ActionClient, ActionServer
