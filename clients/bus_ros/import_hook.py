@@ -109,7 +109,7 @@ _MISSING: Final = frozenset(
 
 
 def install(*, force: bool = False) -> None:
-    """Add the finders to Python's import system; a further call only changes `force`.
+    """Put the finders into Python's import system; may be called again, also with another `force`.
 
     `force`: busd's modules come before installed ones. Modules that are imported already stay as they are.
     """

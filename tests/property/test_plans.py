@@ -332,7 +332,7 @@ class Lists(Struct):
 
 
 class Number8(Struct):
-    """Annotations without an effect on the plan."""
+    """Annotations that do not change the plan."""
 
     number: Annotated[int8, Meta(description="of what")] = 1
 

@@ -77,4 +77,4 @@ def _reordered(step: Color, image: "Image") -> "Image":
 
 
 _ORDERS = {"GRAY": "", "RGB": "RGB", "BGR": "BGR", "RGBA": "RGBA", "BGRA": "BGRA"}
-"""The channels of a kind. GRAY has several equal channels, if any."""
+"""The channels of each kind, in order. A GRAY image has no separate channels: it is a single plane."""

@@ -224,9 +224,9 @@ class Executor:
     ) -> tuple[Task[Any], Entity | None, Owner | None]:
         """Wait for one callback, of `nodes` if they are given. Not for several threads at once.
 
-        Returns (handler, entity, node); the latter two are None for a task. `handler()`, in any thread, makes
-        the call and releases its group at the end; `handler.exception()` is the call's exception. A coroutine
-        that can go on is returned again, with the same handler. `wake` makes it check `condition` again.
+        Returns (handler, entity, node); the latter two are None for a task. The entity's group is held until
+        the end of `handler()`, which makes the call, in any thread; `handler.exception()` is its exception. A
+        coroutine that goes on comes again, with the same handler. `wake` makes it check `condition` again.
 
         Raises TimeoutException, ShutdownException, ExternalShutdownException, and ConditionReachedException.
         """

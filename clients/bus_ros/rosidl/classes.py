@@ -187,7 +187,7 @@ def _type_support(cls: type[RosMessage]) -> object:
     # Most messages are only made and read, so the modules for the wire are not imported earlier.
     from bus_ros.rosidl.support import support_of
 
-    generated: Any = cls.__generated__  # hashable, also if `cls` is not
+    generated: Any = cls.__generated__  # the class is hashable, its instances are not
     return support_of(generated)
 
 

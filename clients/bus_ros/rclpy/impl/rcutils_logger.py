@@ -167,7 +167,7 @@ class RcutilsLogger(Logger):
 
 
 def _detect(keywords: Mapping[str, Any]) -> list[str]:
-    """The names of the filters for the keywords; raises TypeError for an unknown keyword."""
+    """The names of the filters for the keywords; raises TypeError for an unknown or missing keyword."""
     for keyword in keywords:
         if keyword not in _KEYWORDS:
             raise TypeError(
