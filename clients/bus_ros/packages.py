@@ -133,7 +133,7 @@ def executables(package: str) -> list[Executable] | None:
 
 
 def built_in() -> list[str]:
-    """The names in the table of programs that come with busd."""
+    """The packages with programs that come with busd."""
     return list(_BUILT_IN)
 
 

@@ -3,9 +3,9 @@
 Owns: the search. It looks for a package in this order:
 
 - below the prefixes (`search_paths`)
-- in the source folder of a package installed with `pip install --editable`
-- in the source folder of a package that is not installed, around the current folder
-- in the share folders and programs that come with busd
+- the source folder of a package that was installed with `pip install --editable`
+- the source folder of a package that is not installed, around the current folder
+- share folders and programs that come with busd
 
 Must not know: the use of packages.
 """

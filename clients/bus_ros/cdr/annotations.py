@@ -39,9 +39,7 @@ def json_annotation(description: Mapping[str, Any], node: Any) -> Any:
 
 
 class Annotations:
-    """Annotations of the shapes of one schema. With `views`, bytes are views of the payload, and texts are
-    Raw.
-    """
+    """Annotations of one schema's shapes. With `views`, bytes are views of the payload, and texts Raw."""
 
     def __init__(self, description: Mapping[str, Any], views: bool) -> None:
         self._description = description

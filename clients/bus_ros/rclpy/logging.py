@@ -50,7 +50,7 @@ def clear_config() -> None:
 
 
 def set_logger_level(name: str, level: int | LoggingSeverity, detailed_error: bool = False) -> None:
-    """Log this severity and above; an empty name: the default of all. Raises ValueError for others."""
+    """Set the lowest severity to log; an empty name: for all loggers. ValueError for an invalid level."""
     RcutilsLogger(name).set_level(level)
 
 

@@ -108,8 +108,8 @@ class Future(Generic[T]):
     def add_done_callback(self, callback: "Callable[[Future[T]], object]") -> None:
         """Call `callback(future)` once it is done; if it is done already, at once or by the executor.
 
-        An exception of a callback becomes a warning. Exception: if it is called at once, the exception is
-        raised here.
+        An exception in a callback becomes a warning. If the callback is called at once, its exception is
+        raised here instead.
         """
         with self._lock:
             if self._state == _PENDING:

@@ -193,7 +193,7 @@ def _type_support(cls: type[RosMessage]) -> object:
 
 def _reduce(self: RosMessage) -> tuple[object, ...]:
     cls = type(self)
-    # A class is pickled by its name: its module can be imported only if the import hook is installed.
+    # The class is pickled by its name: its module can be imported only if the import hook is installed.
     which = cls.__type_name__ if cls is cls.__generated__ else cls
     values = tuple(getattr(self, f"_{field.name}") for field in self.__definition__.fields)
     return _again, (which, values), getattr(self, "__dict__", None) or None

@@ -108,10 +108,11 @@ class _CallSite:
 
 
 class RcutilsLogger(Logger):
-    """A named logger. `debug`, `info`, `warning` (`warn`), `error`, `fatal`, `log`: whether they logged.
+    """A named logger.
 
-    One place must call with the same severity and filters each time; otherwise ValueError. An unknown keyword
-    is a TypeError. Neither is checked if the severity is not enabled.
+    `debug`, `info`, `warning` (`warn`), `error`, `fatal` and `log` return whether they logged. One place must
+    call with the same severity and filters each time; otherwise ValueError. An unknown keyword is a
+    TypeError. Neither is checked if the severity is not enabled.
     """
 
     __slots__ = ("_sites",)
