@@ -88,7 +88,7 @@ class Subscription:
     replaced_at_busd: list[Message] = field(default_factory=list)
     """Since its process stopped reading."""
     late: dict[int, list[Message]] = field(default_factory=dict)
-    """Messages of each publisher, published to it, but not received, while the connection of an end is away.
+    """Messages of each publisher, published to it, but not received while the connection of an end is away.
     """
     gone: list[Message] = field(default_factory=list)
     """The same, for publishers that have left meanwhile."""

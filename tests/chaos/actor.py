@@ -33,7 +33,7 @@ from survivors import Ledger
 from zygote import serve
 
 BEGUN, DONE = 0, 1
-"""Positions in a talker's ledger: the last number begun to publish, and the last finished one."""
+"""Positions in a talker's ledger: the numbers of the last begun and of the last finished publish."""
 
 _LIBC = ctypes.CDLL(None)
 _BLOCK = random.Random(1).randbytes(8 << 20)

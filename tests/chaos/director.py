@@ -68,7 +68,7 @@ class Director:
         self._baseline: dict[str, Footprint] = {}
 
     def run(self, time_s: float) -> None:
-        """Run storms and calms for `time_s`, but at least two: in every second one a busd lives.
+        """Run storms and calms for `time_s`, but at least two: busd survives every second storm.
 
         Raises Failed.
         """

@@ -221,8 +221,7 @@ class Story:
             await self.cuts.cut([*self.world.processes], before, how="restart")
 
     def knows_where_matches_began(self) -> bool:
-        """False if a publisher has a ring, and a subscription by socket has not received anything from it
-        yet.
+        """False if a publisher has a ring, and a subscription by socket has had nothing from it yet.
 
         Such a subscription counts earlier samples, sent to others, as lost if its connection is lost.
         """

@@ -361,10 +361,7 @@ class Story:
 
 
 class LastingStory(Story):
-    """Endpoints that stay: a keep-all subscription that is back within the lease loses nothing.
-
-    This holds for keep-all publishers.
-    """
+    """Endpoints stay: if both ends keep all, a subscription that is back within the lease loses nothing."""
 
     def check(self) -> None:
         super().check()

@@ -50,7 +50,7 @@ def clear_config() -> None:
 
 
 def set_logger_level(name: str, level: int | LoggingSeverity, detailed_error: bool = False) -> None:
-    """Set the lowest severity to log; an empty name: for all loggers. ValueError for an invalid level."""
+    """Set the lowest severity to log; an empty name: the default of all. ValueError for a wrong level."""
     RcutilsLogger(name).set_level(level)
 
 
