@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import bus
-from bus.link.reach import try_to_connect
+from bus.link.reach import CONNECT_S, no_answer, try_to_connect
 from bus.vocabulary import DropReason
 from busd.core.access import Access, AccessRule, Subject
 from busd.server.listener import AlreadyRunning
@@ -90,6 +90,7 @@ TEXTS = [
     *_refusals(),
     _as_in_a_traceback(bus.QuotaExceeded("endpoints", used=4096, limit=4096)),
     _as_in_a_traceback(bus.PayloadTooLarge("/map", size_bytes=73400328, limit_bytes=67108864)),
+    f"BrokerUnavailable: {no_answer(SOCKET, CONNECT_S)}",
     f"busd: {AlreadyRunning(Path(SOCKET), 4711)}",
 ]
 """Made as the library and busd make them."""
