@@ -16,6 +16,7 @@ FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
 VISION_STAMP := $(VENV)/.vision
 RELEASE_STAMP := $(VENV)/.release
+DOCS_STAMP := $(VENV)/.docs
 CORE   := setup.py $(wildcard clients/bus/shm/*.[ch] clients/bus_tf2/core/*.[ch])
 PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
@@ -156,6 +157,15 @@ $(FUZZ_STAMP): $(TOOLS)
 	@$(call EXTRA,fuzz) && touch $@ \
 		|| echo "atheris can't be installed"
 
+docs: $(DOCS_STAMP) ## build the pages as a site, build/site (SERVE=yes: serve it, and build it anew after each change)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs $(if $(SERVE),serve,build --quiet)
+	$(if $(SERVE),,@echo "open build/site/index.html in a browser")
+
+$(DOCS_STAMP): pyproject.toml | $(BIN)/python
+	@echo "installing mkdocs into $(VENV): 10 seconds to a minute, 70 MB"
+	@$(call EXTRA,docs)
+	@touch $@
+
 api: $(TOOLS) ## write docs/api.md, out of the docstrings
 	@$(BIN)/python tests/apipage.py
 
@@ -163,7 +173,7 @@ messages: $(TOOLS) ## write the classes of bus.msg and bus.srv out of clients/bu
 	@$(BIN)/python tests/messageclasses.py
 	@$(BIN)/python tests/describedtypes.py
 
-vendor: $(TOOLS) ## fetch the page's two libraries once more, by npm (their versions are in tests/vendoring.py)
+vendor: $(TOOLS) ## fetch the libraries of the page and of the site once more, by npm (their versions are in tests/vendoring.py)
 	@$(BIN)/python tests/vendoring.py
 
 axe: $(TOOLS) ## fetch what tests of the page find faults of access by, by npm
@@ -248,4 +258,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons release-check clean
+.PHONY: help setup demo robot docs test compiled nightly test-nightly test-uptime test-nohup mutants native arm lint sanitize differential fuzz api messages vendor axe foxglove fmt bench-quick bench peers chaos chaos-bridges soak bench-compare bench-report wheels test-pythons release-check clean

@@ -1,4 +1,4 @@
-"""`make vendor`: the page's two libraries, as npm has them, with their licences and hashes.
+"""`make vendor`: libraries of `bus web` and of the documentation's site, as npm has them, with licences and hashes.
 
 `make axe` fetches the library with which tests find accessibility faults, `make foxglove` the client that
 Foxglove has published; they are not part of the page.
@@ -12,22 +12,27 @@ from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-VENDOR = Path(__file__).parents[1] / "clients" / "bus_web" / "page" / "vendor"
+ROOT = Path(__file__).parents[1]
 
 PACKAGES = {
-    "@dagrejs/dagre@3.1.3": {"dist/dagre.min.js": "dagre.min.js", "LICENSE": "dagre.LICENSE.txt"},
-    "uplot@1.6.32": {
-        "dist/uPlot.iife.min.js": "uplot.min.js",
-        "dist/uPlot.min.css": "uplot.min.css",
-        "LICENSE": "uplot.LICENSE.txt",
+    ROOT / "clients" / "bus_web" / "page" / "vendor": {
+        "@dagrejs/dagre@3.1.3": {"dist/dagre.min.js": "dagre.min.js", "LICENSE": "dagre.LICENSE.txt"},
+        "uplot@1.6.32": {
+            "dist/uPlot.iife.min.js": "uplot.min.js",
+            "dist/uPlot.min.css": "uplot.min.css",
+            "LICENSE": "uplot.LICENSE.txt",
+        },
+    },
+    ROOT / "docs" / "assets" / "vendor": {
+        "iframe-worker@1.0.4": {"shim/index.js": "iframe-worker.js", "LICENSE": "iframe-worker.LICENSE.txt"},
     },
 }
-"""For newer ones, write their versions here."""
+"""By folder. For newer ones, write their versions here."""
 
-AXE = Path(__file__).parents[1] / ".venv" / "axe.min.js"
+AXE = ROOT / ".venv" / "axe.min.js"
 _AXE = "axe-core@4.14.1", "29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c"
 
-FOXGLOVE = Path(__file__).parents[1] / ".venv" / "foxglove"
+FOXGLOVE = ROOT / ".venv" / "foxglove"
 _FOXGLOVE = "@foxglove/ws-protocol@0.8.0", "ws@8.18.0"
 
 
@@ -36,16 +41,21 @@ def main() -> int:
         return fetch_axe()
     if sys.argv[1:] == ["foxglove"]:
         return fetch_foxglove()
+    for folder, packages in PACKAGES.items():
+        fetch_libraries(folder, packages)
+    return 0
+
+
+def fetch_libraries(vendor: Path, packages: dict[str, dict[str, str]]) -> None:
     lines = ["# sha256, file, package of npm, file in it. Written by `make vendor`."]
     with TemporaryDirectory() as folder:
-        for package, files in PACKAGES.items():
+        for package, files in packages.items():
             archive = _fetch(package, Path(folder))
             for inside, name in files.items():
                 data = _member(archive, f"package/{inside}")
-                (VENDOR / name).write_bytes(data)
+                (vendor / name).write_bytes(data)
                 lines.append(f"{sha256(data).hexdigest()}  {name}  {package}  {inside}")
-    (VENDOR / "versions.txt").write_text("\n".join(lines) + "\n")
-    return 0
+    (vendor / "versions.txt").write_text("\n".join(lines) + "\n")
 
 
 def fetch_axe() -> int:

@@ -37,7 +37,7 @@ def load_setup() -> dict[str, Any]:
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUP = load_setup()
 LINK = re.compile(r"\]\((?!https?:)")
-FOR_DEVELOPERS = {"bench", "dev", "fuzz", "release", "soak"}
+FOR_DEVELOPERS = {"bench", "dev", "docs", "fuzz", "release", "soak"}
 
 
 def test_the_version_has_one_source() -> None:

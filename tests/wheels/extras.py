@@ -19,7 +19,7 @@ from wheels.first_use import PATIENCE_S, Environment
 
 __all__ = ["FOR_DEVELOPERS", "TRIALS", "Trial", "applies", "check_refusal", "try_extra"]
 
-FOR_DEVELOPERS = {"bench", "dev", "fuzz", "release", "soak"}
+FOR_DEVELOPERS = {"bench", "dev", "docs", "fuzz", "release", "soak"}
 
 _VISION = """\
 from cv_bridge import CvBridge

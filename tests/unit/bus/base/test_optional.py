@@ -11,7 +11,7 @@ from rows import for_each
 
 ROOT = Path(__file__).parents[4]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-FOR_DEVELOPERS = {"bench", "dev", "fuzz", "release", "soak"}
+FOR_DEVELOPERS = {"bench", "dev", "docs", "fuzz", "release", "soak"}
 FOR_USERS = {name: wanted for name, wanted in EXTRAS.items() if name not in FOR_DEVELOPERS}
 SILENT = {"rich"}
 """Packages whose absence no program mentions."""
