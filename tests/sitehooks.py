@@ -17,6 +17,7 @@ SHOWN = ("*.md", "benchmarks/*.md", "benchmarks/pictures/*.svg")
 LEFT_OUT = {"PACKAGE.md"}
 """The page of a package index."""
 
+_ICON = ROOT / "clients" / "bus_web" / "page" / "icon.svg"
 _DOCS = "docs/"
 _PROJECT = "project/"
 _CODE_OR_LINK = re.compile(
@@ -24,6 +25,7 @@ _CODE_OR_LINK = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 _CELL = re.compile(r"<t[dh]\b.*?</t[dh]>", re.DOTALL)
+_EMPTY_HEAD = re.compile(r"<th([^>]*)></th>")
 _PICTURE = re.compile(
     r'<picture><source media="\(prefers-color-scheme: dark\)" srcset="(?P<dark>[^"]*)">'
     r'<img alt="(?P<alt>[^"]*)" src="(?P<light>[^"]*)"></picture>'
@@ -36,7 +38,8 @@ def on_config(config: MkDocsConfig) -> None:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> None:
-    """Add the files from outside docs/."""
+    """Add the files from outside docs/, and the icon."""
+    files.append(File.generated(config, "assets/icon.svg", abs_src_path=str(_ICON)))
     for path in (path for pattern in SHOWN for path in sorted(ROOT.glob(pattern))):
         if path.name not in LEFT_OUT:
             name = to_site(path.relative_to(ROOT).as_posix())
@@ -50,6 +53,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     becomes the path of the file. mkdocs reports a link to a file that does not exist.
     """
     here = page.file.src_uri
+    if page.is_homepage:
+        page.meta["hide"] = ["navigation"]  # it is the navigation
 
     def change(found: re.Match[str]) -> str:
         if found["code"]:
@@ -63,12 +68,14 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             text = str(file.page.title)
         return f"[{text}]({posixpath.relpath(file.src_uri, posixpath.dirname(here))}{anchor})"
 
-    return _PICTURE.sub(_by_palette, _CODE_OR_LINK.sub(change, markdown))
+    markdown = _CODE_OR_LINK.sub(change, markdown).replace("<details>", "<details markdown>")
+    return _PICTURE.sub(_by_palette, markdown)
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """In code of a table, `\\|` is a bar, as on a git host. Python's Markdown leaves the backslash."""
-    return _CELL.sub(lambda found: found[0].replace(r"\|", "|"), html)
+    """Mend tables. In code of a table, `\\|` is a bar, as on a git host. Python's Markdown leaves the backslash."""
+    html = _CELL.sub(lambda found: found[0].replace(r"\|", "|"), html)
+    return _EMPTY_HEAD.sub(r"<td\1></td>", html)
 
 
 def to_site(path: str) -> str:
