@@ -1,4 +1,4 @@
-"""Hooks of mkdocs for the site (mkdocs.yml): pages from outside docs/, links to files, anchors as on a git host.
+"""Hooks of mkdocs for the site (mkdocs.yml): pages from outside docs/, links to files, tables, anchors.
 
 The site has the files of docs/ under their names, and the files of `SHOWN` under `project/` and their paths.
 """
@@ -49,8 +49,8 @@ def on_files(files: Files, config: MkDocsConfig) -> None:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Turn links between files of the tree into links between files of the site.
 
-    A link whose text is the name of a file shows the title of the page. A link to a file that the site does not have
-    becomes the path of the file. mkdocs reports a link to a file that does not exist.
+    A link whose text is the name of a file shows the title of the page. A link to a file that the site does
+    not have becomes the path of the file. mkdocs reports a link to a file that does not exist.
     """
     here = page.file.src_uri
     if page.is_homepage:
@@ -73,7 +73,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Mend tables. In code of a table, `\\|` is a bar, as on a git host. Python's Markdown leaves the backslash."""
+    """Mend tables: Python's Markdown leaves the backslash of `\\|` in code. An empty cell is no head of a column."""
     html = _CELL.sub(lambda found: found[0].replace(r"\|", "|"), html)
     return _EMPTY_HEAD.sub(r"<td\1></td>", html)
 
@@ -93,7 +93,7 @@ def _as_path(text: str, path: str) -> str:
 
 
 def _by_palette(found: re.Match[str]) -> str:
-    """Two pictures, of which the theme shows one: the reader may have chosen another palette than the system's."""
+    """Two pictures. The theme shows that of the reader's palette, which can be another than the system's."""
     return "".join(
         f'<img alt="{found["alt"]}" src="{found[shade]}#only-{shade}">' for shade in ("light", "dark")
     )

@@ -1,4 +1,4 @@
-"""`make vendor`: libraries of `bus web` and of the documentation's site, as npm has them, with licences and hashes.
+"""`make vendor`: libraries of `bus web` and of the pages' site, as npm has them, with licences and hashes.
 
 `make axe` fetches the library with which tests find accessibility faults, `make foxglove` the client that
 Foxglove has published; they are not part of the page.
