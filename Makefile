@@ -158,11 +158,11 @@ $(FUZZ_STAMP): $(TOOLS)
 		|| echo "atheris can't be installed"
 
 docs: $(DOCS_STAMP) ## build the pages as a site, build/site (SERVE=yes: serve it, and build it anew after each change)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs $(if $(SERVE),serve,build --quiet)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs $(if $(SERVE),serve --livereload,build)
 	$(if $(SERVE),,@echo "open build/site/index.html in a browser")
 
 $(DOCS_STAMP): pyproject.toml | $(BIN)/python
-	@echo "installing mkdocs into $(VENV): 10 seconds to a minute, 70 MB"
+	@echo "installing mkdocs into $(VENV): 10 seconds to a minute, 130 MB"
 	@$(call EXTRA,docs)
 	@touch $@
 

@@ -73,7 +73,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Mend tables: Python's Markdown leaves the backslash of `\\|` in code. An empty cell is no head of a column."""
+    """Mend tables: in code, Python's Markdown leaves the backslash of `\\|`. An empty cell is no head."""
     html = _CELL.sub(lambda found: found[0].replace(r"\|", "|"), html)
     return _EMPTY_HEAD.sub(r"<td\1></td>", html)
 
