@@ -94,6 +94,7 @@ nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, m
 
 # In asyncio's debug mode, which finds calls from the wrong thread. It costs a tenth of the suite's processor time.
 test-nightly: $(TOOLS) $(VISION_STAMP)
+	@$(MAKE) --no-print-directory $(DOCS_STAMP) || echo "mkdocs can't be installed: tests of the site say so"
 	PYTHONASYNCIODEBUG=1 $(PYTEST) --nightly $(PYTEST_ARGS)
 
 # The clocks of a machine that booted a minute ago: a test must not subtract an hour from them.

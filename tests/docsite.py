@@ -52,6 +52,6 @@ def build(folder: Path) -> Path:
 
 
 def page_of(path: str) -> str:
-    """Where the site has a page of docs/ or, with `../`, of another folder."""
+    """Path on the site of a page. The page's path starts in docs/."""
     name = re.sub(r"^\.\./", "project/", path).removesuffix(".md")
     return re.sub("README$", "index", name) + ".html"

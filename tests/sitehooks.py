@@ -49,8 +49,8 @@ def on_files(files: Files, config: MkDocsConfig) -> None:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Turn links between files of the tree into links between files of the site.
 
-    A link whose text is the name of a file shows the title of the page. A link to a file that the site does
-    not have becomes the path of the file. mkdocs reports a link to a file that does not exist.
+    If the text of a link is the name of a file, the link shows the title of the page. A link to a file that
+    the site does not have becomes the path of the file. mkdocs reports a link to a file that does not exist.
     """
     here = page.file.src_uri
     if page.is_homepage:
@@ -93,7 +93,7 @@ def _as_path(text: str, path: str) -> str:
 
 
 def _by_palette(found: re.Match[str]) -> str:
-    """Two pictures. The theme shows that of the reader's palette, which can be another than the system's."""
+    """Two pictures for two palettes. The theme shows the one of the palette that the reader has chosen."""
     return "".join(
         f'<img alt="{found["alt"]}" src="{found[shade]}#only-{shade}">' for shade in ("light", "dark")
     )

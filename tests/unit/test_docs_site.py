@@ -48,7 +48,7 @@ def test_all_that_a_page_loads_is_in_the_site(site: Path) -> None:
 
 
 def test_a_page_has_the_blocks_that_a_git_host_shows(site: Path) -> None:
-    """Python's Markdown is not that of git hosts: it indents nested lists by four columns, for example."""
+    """Python's Markdown differs from theirs. For example, it wants four spaces before a nested list."""
     pytest.importorskip("markdown_it", reason="markdown-it-py reads Markdown as git hosts do")
     from markdown_it import MarkdownIt
 
