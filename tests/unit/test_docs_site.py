@@ -12,6 +12,8 @@ from rows import for_each
 
 BLOCKS = {*("h1", "h2", "h3", "h4", "h5", "h6"), "ul", "ol", "li", "table", "tr", "td", "pre", "blockquote"}
 REFERENCE = re.compile(r'<(\w+)\b[^>]*?\s(?:src|href)="([^"]*)"')
+FENCE = re.compile(r"^ *```.*?^ *```$", re.MULTILINE | re.DOTALL)
+NESTED = re.compile(r"^ {1,3}(?:[-*]|\d+\.) .*", re.MULTILINE)
 ARTICLE = re.compile(r"<article[^>]*>(.*)</article>", re.DOTALL)
 
 
@@ -28,12 +30,21 @@ def test_every_page_is_in_one_part() -> None:
     assert [path for path in listed if not (DOCS / path).is_file()] == []
 
 
+def test_nested_lists_have_four_spaces() -> None:
+    """With fewer, mkdocs shows them as one list."""
+    pages = [DOCS / path for pages in parts_of_index().values() for _, path in pages]
+    assert {
+        page.name: found for page in pages if (found := NESTED.findall(FENCE.sub("", page.read_text())))
+    } == {}
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built strictly: a dead link, a dead anchor or a page outside the navigation is an error."""
     return build(tmp_path_factory.mktemp("site"))
 
 
+@pytest.mark.nightly
 def test_all_that_a_page_loads_is_in_the_site(site: Path) -> None:
     """Links of HTML too, which mkdocs does not check, and nothing from other hosts."""
     lost, far = set(), set()
@@ -47,6 +58,7 @@ def test_all_that_a_page_loads_is_in_the_site(site: Path) -> None:
     assert (lost, far) == (set(), set())
 
 
+@pytest.mark.nightly
 def test_a_page_has_the_blocks_that_a_git_host_shows(site: Path) -> None:
     """Python's Markdown differs from theirs. For example, it wants four spaces before a nested list."""
     pytest.importorskip("markdown_it", reason="markdown-it-py reads Markdown as git hosts do")
@@ -92,6 +104,7 @@ def test_what_comes_from_others_is_as_it_was_published() -> None:
     assert told == there, "`make vendor` writes both"
 
 
+@pytest.mark.nightly
 def test_links_and_tables_are_those_of_the_site(site: Path) -> None:
     """See tests/sitehooks.py."""
     shown = {path: (site / page_of(path)).read_text() for path in ("look.md", "cdr.md", "../CONTRIBUTING.md")}
