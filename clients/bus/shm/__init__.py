@@ -1,24 +1,23 @@
-"""The shared-memory route's own part: rings, readers' segments, doorbells. See docs/ring.md.
+"""Shared memory: rings, readers' segments, doorbells, and the native core in C. See docs/ring.md.
 
-Owns the segments and the native core, which is imported when `shm.native` is first used: ImportError where it
-was not built. Must not know the wire, the loop, or which endpoints match.
+Owns the segments and the native core. The first use of `shm.native` imports the core, and raises ImportError
+if it was not built. Must not know the wire, the loop, or which endpoints match.
 
-    Python   `segments.py` (make), `descriptors.py` (check those of others), `headroom.py` (memory left),
-             `openfiles.py` (numbers of descriptors)
+    Python   `segments.py` (make segments), `descriptors.py` (check received descriptors),
+             `headroom.py` (free memory), `openfiles.py` (numbers of descriptors)
     binding  `py.h`, py_*.c: one file for each type; `_core.pyi` has their types
     C        `ring.h`, `writer.h`, `reader.h`, `feed.h`, `gates.h`, `doorbell.h`: the algorithm, no Python
 
 Invariants:
 
 - Python never reads or writes words that another process may change; only the C core does, with atomics.
-- No lock, and no wait for another process. A process that is killed at any instruction leaves the others
-  running.
+- There is no lock, and no wait for another process. If a process is killed at any instruction, the others
+  continue.
 - Bytes that may change are copied and then validated, or their record is pinned first.
-- A segment has no name, is reserved when it is made, and is sealed before another process gets it. Only its
-  maker can write it.
-- A descriptor of another process is checked by `descriptors.py` before it is mapped, its contents by the
-  core.
-- Without the core everything works by socket.
+- A segment has no name. Its memory is reserved when it is made, and it is sealed before another process gets
+  it. Only its maker can write it.
+- `descriptors.py` checks a descriptor of another process before it is mapped. The core checks the contents.
+- Without the core, everything works by socket.
 
 Read first: docs/ring.md, then `layout.h` and `ring.h`.
 
@@ -48,7 +47,7 @@ else:
 
 
 def has_core() -> bool:
-    """Whether there is a native core that this process may use."""
+    """Whether the native core was built and this process may use it."""
     if os.environ.get("BUS_NATIVE") == _OFF["BUS_NATIVE"]:
         return False
     try:
@@ -58,12 +57,12 @@ def has_core() -> bool:
 
 
 def is_available() -> bool:
-    """Whether this process may and can share memory. Looks at the environment anew each time."""
+    """Whether this process may and can share memory. Each call reads the environment anew."""
     return not why_not()
 
 
 def why_not() -> str:
-    """Why all goes by socket, in a few words; "" where memory can be shared."""
+    """The reason why this process only uses the socket route, in a few words; "" if it can share memory."""
     if name := turned_off_by():
         return f"{name}={_OFF[name]} is set"
     if sys.platform != "linux":
@@ -83,7 +82,7 @@ def turned_off_by() -> str:
 
 
 def advice() -> str:
-    """What to do about what `why_not` says; "" where that says nothing, or nothing helps."""
+    """The remedy for the reason of `why_not`; "" if there is no reason, or no remedy."""
     if name := turned_off_by():
         return f"unset {name}"
     if sys.platform != "linux" or not why_not():
@@ -99,7 +98,7 @@ def _is_free_threaded() -> bool:
 
 def _forked() -> None:
     if core := sys.modules.get(_CORE):
-        core.forget_pins()  # views that the child inherited must not release the parent's
+        core.forget_pins()  # views that the child inherited must not release the parent's pins
 
 
 os.register_at_fork(after_in_child=_forked)

@@ -13,17 +13,17 @@ Bytes: TypeAlias = bytes
 REPORT_DUE: Final = 2
 """Written, and it was the first since `is_report_due` was set to False."""
 FULL: Final = 3
-"""Not written: a lossless reader, or `hold`, has not passed what would be overwritten."""
+"""Not written: it would overwrite records that a lossless reader has not taken, or that `hold` protects."""
 SHORT: Final = 4
 """Not written: fewer than the newest `keep` records would be left."""
 PINNED: Final = 5
 """Not written: pinned records leave no room."""
 TOO_LARGE: Final = 6
-"""Not written: more than `max_payload` or `most`."""
+"""Not written: the payload is above `max_payload` or `most`."""
 WRONG_THREAD: Final = 7
-"""Not written: the thread that calls may not use the writer now."""
+"""Not written: the calling thread may not use the writer now."""
 HELD: Final = 8
-"""Not written: `hold` may be out of date; said once for a record. Move it if so, and try again."""
+"""Not written: `hold` may be out of date; returned once for a record. Move it if so, and try again."""
 
 AS_TEXT: Final = 1
 AS_FLOAT: Final = 2
@@ -35,34 +35,33 @@ AS_LIST: Final = 7
 """How a Plan encodes a value."""
 
 def ring_bytes(capacity: int, index_length: int) -> int:
-    """Bytes of a ring's segment; 0 where a size is no power of two or out of bounds."""
+    """Bytes of a ring's segment; 0 if a size is no power of two or out of bounds."""
 
 def readers_bytes(slot_count: int) -> int: ...
 
 class Mapping:
-    """`size` bytes of a descriptor, mapped; unmapped when the last that uses it is gone. Raises OSError."""
+    """`size` mapped bytes of a descriptor; unmapped when its last user is gone. Raises OSError."""
 
     size: int
     def __init__(self, descriptor: int, size: int, *, writable: bool = False) -> None: ...
     def format_ring(self, capacity: int, index_length: int, first_seq: int) -> None:
-        """Lay an empty ring into a new, zeroed segment. Raises ValueError for sizes out of bounds."""
+        """Format a new, zeroed segment as an empty ring. Raises ValueError for sizes out of bounds."""
     def format_readers(self, slot_count: int) -> None: ...
 
 class Bell:
-    """Another process's readers' segment and doorbell, as the writers that wake it know them.
+    """Another process's readers' segment and doorbell, for the writers that wake it.
 
-    Raises ValueError, saying what is wrong, where `memory` is no readers' segment. The caller keeps
-    `doorbell` open.
+    Raises ValueError with the fault if `memory` is no readers' segment. The caller keeps `doorbell` open.
     """
 
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
 
 class Plan:
-    """How to check and encode the messages of one class in one pass; made by `bus.types.check.plan`.
+    """Checks and encodes the messages of one class in one pass; made by `bus.types.check.plan`.
 
-    A field: where it stands, the bytes before its value, the value. A value: how it is encoded (AS_...), the
-    least and the most it may be (AS_INT) or its length may (AS_BYTES, AS_LIST), and of what it is: a Plan
-    (AS_STRUCT), the value of each item (AS_LIST).
+    A field is a tuple: its member descriptor, the bytes before its value, the value's plan. The plan of a
+    value is a tuple, too: its encoding (AS_...); the least and the highest number (AS_INT) or length
+    (AS_BYTES, AS_LIST); a Plan (AS_STRUCT) or the plan of each item (AS_LIST).
     """
 
     def __init__(
@@ -72,27 +71,28 @@ class Plan:
         is_array: bool,
     ) -> None: ...
     def encode(self, message: Any, /) -> Bytes | None:
-        """What the encoder would give; None where the message is not just as planned: go the long way."""
+        """The encoder's bytes; None if the message differs from the plan: go the long way."""
 
     decode_slowly: Callable[[Any], Any]
-    """The long way of `decode`. May be set, where `kind` is no Struct."""
+    """The long way of `decode`. May be set, if `kind` is no Struct."""
     def decode(self, payload: Any, /) -> Any:
-        """The message, made by no constructor and no setter. Where the bytes are not just as planned, what
-        `decode_slowly` gives or raises; TypeError where there is none.
+        """The message, made without its constructor and setters.
+
+        If the bytes differ from the plan, the result or the error of `decode_slowly`; without one, TypeError.
         """
 
 class Sends:
-    """What gives a publisher's `send` where there is room, with no coroutine.
+    """A publisher's `send` without a coroutine, if there is room.
 
-    `go_on(message, status)` takes over where `publish` gave neither True nor False, and says whether the
-    message is taken. Where it is not, `slow(message)` gives the coroutine that does all.
-    `forgotten(message)` is called where what `send` gave is never awaited.
+    If `publish` returns neither True nor False, `go_on(message, status)` takes over and returns whether the
+    message is taken. If it is not, `slow(message)` makes a coroutine that does everything. If the result of
+    `send` is never awaited, `forgotten(message)` is called.
     """
 
     publish: Callable[[Any], Any]
-    """The quick way at present: True: the message is taken; False: nothing was done. May be set."""
+    """The present quick way. True: the message is taken; False: nothing was done. May be set."""
     spares_turns: bool
-    """After 100 messages the event loop gets a turn only where it has had none for 0.2 ms. May be set."""
+    """After 100 messages the event loop gets a turn only if it has had none for 0.2 ms. May be set."""
 
     def __init__(
         self,
@@ -102,13 +102,13 @@ class Sends:
     ) -> None: ...
     def send(self, message: Any, /) -> Coroutine[Any, Any, None]: ...
     def share(self, loop: Any, rest: Callable[[Any, Any], None], /) -> None:
-        """Threads share `loop`, which has a `guard` and `is_interrupted`: see `publish_shared`. Once."""
+        """Let threads share `loop`, which has a `guard` and `is_interrupted`: see `publish_shared`. Once."""
 
     def publish_shared(self, message: Any, /) -> None:
-        """`publish` under the loop's guard. `rest(message, status)`, without it, does what that leaves to do.
+        """`publish` under the loop's guard. Then `rest(message, status)`, without the guard, does the rest.
 
-        `status`: as `publish` gave it; None where nothing was tried: another thread has the guard, or there
-        is no quick way; True where the message is taken, and only an interrupt is left.
+        `status` is the result of `publish`. None: nothing was tried, because another thread has the guard, or
+        there is no quick way. True: the message is taken, and only an interrupt remains.
         """
 
 class Writer:
@@ -123,24 +123,26 @@ class Writer:
     keep: int
     """Newest records that must stay. May be set."""
     hold: int
-    """Nothing from this seq on may be given up, as for a lossless reader there; 0: no matter. May be set."""
+    """No record from this seq on may be dropped, as with a lossless reader there; 0: no limit. May be set."""
     most: int
-    """Largest payload that may be published, whatever the ring holds: beyond, TOO_LARGE. May be set;
+    """Largest payload that may be published, whatever the ring holds; above it, TOO_LARGE. May be set;
     1 << 62 at first."""
     is_mine: Callable[[], bool] | None
-    """May be set: any thread may write for which that is true, as where it holds a lock."""
+    """May be set: then any thread for which it returns True may write, for example one with a lock."""
     is_report_due: bool
     """May be set to False: then the next write returns REPORT_DUE once."""
     is_long: bool
-    """`publish` took a message that was longer than `longest`: it takes no more until this is False."""
+    """`publish` took a message longer than `longest`: it takes no more until this is set to False."""
     longest: int
     is_lent: bool
-    """From `lend` to `publish_lent`: `publish` takes nothing. May be set to False: it was given back."""
+    """True from `lend` to `publish_lent`: `publish` takes nothing. May be set to False to end the loan."""
 
     def __init__(self, memory: Mapping, keep: int) -> None: ...
     def write(self, payload: Buffer, /) -> bool | int:
-        """Stamp `payload`, publish it and wake readers that sleep. True, or one of the numbers above. False:
-        it is longer than 64 KiB, or `is_lent` is set."""
+        """Stamp `payload`, publish it and wake sleeping readers.
+
+        True, or one of the numbers above. False: it is longer than 64 KiB, or `is_lent` is set.
+        """
     def prepare(
         self,
         kind: type,
@@ -149,46 +151,52 @@ class Writer:
         plan: Plan | None = None,
         /,
     ) -> None:
-        """What `publish` is to publish. Raises ValueError the second time."""
+        """Set the class of messages that `publish` takes. Raises ValueError the second time."""
     def publish(self, message: Any, /) -> bool | int:
-        """Check, encode and `write` a message, in one pass where it is as planned. False: it is none of that
-        kind, not surely valid, can't be encoded, or `is_long` or `is_lent` is set. Else as `write`."""
+        """Check, encode and `write` a message, in one pass if it agrees with the plan.
+
+        False: it has another class, may be invalid, can't be encoded, or `is_long` or `is_lent` is set. Else
+        as `write`.
+        """
     def write_parts(
         self, parts: Sequence[Buffer | str], /, *, force: bool = False, stamp_ns: int = 0
     ) -> Literal[True] | int:
-        """As `write`, one record of the parts back to back, text as UTF-8.
+        """As `write`, for one record of the parts back to back, text as UTF-8.
 
-        `force` gives up depth instead of SHORT.
+        `force` gives up depth instead of returning SHORT.
         """
     def publish_packed(self, data: Buffer, start: int, /) -> tuple[int, bool]:
-        """Publish the records of a pack (see `scan_packed`) from `start` on, each with its time, as far as
-        that is simple: how many, and whether the counters are to be reported (REPORT_DUE)."""
-    def lend(self, size: int, *, force: bool = False) -> memoryview | int:
-        """A place for a payload of `size` bytes, to be filled and published; or why there is none.
+        """Publish the records of a pack (see `scan_packed`) from `start` on, each with its time.
 
-        Another write takes it back: then `publish_lent` says so.
+        Ends at a record that needs the slow way. Returns how many were published, and whether the counters
+        must be reported (REPORT_DUE).
+        """
+    def lend(self, size: int, *, force: bool = False) -> memoryview | int:
+        """Lend a place for a payload of `size` bytes, to be filled and published; or the reason of a failure.
+
+        Another write ends the loan: then `publish_lent` raises ValueError.
         """
     def lend_field(
         self, message: Any, index: int, size: int, make: Callable[[memoryview, S], M], end: S, /
     ) -> M | bool | int:
-        """As `publish`, but for `size` bytes that are to be the field `index` of `message`.
+        """As `publish`, but lends a place for `size` bytes, the field `index` of `message`.
 
-        What `make` makes of their place and `end`; where that raises, nothing is lent.
+        Returns the result of `make` for that place and `end`. If `make` raises, nothing is lent.
         """
     def lent(self) -> memoryview:
-        """The place of the whole payload that is lent; empty where nothing is."""
+        """The place of the whole lent payload; empty if there is no loan."""
     def publish_lent(self) -> Literal[True] | int:
-        """Publish what was lent. Raises ValueError where nothing is lent any more. TOO_LARGE: still lent."""
+        """Publish the lent payload. Raises ValueError if the loan has ended. TOO_LARGE: still lent."""
     def since(self, stamp_ns: int) -> list[tuple[int, int, Bytes]]:
         """The newest records stamped at or after `stamp_ns`, oldest first: seq, stamp, payload."""
     def seq_since(self, stamp_ns: int) -> int:
-        """The number of the first record that `since` gives; latest + 1 where it gives none."""
+        """The number of the first record of `since`; latest + 1 if there is none."""
 
     def add_gate(self, key: int, bell: Bell, slot: int, *, is_lossless: bool) -> None:
-        """A match: its reader shows its position in `slot`. Wakes it where it sleeps.
+        """Add a match, whose reader shows its position in `slot`. Wakes the reader if it sleeps.
 
         From now on the reader may pin records. An existing key is replaced. Raises ValueError for a slot
-        beyond the segment.
+        outside the segment.
         """
     def remove_gate(self, key: int) -> None: ...
     def has_pins(self, key: int) -> bool: ...
@@ -196,56 +204,62 @@ class Writer:
     def wait_for_room(self) -> bool:
         """After FULL: announce the sleep. True: the doorbell will ring; False: try again at once."""
     def woken(self) -> None:
-        """Take the announcement back."""
+        """Withdraw the announcement."""
 
     def carry_from(self, count: int) -> int:
-        """The seq from which on the newest `count` records are carried to a next ring, its first_seq."""
+        """The first_seq of a next ring, to which the newest `count` records are carried."""
     def move(self, memory: Mapping) -> None:
-        """Go on in another ring, formatted with `carry_from()`: carries the records from there on, closes the
-        old one and wakes all readers. Gates stay; a wait for room ends. Raises ValueError, changing nothing,
-        where it does not fit."""
+        """Continue in another ring, formatted with `carry_from()`.
+
+        Carries the records from there on, closes the old ring and wakes all readers. Gates stay; a wait for
+        room ends. Raises ValueError, changing nothing, if the ring does not fit.
+        """
     def close(self) -> None:
-        """Nothing more will be written: the ring itself says so, and readers are woken."""
+        """Close the ring, to which nothing more will be written, and wake readers."""
     def _debug(self) -> dict[str, int]:
-        """For tests. `lossless`: gates; `rung`: doorbells so far; `taken`: everything before this seq was
-        taken by all lossless readers, `hold` apart; latest + 1 without any, and at most."""
+        """Numbers for tests.
+
+        `lossless`: gates. `rung`: doorbells so far. `taken`: all lossless readers have taken everything
+        before this seq, without regard to `hold`; at most latest + 1, its value without lossless readers.
+        """
 
 class Readers:
     """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd)."""
 
     has_writers: bool
-    """Writers wait for room by the same doorbell. May be set."""
+    """Whether writers wait for room by the same doorbell. May be set."""
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
     def deliver(self, may_sleep: bool, /) -> list[Any] | None:
-        """The doorbell rang: disarm, and give each reader with news its turn; then read the doorbell.
+        """After a ring: disarm, and give each reader with news its turn; then read the doorbell.
 
-        A reader that was prepared and may call back takes one message and does. Where the others and those
-        with more are none, and it may, this falls asleep: then None, as when it was closed. Else the owners
-        that must look, perhaps none, and it is awake. An exception of a callback that is no Exception comes
-        out of here, and the doorbell rings: what is left to do, the next call does.
+        In its turn, a reader that was prepared and may call back takes one message and calls back. Other
+        readers, and readers with more messages, are left to their owners. Returns these owners, perhaps none,
+        and this process is awake. If there are none, and `may_sleep`, it falls asleep and returns None. A
+        closed object returns None, too. If a callback raises an exception that is no Exception, this call
+        passes it on and rings the doorbell; the next call does the rest.
         """
     def sleep(self, spin_ns: int = 0) -> list[Any]:
-        """Look for up to `spin_ns` for news; else arm the bell and look again. [] = asleep; else the owners
-        of readers for whom something has come since the last look.
+        """Poll for news for up to `spin_ns`; then arm the bell and check again.
 
-        What `attach` and `extend` find is news to the next `deliver`, `sleep` or `look`: do one of them
-        after.
+        Returns the owners of readers with samples that arrived since the last check; an empty list means
+        asleep. Samples found by `attach` and `extend` are news to the next `deliver`, `sleep` or `look`: call
+        one of these afterwards.
         """
     def look(self, spin_ns: int) -> list[Any] | None:
-        """Look for up to `spin_ns` for news, without arming the bell (busy polling); give turns as `deliver`.
+        """Poll for news for up to `spin_ns`, without arming the bell (busy polling); give turns as `deliver`.
 
-        None: nothing has come. Else the owners that must look, perhaps none.
+        None: there are no news. Else the owners that must check, perhaps none.
         """
     def is_free(self, slot: int) -> bool:
-        """No pin of this slot is in use."""
+        """Whether no pin of this slot is in use."""
     def close(self) -> None:
-        """The doorbell is not ours from now on: `deliver` leaves it alone and ends, wherever it is."""
+        """Give up the doorbell: `deliver` no longer uses it, and ends, even in the middle of a call."""
 
 class Reader(Generic[S]):
-    """What one subscription reads: the rings of its publishers, merged by their stamps.
+    """Reads the rings of one subscription's publishers, merged by their stamps.
 
-    `depth` (0: none) bounds what may wait over all rings: the oldest beyond are passed over and counted. May
-    be set. `tells_cursor`: publishers are to know what was taken (keep all).
+    `depth` (0: none) bounds the waiting samples of all rings together: the oldest ones above it are passed
+    over and counted. May be set. `tells_cursor`: shows publishers the taken samples (keep all).
     """
 
     depth: int
@@ -256,14 +270,13 @@ class Reader(Generic[S]):
     expired: int
     undecodable: int
     is_busy: bool
-    """A call is under way or about to go on, so that it must not call back by itself. May be set."""
+    """A call is in progress or about to continue, so this must not call back by itself. May be set."""
     is_report_due: bool
-    """May be set to False: the counters were reported, and change once more. Code that reports the change
-    sets it."""
+    """Whether the owner has been told that the counters changed. May be set, to False after a report."""
     takes_held: bool
-    """Whether what is held is taken all the same. May be set."""
+    """Whether held samples are taken, too. May be set."""
     expected: int
-    """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
+    """By sequence numbers: samples + replaced + overrun + expired + undecodable + waiting ones."""
 
     def __init__(self, readers: Readers, owner: Any, depth: int, *, tells_cursor: bool) -> None: ...
     def attach(
@@ -279,33 +292,35 @@ class Reader(Generic[S]):
         clock_ns: int = 0,
         doorbell: int = -1,
     ) -> int:
-        """Read a ring from `start` on; or (0) from `history` records before the first that is stamped at or
-        after `since_ns` (that is latest + 1 where none is), never from before its oldest. Returns the first
-        seq.
+        """Begin to read a ring. Returns the number of the first sample.
 
-        `slot` must be free (`Readers.is_free`), and its cursor is set. Until the publisher has added its
-        gate, large records are copied and not pinned; so allot slots in turn, not the one given back last.
-        `since_ns` is of our clock; `clock_ns`: what the writer's, which stamps, is ahead of it.
-        `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. Raises
-        ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached already.
+        It reads from `start` on. If that is 0, it begins `history` records before the first one stamped at or
+        after `since_ns` (before latest + 1 if there is none), but not before the oldest. `slot` must be free
+        (`Readers.is_free`), and its cursor is set. Until the publisher has added its gate, large records are
+        copied and not pinned. So allot slots in turn, not the one that was freed last. `since_ns` is a time
+        of our clock; `clock_ns` is the lead of the writer's clock, which stamps, over ours. `doorbell` is the
+        publisher's, rung if it waits for room; the caller keeps it open. Raises ValueError with the fault if
+        `memory` is no ring, and if `source` is attached already.
         """
     def extend(self, source: S, memory: Mapping) -> None:
-        """The ring in which `source` goes on after the present one is closed and taken to its end.
+        """Append the ring in which `source` continues after the present one is closed and read to its end.
 
-        A closed ring without a next one is kept (the next is on its way), until `finish`. Raises ValueError
-        as `attach`, and where `source` is not attached.
+        A closed ring without a next one is kept until `finish`, because the next one will come. Raises
+        ValueError as `attach`, and if `source` is not attached.
         """
     def finish(self, source: S) -> None:
-        """Its publisher has gone: what is there may still be taken, then the ring is left (`pop_left`)."""
+        """Note that the publisher has gone: its samples may still be taken, then the ring is left
+        (`pop_left`)."""
     def detach(self, source: S) -> None:
-        """Leave a ring at once. Nothing happens where it is not attached."""
+        """Leave a ring at once. Nothing happens if it is not attached."""
     def hold(self, source: S, is_on: bool, /) -> None:
-        """Leave what `source` publishes in its ring, which fills, so that a lossless one waits; or go on.
+        """Leave samples of `source` in its ring, so that a lossless publisher waits when it is full; or
+        continue.
 
-        Nothing happens where it is not attached.
+        Nothing happens if it is not attached.
         """
     def next_seq(self, source: S) -> int:
-        """The number that is taken next; 0 where it is not attached."""
+        """The number of the sample to take next; 0 if `source` is not attached."""
     def prepare(
         self,
         callback: Callable[[Any], object],
@@ -316,33 +331,34 @@ class Reader(Generic[S]):
         on_slow: Callable[[int], object] | None = None,
         gives_taken: bool = False,
     ) -> None:
-        """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first.
+        """Let `Readers.deliver` call back while all `queues` are empty: samples in these come first.
 
         With `gives_taken` the callback gets a message as `take` returns it.
 
-        Before a message for which `is_report_due` is False it calls `on_report_due`, and sets it. After a
-        call that has taken 0.2 s or longer it calls `on_slow` with its nanoseconds.
+        If `is_report_due` is False before a message, it calls `on_report_due` and sets it. After a call that
+        took 0.2 s or longer, it calls `on_slow` with the nanoseconds.
         """
     def forget_callback(self) -> None:
-        """Take that back, also while it is called."""
+        """Undo `prepare`, even during a callback."""
     def waiting(self) -> int:
         """Samples that could be taken now, within the depth."""
     def take(self, limit: int, decode: Callable[[Any], M]) -> list[tuple[M, int, int, S, int]]:
-        """Up to `limit` messages: (message, stamp ns, seq, source, time of taking in ns). A stamp below 0 is
-        the time that the source gave: see `bus.delivery.receiver.Taken`.
+        """Take up to `limit` messages: (message, stamp ns, seq, source, time of taking in ns).
 
-        A batch ends early once it has 256 KiB of payload.
+        A stamp below 0 is the time that the source gave: see `bus.delivery.receiver.Taken`. A batch ends
+        early when it has 256 KiB of payload.
         """
     def messages(self, limit: int, decode: Callable[[Any], M]) -> list[M]:
-        """As `take`, the messages alone."""
+        """As `take`, but only the messages."""
     def take_packed(
         self, most_bytes: int, longest: int, offset_ns: int, /
     ) -> tuple[S, Bytes, int, int, int, bool, bool] | None:
-        """What waits of the source whose sample is the oldest, packed (see `scan_packed`) into `most_bytes`
-        at most, up to the first sample of `longest` bytes or more; None where there is nothing.
+        """Take waiting samples of the source with the oldest one, packed (see `scan_packed`); None without
+        any.
 
-        Source, pack, samples, bytes of payload, where the last record begins, whether numbers are
-        consecutive, whether more waits. `offset_ns` makes the wall clock's time of a stamp.
+        The pack has at most `most_bytes`, and ends before the first sample of `longest` bytes or more.
+        Returns: source, pack, samples, bytes of payload, offset of the last record, whether numbers are
+        consecutive, whether more samples wait. A stamp plus `offset_ns` is its time on the wall clock.
         """
     def wait(
         self,
@@ -353,25 +369,34 @@ class Reader(Generic[S]):
         due_s: float,
         /,
     ) -> M | tuple[M, int, int, S, int] | None:
-        """Sleep until a message comes: the oldest one, with `has_origin` as `take` gives it. Gives the GIL
-        away.
+        """Sleep until a message comes, without the GIL.
 
-        None: at `deadline_ns` and at `due_s` (0: never), and wherever else the event loop is to have a turn,
-        or Python to look: `epoll` has other events than the doorbell, another reader has news,
-        `is_report_due` is not set, a sample was refused, nothing is attached, signals were handled, all was
-        found without a sleep for a while. What has to be done then is still there to be found. Raises what
-        `decode` raises that is no Exception, and what a signal's handler raises.
+        Returns the oldest one; with `has_origin`, as `take` does. Returns None at `deadline_ns` and at
+        `due_s` (0: never), and if the event loop needs a turn:
+
+        - `epoll` has an event other than the doorbell
+        - another reader has news
+        - `is_report_due` is not set
+        - a sample was refused
+        - no ring is attached
+        - signals were handled
+        - all messages for a while were found without a sleep
+
+        The cause stays, so that the loop finds it. Raises errors of `decode` that are no Exception, and
+        errors of a signal's handler.
         """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
     def pop_ages(self) -> tuple[int, int, int]:
-        """Ages of samples taken since the last call, in ns: of how many, their sum, the highest."""
+        """Ages of samples taken since the last call, in ns: their number, their sum, the highest."""
     def pop_left(self) -> list[tuple[S, str, int]]:
-        """Sources whose ring the reader has left by itself, the reason ("": it was finished), and the next
-        number."""
+        """Sources whose rings the reader has left on its own decision, each with reason and next number.
+
+        The reason is "" if the ring was finished.
+        """
 
 class OpenRun:
-    """`bus.delivery.open_run.OpenRun`, which says what it does."""
+    """`bus.delivery.open_run.OpenRun` in C."""
 
     samples: int
     size: int
@@ -404,7 +429,7 @@ def run_messages(
 ) -> tuple[list[M], int] | None:
     """`number` messages of a run's body from `offset` on, and the offset behind them.
 
-    None where one of them is cut off, or `decode` refuses it.
+    None if one of them is cut off, or `decode` refuses it.
     """
 
 def run_samples(
@@ -417,22 +442,22 @@ def run_samples(
     received_ns: int,
     /,
 ) -> tuple[list[tuple[M, int, int, Any, int]], int] | None:
-    """As `run_messages`: (message, stamp ns, seq, source, time of receipt in ns) in place of each message."""
+    """As `run_messages`: (message, stamp ns, seq, source, time of receipt in ns) instead of each message."""
 
 def scan_packed(data: Buffer, start: int, limit: int, /) -> tuple[int, int, int, int, int, bool]:
-    """What `bus_bridge.packed.scan` says."""
+    """Does the work of `bus_bridge.packed.scan`."""
 
 def keep_thread() -> None:
-    """Keep Python's state of the calling thread, which Python has not made, until that ends.
+    """Keep Python's state of the calling thread, which Python has not started, until the thread ends.
 
-    Else Python makes it anew for each call from there, and maps memory for it.
+    Otherwise Python makes it anew for each call from that thread, and maps memory for it.
     """
 
 def forget_pins() -> None:
-    """In the child of a fork: views that it inherited must not release the parent's pins."""
+    """In the child of a fork: make inherited views leave the parent's pins alone."""
 
 def timerfd_create() -> int:
-    """A new descriptor: a timer of the monotonic clock, non-blocking and not inherited. Raises OSError."""
+    """Make a timer of the monotonic clock: a non-blocking descriptor, not inherited. Raises OSError."""
 
 def timerfd_settime(descriptor: int, due_ns: int, /) -> None:
-    """Make it readable once the monotonic clock shows `due_ns`, and not before; 0: never."""
+    """Make the timer readable when the monotonic clock reaches `due_ns`, and not before; 0: never."""

@@ -1,13 +1,13 @@
 /* Copies between private memory and shared memory that the other side may change during the copy.
  *
- * What was read counts only after the caller has validated it, so such a race is harmless by design. C11 calls
- * it undefined all the same, between threads; between processes it says nothing. Hence two forms:
- * - under ThreadSanitizer: relaxed atomic words, which is also the form in which the algorithm is argued;
- * - else memcpy between compiler barriers. To the compiler, a barrier may have changed any memory, so it can
- *   neither read a second time nor move the copy. To the processor, a copy is plain loads and stores, which the
- *   fences around it order just as they order relaxed words; for the streaming stores of a very long copy,
- *   memcpy fences at its end and ring_give_up() before it. Relaxed words are a third as fast at 4 KiB and half
- *   as fast at 64 KiB (27 instead of 80 GB/s in the cache, 29 instead of 52).
+ * A caller uses copied bytes only after it has validated them, so such a race is harmless by design. C11 still calls it
+ * undefined between threads; it says nothing about processes. So the copies have two forms:
+ * - under ThreadSanitizer: relaxed atomic words. The proof of the algorithm uses this form, too.
+ * - else memcpy between compiler barriers. For the compiler, a barrier may have changed any memory, so it can neither
+ *   read a second time nor move the copy. For the processor, a copy consists of plain loads and stores. The fences
+ *   around it order these just as they order relaxed words. A very long copy uses streaming stores: memcpy fences them
+ *   at its end, ring_give_up() before its beginning. Relaxed words are a third as fast at 4 KiB and half as fast at
+ *   64 KiB (27 instead of 80 GB/s in the cache, 29 instead of 52).
  */
 #ifndef BUS_SHM_COPY_H
 #define BUS_SHM_COPY_H
@@ -26,7 +26,7 @@
 
 typedef uint64_t __attribute__((may_alias)) shared_word;
 
-/* Shared words are 8-aligned. */
+/* Reads one shared word, which is 8-aligned. */
 static inline uint64_t load_word(const void *shared)
 {
     return __atomic_load_n((const shared_word *)shared, __ATOMIC_RELAXED); /* ordered by the caller's fences */
@@ -37,7 +37,7 @@ static inline void store_word(void *shared, uint64_t word)
     __atomic_store_n((shared_word *)shared, word, __ATOMIC_RELAXED); /* ordered by the caller's fences */
 }
 
-/* `shared` is 8-aligned and may be read up to the end of its last word. */
+/* Copies out of shared memory. `shared` is 8-aligned; this may read up to the end of its last word. */
 static inline void copy_from_shared(void *private_bytes, const void *shared, uint64_t size)
 {
 #ifdef COPY_BY_WORDS
@@ -58,7 +58,7 @@ static inline void copy_from_shared(void *private_bytes, const void *shared, uin
 #endif
 }
 
-/* `shared` is 8-aligned and may be written up to the end of its last word. */
+/* Copies into shared memory. `shared` is 8-aligned; this may write up to the end of its last word. */
 static inline void copy_to_shared(void *shared, const void *private_bytes, uint64_t size)
 {
 #ifdef COPY_BY_WORDS

@@ -1,7 +1,7 @@
-"""What is wrong with a descriptor that another process sent. Needs no native core: the daemon asks too.
+"""Checks of descriptors that another process sent. They need no native core: the daemon uses them, too.
 
-Owns the rules that keep another process's segment from hurting the process that maps it: its size can't
-change, no byte of it is missing, no other process can map it writable. The contents are the core's to check.
+Owns the rules by which another process's segment can't harm the process that maps it: its size can't change,
+all its memory is reserved, no other process can map it writable. The core checks the contents.
 """
 
 import errno
@@ -10,10 +10,10 @@ import os
 
 __all__ = ["SEALS", "doorbell_fault", "readers_fault", "ring_fault"]
 
-_GET_SEALS = 1034  # Linux's numbers; the module fcntl has them there only, and not all
+_GET_SEALS = 1034  # Linux's numbers; the module fcntl has some of them, and only on Linux
 _SEAL_NAMES = {2: "SHRINK", 4: "GROW", 16: "FUTURE_WRITE", 1: "SEAL"}
 SEALS = sum(_SEAL_NAMES)
-"""What a segment must be sealed with."""
+"""The seals that a segment must have."""
 
 RING_LEAST_BYTES = 640 + 8 * 16 + 4096
 """Header, index and data of the smallest ring."""
@@ -25,17 +25,17 @@ _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 def ring_fault(number: int) -> str:
-    """Why descriptor `number` can't be a publisher's ring; "" where it can."""
+    """The reason why descriptor `number` can't be a publisher's ring; "" if it can."""
     return _segment_fault(number, RING_LEAST_BYTES)
 
 
 def readers_fault(number: int) -> str:
-    """Why descriptor `number` can't be a process's readers' segment; "" where it can."""
+    """The reason why descriptor `number` can't be a process's readers' segment; "" if it can."""
     return _segment_fault(number, READERS_LEAST_BYTES)
 
 
 def doorbell_fault(number: int) -> str:
-    """Why descriptor `number` can't be a doorbell; "" where it can."""
+    """The reason why descriptor `number` can't be a doorbell; "" if it can."""
     try:
         kind = os.readlink(f"/proc/self/fd/{number}")  # noqa: PTH115
         is_blocking = os.get_blocking(number)
@@ -49,7 +49,7 @@ def doorbell_fault(number: int) -> str:
 def _segment_fault(number: int, least_bytes: int) -> str:
     try:
         os.get_blocking(number)
-        seals = fcntl.fcntl(number, _GET_SEALS)  # before fstat, which takes as long as a file's owner likes
+        seals = fcntl.fcntl(number, _GET_SEALS)  # before fstat, which a hostile owner of the file can delay
     except OSError as error:
         if error.errno == errno.EINVAL:
             return "descriptor is no memfd"
@@ -62,7 +62,7 @@ def _segment_fault(number: int, least_bytes: int) -> str:
     if lacking := [name for seal, name in _SEAL_NAMES.items() if not seals & seal]:
         return f"segment lacks the seals {', '.join(lacking)}"
     if page_bytes != _PAGE_BYTES:
-        return "segment is made of huge pages"  # which may run out at a touch: a signal
+        return "segment is made of huge pages"  # if these run out, an access to the memory raises a signal
     if status.st_size < least_bytes:
         return f"segment has {status.st_size} bytes, the least is {least_bytes}"
     if status.st_blocks * _BLOCK_BYTES < status.st_size:

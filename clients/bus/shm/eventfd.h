@@ -1,7 +1,8 @@
-/* A doorbell as a descriptor: the only system calls of the native core's pure part. doorbell.h says when they are due.
+/* A doorbell as a descriptor: the only system calls of the native core's pure part. doorbell.h decides when they are
+ * due.
  *
- * A doorbell is an eventfd, and all processes that have it share one open file: each can clear O_NONBLOCK, and fill or
- * empty the counter. Only processes of one user have it, which could do worse.
+ * A doorbell is an eventfd, and all processes that have it share one open file. Each of them can clear O_NONBLOCK, and
+ * fill or empty the counter. They all belong to one user, and such processes could do more harm by other means.
  */
 #ifndef BUS_SHM_EVENTFD_H
 #define BUS_SHM_EVENTFD_H
@@ -9,8 +10,8 @@
 #include <stdint.h>
 #include <unistd.h>
 
-/* `knock`: see doorbell.h. A failure needs no handling: a full counter is rung already, and a broken descriptor harms
- * its owner only. */
+/* Adds `knock` (see doorbell.h) to a doorbell. A failure needs no handling: a full counter means that the doorbell was
+ * rung already, and a broken descriptor harms only its owner. */
 static inline void doorbell_ring(int number, uint64_t knock)
 {
     const ssize_t written = write(number, &knock, sizeof knock);

@@ -1,21 +1,24 @@
-/* A feed: one match as its reader sees it, which follows one publisher from ring to ring. Begin with reader.h.
+/* A feed: one match from its reader's view. It follows one publisher from ring to ring. Begin with reader.h.
  *
- * A ring that grew goes on in another one. A feed reads the first to its end, then goes on in the next with the same
- * sequence numbers; it counts what is lost on the way, and shows the publisher how far it is. A round of a process is
+ * When a ring grows, another ring continues it. A feed reads the first to its end and continues in the next with the
+ * same sequence numbers. It counts lost samples on the way, and shows the publisher its position. A round of a process
+ * is
  *
  *     feed_poll(depth), then for each record: feed_head(), and feed_copy(), feed_pin() or feed_step();
- *     then, if the match is lossless, feed_show_cursor(), and ring the publisher if it says so.
+ *     then, if the match is lossless, feed_show_cursor(), and ring the publisher if it returns true.
  *
- * From first to the newest: all that was published = taken + ring.overrun + ring.replaced + feed_waiting().
+ * From `first` to the newest: all published samples = taken + ring.overrun + ring.replaced + feed_waiting().
  *
- * feed_attach(), then feed_begin(), also for a publisher whose match is made again: with the number that is next, as
- * after a restart of the broker, nothing comes twice. feed_finish() when the broker says that the publisher is gone:
- * what it has published by then is still taken, and nothing of a later owner of that memory is. A publisher that is
- * killed at any instruction leaves whole records up to `latest`, or an old `latest`; a feed notices nothing else.
+ * A feed begins with feed_attach(), then feed_begin(). This is so for a repeated match, too (after a restart of the
+ * broker): feed_begin() then gets the number that is next, and no sample arrives twice. feed_finish() is called when
+ * the broker reports that the publisher is gone. Samples published by then are still taken, but nothing of a later
+ * owner of that memory. A publisher that is killed at any instruction leaves whole records up to `latest`, or an old
+ * `latest`; a feed notices nothing else.
  *
- * Must not know: Python, system calls, how a subscription merges its feeds, who sleeps. Nothing here waits. One thread at
- * a time may use a feed. The rings belong to the publisher, who may be hostile: numbers beyond MAX_SEQ, a record that
- * contradicts its index and a ring that goes on elsewhere without being closed are RING_CORRUPT, and every loop ends.
+ * Must not know: Python, system calls, how a subscription merges its feeds, sleeping. Nothing here waits. One thread at
+ * a time may use a feed. The rings belong to the publisher, which may be hostile. RING_CORRUPT covers numbers above
+ * MAX_SEQ, a record that contradicts its index, and a ring that continues elsewhere without being closed. Every loop
+ * ends.
  *
  * Each atomic access names its order; ring.h lists the PAIRs.
  */
@@ -25,48 +28,49 @@
 #include "reader.h"
 
 enum {
-    FEED_TRIES = 64,         /* looks at a record that is overrun each time, before the feed is left for another turn */
-    FEED_MOST_FOLLOWING = 64 /* rings that may wait behind the one that is read */
+    FEED_TRIES = 64,         /* attempts at records that are overrun, before the feed waits for its next turn */
+    FEED_MOST_FOLLOWING = 64 /* rings that may wait behind the current ring */
 };
 
-/* A ring of a feed, as ring_check() has accepted it. */
+/* A ring of a feed, accepted by ring_check(). */
 struct feed_ring {
     struct feed_ring *after;
     const void *memory;
     struct ring_geometry geometry;
-    void (*leave)(struct feed_ring *); /* the feed is done with it: unmaps it, frees this struct */
+    void (*leave)(struct feed_ring *); /* called when the feed has finished the ring: unmaps it, frees this struct */
 };
 
 struct feed {
     struct ring_reader ring;
     struct ring_record head;        /* if has_head: the record ring.next, its bytes not yet validated */
     bool has_head;
-    uint32_t ticket;                /* not yet admitted: copies, does not pin. 0: admitted */
-    struct feed_ring *rings;        /* the one that is read, then those that follow it */
-    const struct ring_header *last; /* of the newest ring, where the publisher is */
-    uint64_t first;                 /* number that it began with */
-    uint64_t waiting;               /* samples that were there at the last poll and are not taken */
-    uint64_t seen;                  /* newest number that the owner knows of */
-    uint64_t shown;                 /* the cursor that the slot shows */
-    uint64_t end;                   /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
-    uint64_t lifespan_ns;           /* samples that are older are not taken; 0: all are. Set by the owner */
-    uint64_t clock_ns;              /* of what the publisher's clock is ahead of ours, modulo 2^64. Set by the owner */
+    uint32_t ticket;                /* not 0: not yet admitted, so the feed copies and does not pin */
+    struct feed_ring *rings;        /* the current ring, then the following ones */
+    const struct ring_header *last; /* of the newest ring, to which the publisher writes */
+    uint64_t first;                 /* number of its first sample */
+    uint64_t waiting;               /* samples found by the last poll and not yet taken */
+    uint64_t seen;                  /* newest number that the owner has been told */
+    uint64_t shown;                 /* the cursor in the slot */
+    uint64_t end;                   /* newest number that may be taken; MAX_SEQ + 1 while the publisher exists */
+    uint64_t lifespan_ns;           /* older samples are not taken; 0: no limit. Set by the owner */
+    uint64_t clock_ns;              /* lead of the publisher's clock over ours, modulo 2^64. Set by the owner */
 };
 
 /* --- beginning and end */
 
-/* The slot is free, its pins too. `random`: any number that the publisher does not foresee. Then feed_begin(). */
+/* Attaches a feed to a ring and asks to be admitted. The slot and its pins are free. `random`: any number that the
+ * publisher can't predict. Then feed_begin(). */
 static inline void feed_attach(struct feed *feed, struct feed_ring *ring, struct reader_slot *slot, uint64_t random)
 {
     *feed = (struct feed){.rings = ring, .last = ring->memory, .end = MAX_SEQ + 1};
     ring_reader_attach(&feed->ring, ring->memory, &ring->geometry, slot);
     while ((uint32_t)random == 0 || ring_is_admitted(&feed->ring, (uint32_t)random))
-        random++; /* of the numbers in a row, the ring shows RING_ADMITTED at most, unless it changes them meanwhile */
+        random++; /* ends: the ring shows at most RING_ADMITTED numbers, unless it changes them meanwhile */
     feed->ticket = (uint32_t)random;
     ring_ask(slot, feed->ticket);
 }
 
-/* Leaves all rings. `is_owner` false: in the child of a fork the slot is the parent's, and stays as it is. */
+/* Leaves all rings. `is_owner` is false in the child of a fork: the slot belongs to the parent and stays as it is. */
 static inline void feed_close(struct feed *feed, bool is_owner)
 {
     if (feed->ticket != 0 && is_owner)
@@ -78,7 +82,7 @@ static inline void feed_close(struct feed *feed, bool is_owner)
     }
 }
 
-/* The newest number published, in the newest ring. */
+/* The newest published number, in the newest ring. */
 static inline uint64_t feed_newest(const struct feed *feed)
 {
     /* PAIR(latest): acquire, as in ring_poll(). Counterpart: ring_publish(). */
@@ -93,23 +97,23 @@ static inline uint64_t feed_waiting(const struct feed *feed)
     return newest < feed->ring.next ? 0 : newest - feed->ring.next + 1;
 }
 
-/* False if the numbers are beyond what can be: the publisher is broken. */
+/* False if the numbers are impossible: the publisher is broken. */
 static inline bool feed_is_sound(const struct feed *feed)
 {
     return feed_newest(feed) <= MAX_SEQ && feed->ring.next <= MAX_SEQ + 1;
 }
 
-/* When a record was written, by our clock. In another time namespace, the publisher's may be ahead or behind. */
+/* The time of a record by our clock. In another time namespace, the publisher's clock may be ahead or behind. */
 static inline uint64_t feed_stamp(const struct feed *feed, const struct ring_record *record)
 {
     return record->stamp_ns - feed->clock_ns;
 }
 
-/* A number to begin with: the first record stamped at or after `since_ns`, and up to `history` records before it.
- * *old: how many of those there are. */
+/* Finds the number to begin with: `history` records before the first one stamped at or after `since_ns`, or as many as
+ * there are. *old: their count. */
 static inline uint64_t feed_find(const struct feed *feed, uint64_t since_ns, uint64_t history, uint64_t *old)
 {
-    struct ring_reader look = feed->ring; /* a scratch reader: its counters are thrown away */
+    struct ring_reader look = feed->ring; /* a scratch reader: its counters are discarded */
     struct ring_record record;
     ring_join(&look, UINT64_MAX);
     const uint64_t oldest = look.next;
@@ -126,8 +130,8 @@ static inline uint64_t feed_find(const struct feed *feed, uint64_t since_ns, uin
     return seq - *old;
 }
 
-/* Begins with `seq`: of feed_find(), or what the feed of an earlier match had as ring.next. False: the publisher's numbers
- * are out of bounds, and the slot does not show a cursor. */
+/* Begins with `seq`: the result of feed_find(), or ring.next of the feed of an earlier match. False: the publisher's
+ * numbers are out of bounds, and the slot does not show a cursor. */
 static inline bool feed_begin(struct feed *feed, uint64_t seq)
 {
     ring_seek(&feed->ring, seq);
@@ -139,7 +143,7 @@ static inline bool feed_begin(struct feed *feed, uint64_t seq)
     return true;
 }
 
-/* The publisher goes on in `ring` once it has closed the one before. False: too many wait already. */
+/* Appends `ring`, in which the publisher continues after it has closed the ring before. False: too many rings wait. */
 static inline bool feed_extend(struct feed *feed, struct feed_ring *ring)
 {
     struct feed_ring *before = feed->rings;
@@ -155,16 +159,16 @@ static inline bool feed_extend(struct feed *feed, struct feed_ring *ring)
     return true;
 }
 
-/* The publisher is gone: what it has published until now is the last that is taken. True: nothing of it waits. */
+/* Notes that the publisher is gone: only samples published until now are taken. True: none of them waits. */
 static inline bool feed_finish(struct feed *feed)
 {
     feed->end = feed_newest(feed);
     return feed->end < feed->ring.next;
 }
 
-/* --- what is there */
+/* --- new samples */
 
-/* Whether the publisher sees pins. */
+/* Whether the feed may pin: it was admitted, so the publisher sees its pins. */
 static inline bool feed_may_pin(struct feed *feed)
 {
     if (feed->ticket != 0 && ring_is_admitted(&feed->ring, feed->ticket)) {
@@ -178,7 +182,7 @@ static inline void feed_go_on(struct feed *feed)
 {
     struct feed_ring *before = feed->rings, *next = before->after;
     struct ring_reader ring;
-    feed_may_pin(feed); /* the next ring does not show tickets of this one */
+    feed_may_pin(feed); /* last check: the next ring does not show tickets of this one */
     ring_reader_attach(&ring, next->memory, &next->geometry, feed->ring.slot);
     ring_seek(&ring, feed->ring.next);
     ring.overrun = feed->ring.overrun;
@@ -190,7 +194,7 @@ static inline void feed_go_on(struct feed *feed)
     before->leave(before);
 }
 
-/* Passes over samples; they count as replaced. */
+/* Passes over `count` samples, which count as replaced. */
 static inline void feed_skip(struct feed *feed, uint64_t count)
 {
     feed->ring.replaced += count;
@@ -199,14 +203,14 @@ static inline void feed_skip(struct feed *feed, uint64_t count)
     feed->has_head = false;
 }
 
-/* Looks for new samples, and passes over those beyond `depth` (0: no depth). */
+/* Checks for new samples, and passes over the oldest ones above `depth` (0: no depth). */
 static inline void feed_poll(struct feed *feed, uint64_t depth)
 {
     const uint64_t newest = feed_newest(feed);
-    /* relaxed: PAIR(oldest) is with ring_is_intact(), which finds out an older value at the next record */
+    /* relaxed: the partner of PAIR(oldest) is ring_is_intact(), which detects an older value at the next record */
     const uint64_t oldest = atomic_load_explicit(&feed->ring.header->oldest, memory_order_relaxed);
     if (oldest > feed->ring.next && oldest <= newest + 1) {
-        feed->ring.overrun += oldest - feed->ring.next; /* counted even if nothing is ever taken */
+        feed->ring.overrun += oldest - feed->ring.next; /* counted here in case nothing is ever taken */
         feed->ring.next = oldest;
         feed->has_head = false;
     }
@@ -218,7 +222,8 @@ static inline void feed_poll(struct feed *feed, uint64_t depth)
     ring_poll(&feed->ring, 0);
 }
 
-/* Makes sure of the head of the next record. RING_OK; RING_EMPTY: nothing for now; RING_CORRUPT: leave the feed. */
+/* Reads the head of the next record, unless it has it. RING_OK; RING_EMPTY: nothing for now; RING_CORRUPT: leave the
+ * feed. */
 static inline enum ring_status feed_head(struct feed *feed, uint64_t depth)
 {
     for (int i = 0; i < FEED_TRIES && feed->waiting != 0; i++) {
@@ -228,13 +233,13 @@ static inline enum ring_status feed_head(struct feed *feed, uint64_t depth)
             return status;
         }
         if (status == RING_EMPTY && feed->rings->after != NULL && !ring_is_finished(&feed->ring))
-            return RING_CORRUPT; /* it goes on elsewhere and has not closed this one */
+            return RING_CORRUPT; /* the publisher continues elsewhere and has not closed this ring */
         feed_poll(feed, depth);
         if (!feed_is_sound(feed))
             return RING_CORRUPT;
     }
     if (feed->waiting != 0)
-        feed->seen = feed->ring.next - 1; /* to be news once more */
+        feed->seen = feed->ring.next - 1; /* so that the samples are news once more */
     feed->waiting = 0;
     return RING_EMPTY;
 }
@@ -245,9 +250,9 @@ static inline bool feed_is_expired(const struct feed *feed, uint64_t stamp_ns, u
     return feed->lifespan_ns != 0 && now_ns > stamp_ns && now_ns - stamp_ns > feed->lifespan_ns;
 }
 
-/* --- taking the head. If it is overrun meanwhile, it is lost and counted: feed_head() has the next. */
+/* --- taking the head. If it is overrun meanwhile, it is lost and counted, and feed_head() finds the next record. */
 
-/* The head is taken, or left out. */
+/* Steps past the head, which was taken or left out. */
 static inline void feed_step(struct feed *feed)
 {
     ring_step(&feed->ring);
@@ -255,7 +260,7 @@ static inline void feed_step(struct feed *feed)
     feed->has_head = false;
 }
 
-/* Takes the head by a copy of its payload, of which `record` may leave out the beginning. RING_OK or RING_OVERRUN. */
+/* Takes the head by a copy of its payload; `record` may leave out the payload's beginning. RING_OK or RING_OVERRUN. */
 static inline enum ring_status feed_copy(struct feed *feed, uint64_t depth, const struct ring_record *record, void *bytes)
 {
     const enum ring_status status = ring_copy_out(&feed->ring, record, bytes);
@@ -267,7 +272,7 @@ static inline enum ring_status feed_copy(struct feed *feed, uint64_t depth, cons
     return status;
 }
 
-/* Takes the head and holds it in place until ring_unpin(*pin), also when the feed is closed before. RING_OK,
+/* Takes the head and holds it in place until ring_unpin(*pin), even if the feed is closed before that. RING_OK,
  * RING_OVERRUN, or RING_PINNED: copy it instead. */
 static inline enum ring_status feed_pin(struct feed *feed, uint64_t depth, const struct ring_record *record, unsigned *pin)
 {
@@ -283,7 +288,7 @@ static inline enum ring_status feed_pin(struct feed *feed, uint64_t depth, const
 
 /* --- news for the owner */
 
-/* Whether something waits that the owner does not know of. */
+/* Whether a sample waits that the owner has not been told. */
 static inline bool feed_has_news(struct feed *feed)
 {
     const uint64_t newest = feed_newest(feed);
@@ -292,28 +297,28 @@ static inline bool feed_has_news(struct feed *feed)
     return newest > feed->seen && newest >= feed->ring.next;
 }
 
-/* The owner knows of all that is there now. */
+/* Notes that the owner has been told all samples published until now. */
 static inline void feed_mark_seen(struct feed *feed) { feed->seen = feed_newest(feed); }
 
-/* What a check of one feed needs if nothing has come. Together in an array, and not in the feeds: a process with a
- * thousand feeds checks all of them for each message. */
+/* Everything that a check of one feed needs if it has no new samples. These structs are in one array and not in the
+ * feeds, because a process with a thousand feeds checks all of them for each message. */
 struct feed_watch {
     const _Atomic uint64_t *latest; /* of the newest ring */
-    uint64_t known;                 /* while `latest` is still that, nothing has come; FEED_UNKNOWN: check the feed */
+    uint64_t known;                 /* no new samples while `latest` has this value; FEED_UNKNOWN: check the feed */
     struct feed *feed;
 };
 
 /* No sequence number. */
 #define FEED_UNKNOWN UINT64_MAX
 
-/* The feed was used, or goes on in another ring: what is known of it does not hold any more. */
+/* Discards the known state of a feed that was used, or that continues in another ring. */
 static inline void feed_watch_anew(struct feed_watch *watch)
 {
     watch->latest = &watch->feed->last->latest;
     watch->known = FEED_UNKNOWN;
 }
 
-/* As feed_has_news(). */
+/* Like feed_has_news(), and cheap if there are no new samples. */
 static inline bool feed_watch_has_news(struct feed_watch *watch)
 {
     /* PAIR(latest): acquire, as in ring_poll(). PAIR(sleep): bell_arm() orders it after the announced sleep. */
@@ -322,20 +327,20 @@ static inline bool feed_watch_has_news(struct feed_watch *watch)
         return false;
     if (feed_has_news(watch->feed))
         return true;
-    watch->known = watch->feed->ticket == 0 ? latest : FEED_UNKNOWN; /* a ticket is shown for a while only */
+    watch->known = watch->feed->ticket == 0 ? latest : FEED_UNKNOWN; /* a ticket is shown only for a while */
     return false;
 }
 
 /* --- credit of a lossless match */
 
-/* True if the publisher waits for room that there is now: it must be rung. */
+/* True if the publisher must be rung, because there is now the room that it waits for. */
 static inline bool feed_room_is_due(struct feed *feed)
 {
     bell_fence(); /* PAIR(sleep): after the cursor. Counterpart: ring_wait_for_room(). */
     return bell_is_due(&feed->last->room, &feed->ring.room_rung, feed->ring.next);
 }
 
-/* Shows the publisher how far this feed is, if it has moved. True: the publisher must be rung. */
+/* Shows the publisher this feed's position, if it has changed. True: the publisher must be rung. */
 static inline bool feed_show_cursor(struct feed *feed)
 {
     if (feed->shown == feed->ring.next)

@@ -1,14 +1,14 @@
-/* A publisher's view of its readers: one gate for each match, and the processes whose doorbells are rung for them.
+/* A publisher's view of its readers: one gate for each match, and the doorbells of the readers' processes.
  *
- * A gate shows the writer one slot: up to where its reader has taken (cursor), and which records it holds in place (pins).
- * The writer only reads slots; their process alone writes them. A lossless gate keeps the writer from overwriting what
- * its reader has not taken. A pinned record that is given up becomes a hole, and the writer steps over its place until
- * the pin is released. A process that lies in its slots loses messages of its own, and at most delays the writer as a
- * slow lossless reader does.
+ * A gate shows the writer one slot: the reader's position (cursor), and the records that it holds in place (pins). The
+ * writer only reads slots; only their process writes them. A lossless gate keeps the writer from overwriting records
+ * that its reader has not taken. A pinned record becomes a hole when it is dropped, and the writer steps over its place
+ * until the pin is released. A process that lies in its slots loses its own messages. At most it delays the writer, as
+ * a slow lossless reader does.
  *
- * Must not know: where records lie (writer.h), Python, system calls. gates_ring() says which doorbell is due, and its
- * caller writes to it. One thread at a time may use the gates of a writer, and all writers of a process share the
- * `struct reading_process` of each other process, so one thread at a time may use those, too.
+ * Must not know: positions of records (writer.h), Python, system calls. gates_ring() reports the doorbells that are
+ * due, and its caller writes to them. One thread at a time may use the gates of a writer. All writers of a process
+ * share the `struct reading_process` of each other process, so one thread at a time may use these, too.
  *
  * Each atomic access names its order; ring.h lists the PAIRs and doorbell.h the two of a sleep.
  */
@@ -20,28 +20,28 @@
 #include "doorbell.h"
 #include "layout.h"
 
-/* A pinned record that the writer has given up and steps over; active while the pin still holds `seq`. */
+/* A pinned record that the writer has dropped and steps over; active while the pin still holds `seq`. */
 struct ring_hole {
     uint64_t seq; /* 0: none */
     uint64_t begin, end;
 };
 
-/* Another process that reads rings of this one. Begin with zeroes and the first four members. */
+/* Another process that reads rings of this one. Initialise with zeroes and the first four members. */
 struct reading_process {
     const struct bell *arrival;      /* in its readers' segment, as are the slots */
     const struct reader_slot *slots;
     uint64_t slot_count;
     int doorbell;         /* its eventfd, which the caller keeps open */
     struct knocks knocks; /* of all writers of this process */
-    size_t gates;         /* that these have for it */
+    size_t gates;         /* gates of these writers for it */
 };
 
-/* One match, as its writer sees it. Has a hole for each pin, so holes never run out. */
+/* One match, as its writer sees it. It has a hole for each pin, so holes never run out. */
 struct ring_gate {
     const struct reader_slot *slot;
     bool is_lossless;
     struct ring_hole holes[READER_PINS];
-    uint64_t key; /* by which the owner knows the match */
+    uint64_t key; /* the owner's number for the match */
     struct reading_process *process;
 };
 
@@ -51,25 +51,26 @@ struct gate_bell {
     uint64_t knock; /* for the slot of its gate; KNOCK_ANY if it has several */
 };
 
-/* The gates of one writer. Begin with zeroes. It must not move in memory while it has gates: knocks know its address. */
+/* The gates of one writer. Initialise with zeroes. It must not move in memory while it has gates: knocks keep its
+ * address. */
 struct ring_gates {
     struct ring_gate *list;
     struct gate_bell *bells; /* each process of the list once */
     size_t count, bell_count;
-    size_t room;             /* allocated, of both arrays */
+    size_t room;             /* allocated entries of both arrays */
     size_t hole_count;
 };
 
-/* --- what readers have taken and pinned */
+/* --- cursors and pins of readers */
 
-/* What all lossless readers have taken, at most `limit`: they need nothing before it. */
+/* The seq up to which all lossless readers have taken the records, at most `limit`. They need no earlier record. */
 static inline uint64_t gates_taken(const struct ring_gates *gates, uint64_t limit)
 {
     uint64_t taken = limit;
     for (size_t i = 0; i < gates->count; i++) {
         if (!gates->list[i].is_lossless)
             continue;
-        /* PAIR(cursor): acquire. The reader's copies of what it took are over. Counterpart: ring_tell_cursor(). */
+        /* PAIR(cursor): acquire. The reader's copies of taken records are complete. Counterpart: ring_tell_cursor(). */
         const uint64_t cursor = atomic_load_explicit(&gates->list[i].slot->cursor, memory_order_acquire);
         if (cursor < taken)
             taken = cursor;
@@ -77,15 +78,15 @@ static inline uint64_t gates_taken(const struct ring_gates *gates, uint64_t limi
     return taken;
 }
 
-/* The number in one of the pin words: of a record, 0 if it is free, or a ticket. */
+/* The number in one of the pin words: a record's, a ticket, or 0 if it is free. */
 static inline uint64_t gate_pin(const struct ring_gate *gate, unsigned pin)
 {
-    /* PAIR(unpin): acquire. If it no longer holds a record, its reader's reads of that are over. Counterpart:
-     * ring_unpin(), ring_pin(). */
+    /* PAIR(unpin): acquire. If the pin no longer holds a record, the reader's reads of that record are complete.
+     * Counterpart: ring_unpin(), ring_pin(). */
     return atomic_load_explicit(&gate->slot->pins[pin], memory_order_acquire);
 }
 
-/* Whether its reader holds any record in place. */
+/* Whether the gate's reader holds any record in place. */
 static inline bool gate_has_pins(const struct ring_gate *gate)
 {
     for (unsigned i = 0; i < READER_PINS; i++) {
@@ -96,7 +97,7 @@ static inline bool gate_has_pins(const struct ring_gate *gate)
     return false;
 }
 
-/* The ticket with which its reader asks to be admitted; 0: it does not ask. */
+/* The ticket with which the gate's reader asks to be admitted; 0: it does not ask. */
 static inline uint32_t gate_ticket(const struct ring_gate *gate)
 {
     const uint64_t pin = gate_pin(gate, READER_PINS - 1);
@@ -105,7 +106,7 @@ static inline uint32_t gate_ticket(const struct ring_gate *gate)
 
 /* --- holes */
 
-/* The record that the pin holds is given up, and its place is stepped over from now on. */
+/* Makes a hole of a dropped record that the pin holds. The writer steps over its place from now on. */
 static inline void gates_add_hole(struct ring_gates *gates, size_t gate, unsigned pin, struct ring_hole hole)
 {
     struct ring_hole *place = &gates->list[gate].holes[pin];
@@ -113,7 +114,7 @@ static inline void gates_add_hole(struct ring_gates *gates, size_t gate, unsigne
     *place = hole;
 }
 
-/* End of a hole that [begin, end) runs into, 0 if there is none. Forgets the holes whose pins are released. */
+/* End of a hole that overlaps [begin, end), 0 if there is none. Forgets holes with released pins. */
 static inline uint64_t gates_hole_in(struct ring_gates *gates, uint64_t begin, uint64_t end)
 {
     for (size_t i = 0; gates->hole_count != 0 && i < gates->count; i++) {
@@ -132,7 +133,7 @@ static inline uint64_t gates_hole_in(struct ring_gates *gates, uint64_t begin, u
     return 0;
 }
 
-/* After gates came or went. */
+/* Counts the holes anew, after gates were added or removed. */
 static inline void gates_count_holes(struct ring_gates *gates)
 {
     gates->hole_count = 0;
@@ -141,7 +142,8 @@ static inline void gates_count_holes(struct ring_gates *gates)
             gates->hole_count += gates->list[i].holes[j].seq != 0;
 }
 
-/* The writer goes on in another ring. What is pinned stays in the one before, which is never written again. */
+/* Forgets all holes, because the writer continues in another ring. Pinned records stay in the old ring, which is never
+ * written again. */
 static inline void gates_forget_holes(struct ring_gates *gates)
 {
     for (size_t i = 0; i < gates->count; i++)
@@ -149,9 +151,9 @@ static inline void gates_forget_holes(struct ring_gates *gates)
     gates->hole_count = 0;
 }
 
-/* --- gates come and go. Then ring_gates_changed(), which ring_add_gate() and its like do. */
+/* --- adding and removing gates. Then ring_gates_changed(), which ring_add_gate() and similar functions call. */
 
-/* The gate of `key`; NULL if there is none. Good until gates come or go. */
+/* The gate of `key`; NULL if there is none. Valid until a gate is added or removed. */
 static inline struct ring_gate *gates_find(const struct ring_gates *gates, uint64_t key)
 {
     for (size_t i = 0; i < gates->count; i++)
@@ -193,7 +195,7 @@ static inline void gates_list_bells(struct ring_gates *gates)
     }
 }
 
-/* The process forgets what this writer rang for: its gates change, and another writer may get its address. */
+/* Forgets in `process` that this writer rang: its gates change, and another writer may get its address. */
 static inline void gates_forget_knock(const struct ring_gates *gates, struct reading_process *process)
 {
     if (process->knocks.by == gates)
@@ -211,8 +213,8 @@ static inline struct reading_process *gates_remove(struct ring_gates *gates, str
     return process;
 }
 
-/* Adds the gate of match `key`, for a slot of `process`; one with this key goes, and if it was for the same slot, its
- * holes stay. False: no memory, and nothing has changed. */
+/* Adds the gate of match `key`, for a slot of `process`. It replaces an earlier gate with this key, whose holes stay
+ * if it had the same slot. False: no memory, and nothing has changed. */
 static inline bool gates_add(struct ring_gates *gates, uint64_t key, struct reading_process *process, uint64_t slot,
                              bool is_lossless)
 {
@@ -242,9 +244,10 @@ static inline void gates_free(struct ring_gates *gates)
 
 /* --- doorbells */
 
-/* After anything became visible in the ring: calls `ring` for each process that sleeps, with its doorbell and what to add
- * to that. Once for each sleep, and once more if another ring of this process was rung for. `is_for_any`: there is more
- * than a new record, so the process must look at all rings. Returns how many were rung. */
+/* After anything became visible in the ring: calls `ring` for each sleeping process, with its doorbell and the
+ * number to add to that. It rings once for each sleep, and once more if another ring of this process has rung.
+ * `is_for_any`: there is more than a new record, so the process must check all rings. Returns the number of
+ * doorbells rung. */
 static inline uint64_t gates_ring(const struct ring_gates *gates, bool is_for_any,
                                   void (*ring)(int doorbell, uint64_t knock))
 {

@@ -1,7 +1,7 @@
-"""How much memory a process may still take: of its memory cgroups, as in a container, and of the machine.
+"""Free memory of a process's memory cgroups, as in a container, and of the machine.
 
-At such a limit the kernel kills a process without a word; only one that looks before gets an error. So
-segments are made of what is left above a reserve, which is for everything else that programs do meanwhile.
+At such a limit the kernel kills a process without an error. So a process checks the free memory before it
+makes a segment. A reserve stays free for everything else that programs do meanwhile.
 """
 
 import errno
@@ -22,7 +22,7 @@ _RESERVE_LEAST = 8 << 20
 _RESERVE_MOST = 64 << 20
 
 _SMALL_BYTES = 1 << 20
-"""Segments below that are made without a look, where one a moment ago has found plenty."""
+"""Smaller segments need no check of their own if a recent check has found enough memory."""
 _GRANT_PART = 16
 _GRANT_NS = 1_000_000_000
 
@@ -31,7 +31,7 @@ _MOST_BYTES = 1 << 16
 
 
 class Room(NamedTuple):
-    """`where` may hold `limit` bytes; of these `left` are not in use, or are a cache of files."""
+    """Memory left below one limit: `where` may use `limit` bytes; `left` of them are free, or cache files."""
 
     where: str
     limit: int
@@ -39,16 +39,16 @@ class Room(NamedTuple):
 
     @property
     def reserve(self) -> int:
-        """Bytes that no segment is made of."""
+        """Bytes that segments must leave free."""
         return min(max(self.limit // _RESERVE_PART, _RESERVE_LEAST), _RESERVE_MOST)
 
 
 class _Kind(NamedTuple):
-    """The names of a kind of cgroup."""
+    """The names of the files of one kind of cgroup."""
 
     limits: tuple[str, ...]
     usage: str
-    caches: tuple[tuple[str, int], ...]  # in memory.stat: one part in so many can be had back easily
+    caches: tuple[tuple[str, int], ...]  # in memory.stat; the kernel can easily free one part in this number
 
 
 _V1 = _Kind(
@@ -60,17 +60,17 @@ _V2 = _Kind(("memory.max", "memory.high"), "memory.current", (("inactive_file", 
 
 
 class _Grant:
-    """What may be taken without another look, by all segments of this process."""
+    """Memory that all segments of this process together may take without another check."""
 
     left = 0
     until_ns = 0
 
 
 def claim(size: int, *, of: int = 0) -> None:
-    """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of the reserve.
+    """Raise OSError (ENOMEM) if another `size` bytes would use the reserve. It names the limit and the rest.
 
-    `of`: the whole segment, of which `size` is the rest. The reserve is at least half of that: large rings
-    hold long messages, and programs that work on them need memory, too.
+    `of`: the size of the whole segment, if `size` is only its rest. The reserve is at least half of that
+    size, because large rings hold long messages, and programs that work on them need memory, too.
     """
     now_ns = monotonic_ns()
     least = max(size, of) // 2
@@ -95,14 +95,14 @@ def _mib(size: int) -> int:
 
 
 def spare() -> int:
-    """Bytes that are left above the reserves."""
+    """Free bytes above the reserves."""
     return min((room.left - room.reserve for room in rooms()), default=_UNLIMITED)
 
 
 def rooms(process: int | str = "self", *, need: float = math.inf) -> Iterator[Room]:
-    """Of each memory cgroup with a limit that `process` is in, and of the machine, as far as they are known.
+    """The memory left in each limited memory cgroup of `process`, and in the machine, as far as it is known.
 
-    Caches are only looked at where `need` bytes are not free without them.
+    Caches are read only if fewer than `need` bytes are free without them.
     """
     try:
         cgroups = _read(f"{PROC}/{process}/cgroup")
@@ -142,7 +142,7 @@ def _of_machine() -> Room | None:
 
 
 def _number(path: str) -> int:
-    """What stands there; _UNLIMITED where that is no number, or nothing."""
+    """The number in a file; _UNLIMITED if it has no number, or does not exist."""
     try:
         return int(_read(path))
     except (OSError, ValueError):
@@ -161,7 +161,7 @@ def _fields(path: str) -> dict[str, int]:
 
 
 def _read(path: str) -> str:
-    """A file of the kernel's, which is short. Raises OSError. (Half of what `Path.read_text` takes.)"""
+    """Read a short file of the kernel, in half the time of `Path.read_text`. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         return os.read(descriptor, _MOST_BYTES).decode()
@@ -169,12 +169,12 @@ def _read(path: str) -> str:
         os.close(descriptor)
 
 
-# --- where the files are
+# --- folders of the cgroups
 
 
 @lru_cache(maxsize=4)
 def _places(cgroups: str, proc: str) -> tuple[tuple[str, _Kind], ...]:
-    """The folders of the memory cgroups that /proc/PID/cgroup names, and of all that these are in.
+    """The folders of the memory cgroups that /proc/PID/cgroup names, and of their parents.
 
     Raises OSError.
     """
@@ -201,12 +201,12 @@ def _places(cgroups: str, proc: str) -> tuple[tuple[str, _Kind], ...]:
 
 
 def _with_parents(mount: str, root: str, path: str) -> list[str]:
-    """The folder of the cgroup `path`, where the cgroup `root` is mounted at `mount`, and those it is in."""
+    """The folder of the cgroup `path`, and its parents; the cgroup `root` is mounted at `mount`."""
     parts, above = _parts(path), _parts(root)
-    # One that is not below `root` is not to be seen from here, but for the topmost.
+    # If it is not below `root`, only the topmost folder is visible here.
     parts = parts[len(above) :] if parts[: len(above)] == above else []
     folders = ["/".join((mount, *parts[:depth])) for depth in range(len(parts), -1, -1)]
-    # In a cgroup of the first kind, what is in it may not count.
+    # A cgroup of version 1 may not include the memory of its children.
     alone = next((at for at, one in enumerate(folders) if at and _is_alone(one)), len(folders))
     return folders[:alone]
 

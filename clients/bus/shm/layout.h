@@ -1,8 +1,8 @@
-/* Where things stand in the two kinds of segment: a publisher's ring, a process's readers' segment.
+/* Layout of the two kinds of segment: a publisher's ring, and a process's readers' segment.
  *
  * Owns offsets, sizes and the checks of a foreign segment; docs/ring.md draws them. Must not know the algorithm.
- * Only a segment's owner can write it; the other side maps it read-only and trusts nothing but what it
- * checked once and copied. All words are native-endian: both ends are on one machine.
+ * Only a segment's owner can write it. The other side maps it read-only, copies its geometry and checks the copy once,
+ * and trusts nothing else. All words are native-endian: both ends are on one machine.
  */
 #ifndef BUS_SHM_LAYOUT_H
 #define BUS_SHM_LAYOUT_H
@@ -25,21 +25,21 @@ _Static_assert(ATOMIC_LLONG_LOCK_FREE == 2 && sizeof(_Atomic uint64_t) == 8, "64
 #define RING_MAX_CAPACITY (UINT64_C(1) << 34) /* so that a record's size fits into 32 bits */
 #define RING_MIN_INDEX 16u
 #define RING_MAX_INDEX (UINT64_C(1) << 32)
-#define READER_PINS 7u       /* records that one match can hold at a time: with the cursor, one cache line */
-#define READER_TICKET (UINT64_C(1) << 63) /* in the last pin word: a ticket that waits to be admitted, no pin */
-#define RING_ADMITTED 30u    /* with `closed`, two cache lines */
+#define READER_PINS 7u       /* records that one match can pin at a time; with the cursor they fill one cache line */
+#define READER_TICKET (UINT64_C(1) << 63) /* flag in the last pin word: it holds a ticket to be admitted, and no pin */
+#define RING_ADMITTED 30u    /* tickets shown at a time; with `closed` they fill two cache lines */
 #define READERS_MAX_SLOTS 65536u
 
-/* Two lines: neighbouring lines are fetched in pairs. */
+/* Alignment to two cache lines, because the processor fetches neighbouring lines in pairs. */
 #define OWN_LINES _Alignas(128)
 
-/* One side's sleep, see doorbell.h. Odd generation: asleep. */
+/* One side's sleep, see doorbell.h. An odd generation means asleep. */
 struct bell {
     _Atomic uint64_t generation;
     _Atomic uint64_t wanted;
 };
 
-/* Written once, before the segment is shared. */
+/* Sizes and offsets of a ring, written once before the segment is shared. */
 struct ring_geometry {
     uint64_t magic;
     uint32_t version;
@@ -52,21 +52,22 @@ struct ring_geometry {
     uint64_t first_seq;    /* of the first record ever written here */
 };
 
-/* Then one pair of lines for each word that changes. Sequence numbers begin at 1. */
+/* Start of a ring's segment: the geometry, then a pair of cache lines for each word that changes. Sequence numbers
+ * begin at 1. */
 struct ring_header {
     struct ring_geometry geometry;
-    OWN_LINES _Atomic uint64_t oldest; /* all before this is given up: announced before it is overwritten */
+    OWN_LINES _Atomic uint64_t oldest; /* records before this are dropped; stored before they are overwritten */
     OWN_LINES _Atomic uint64_t latest; /* newest published record */
-    _Atomic uint64_t end;              /* position after it; the writer's own, for a new attach */
-    OWN_LINES struct bell room;        /* the writer's sleep: waits for lossless readers */
+    _Atomic uint64_t end;              /* position after it; only a writer that attaches anew reads this */
+    OWN_LINES struct bell room;        /* the writer's sleep while it waits for lossless readers */
     OWN_LINES _Atomic uint64_t closed; /* 1: nothing more will be written here */
-    _Atomic uint32_t admitted[RING_ADMITTED]; /* tickets of the matches whose gates were added last */
+    _Atomic uint32_t admitted[RING_ADMITTED]; /* tickets of the matches with the latest gates */
 };
 
 /* One match: a subscription on one publisher's ring. Sequence numbers outlive a ring, and so does a slot. */
 struct reader_slot {
-    _Alignas(64) _Atomic uint64_t cursor;  /* everything before it is taken */
-    _Atomic uint64_t pins[READER_PINS];    /* sequence numbers held in place; 0: free; see READER_TICKET */
+    _Alignas(64) _Atomic uint64_t cursor;  /* the reader has taken all records before this */
+    _Atomic uint64_t pins[READER_PINS];    /* sequence numbers of pinned records; 0: free; see READER_TICKET */
 };
 
 struct readers_geometry {
@@ -79,7 +80,7 @@ struct readers_geometry {
 
 struct readers_header {
     struct readers_geometry geometry;
-    OWN_LINES struct bell arrival; /* the process's sleep: waits for samples of any ring */
+    OWN_LINES struct bell arrival; /* the process's sleep while it waits for samples of any ring */
 };
 
 _Static_assert(sizeof(struct ring_header) == 640 && sizeof(struct readers_header) == 256, "layout of version 1");
@@ -93,7 +94,7 @@ static inline uint64_t ring_data_offset(uint64_t index_length)
     return sizeof(struct ring_header) + ((index_bytes + RING_ALIGN - 1) & ~(uint64_t)(RING_ALIGN - 1));
 }
 
-/* Bytes of a ring's segment; 0 where capacity or index_length is out of its bounds. */
+/* Bytes of a ring's segment; 0 if capacity or index_length is out of bounds. */
 static inline uint64_t ring_segment_bytes(uint64_t capacity, uint64_t index_length)
 {
     if (!is_power_of_two(capacity) || capacity < RING_MIN_CAPACITY || capacity > RING_MAX_CAPACITY)
@@ -110,7 +111,7 @@ static inline uint64_t readers_segment_bytes(uint64_t slot_count)
     return sizeof(struct readers_header) + slot_count * sizeof(struct reader_slot);
 }
 
-/* Lays an empty ring into zeroed memory of ring_segment_bytes(), before anyone else can see it. */
+/* Formats zeroed memory of ring_segment_bytes() as an empty ring, before another process can map it. */
 static inline void ring_format(void *memory, uint64_t capacity, uint64_t index_length, uint64_t first_seq)
 {
     struct ring_header *header = memory;
@@ -129,7 +130,7 @@ static inline void ring_format(void *memory, uint64_t capacity, uint64_t index_l
     atomic_init(&header->latest, first_seq - 1);
 }
 
-/* As ring_format(), a readers' segment. */
+/* Like ring_format(), for a readers' segment. */
 static inline void readers_format(void *memory, uint64_t slot_count)
 {
     struct readers_header *header = memory;
@@ -142,8 +143,8 @@ static inline void readers_format(void *memory, uint64_t slot_count)
     };
 }
 
-/* Copies a foreign ring's geometry and checks the copy: its owner may still change the words, so nothing reads
- * them again. NULL where a ring of that geometry lies within the mapping; else what is wrong, in words. The
+/* Copies a foreign ring's geometry and checks the copy. Its owner may still change the words in the ring, so nothing
+ * reads them again. Returns NULL if a ring of that geometry lies within the mapping, else the fault in words. The
  * caller has made sure that the file can't shrink (seals). */
 static inline const char *ring_check(const void *memory, uint64_t mapped_bytes, struct ring_geometry *copy)
 {
@@ -169,7 +170,7 @@ static inline const char *ring_check(const void *memory, uint64_t mapped_bytes, 
     return NULL;
 }
 
-/* As ring_check(), a readers' segment. */
+/* Like ring_check(), for a readers' segment. */
 static inline const char *readers_check(const void *memory, uint64_t mapped_bytes, struct readers_geometry *copy)
 {
     if (mapped_bytes < sizeof(struct readers_header))

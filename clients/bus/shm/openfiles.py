@@ -1,9 +1,9 @@
-"""Where the descriptors of many segments stand: out of the way of the program that uses the library.
+"""Numbers of the segments' descriptors: busd leaves low numbers to the program that uses the library.
 
-A process has a descriptor for each ring that it writes, perhaps a thousand. They must not use up what the
-program itself may open, nor the numbers below 1024, the only ones that select() knows. So they get numbers
-from 1024 on, and beyond the soft limit where the hard limit has room. The soft limit is raised only for that
-moment: the program, and the children that inherit its limits, keep the one that they were started with.
+A process has a descriptor for each ring that it writes, perhaps a thousand. These must not use up the
+descriptors that the program itself may open, and not the numbers below 1024, because `select()` accepts no
+others. So they get numbers from 1024 on, and numbers above the soft limit if the hard limit has room. The
+soft limit is raised only for that moment, so the program and its children keep their limit.
 """
 
 import contextlib
@@ -16,17 +16,17 @@ from collections.abc import Iterator
 __all__ = ["OWN", "RESERVE", "check_room", "set_aside"]
 
 RESERVE = 128
-"""Descriptors that are left to the program, however much it publishes."""
+"""Descriptors that are always left to the program."""
 
 OWN = 32
-"""Left besides: a match may bring the doorbell of another process."""
+"""Descriptors left for the library itself: a match may need the doorbell of another process."""
 
 _SELECT = 1024
 """FD_SETSIZE."""
 
 
 def check_room() -> None:
-    """Raise OSError (EMFILE), saying how many are in use, where one more would be of the reserve."""
+    """Raise OSError (EMFILE) if another descriptor would use the reserve. It names the number in use."""
     used, limit = _used(), max(resource.getrlimit(resource.RLIMIT_NOFILE))
     if used + OWN + RESERVE >= limit:
         text = f"{used} of {limit} descriptors are in use, the rest is left to the program"
@@ -34,9 +34,9 @@ def check_room() -> None:
 
 
 def set_aside(number: int) -> int:
-    """Give descriptor `number`, which is not inherited, a number out of the program's way.
+    """Move descriptor `number`, which children do not inherit, to a number that the program does not need.
 
-    Returns the new number; the old one where there is none.
+    Returns the new number, or the old one if no other is free.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     moved = None
@@ -49,17 +49,20 @@ def set_aside(number: int) -> int:
 
 
 def _used() -> int:
-    """Descriptors that this process has open; Linux before 6.2 has to list them."""
+    """The number of open descriptors of this process. Linux before 6.2 must list them."""
     try:
         return os.stat("/proc/self/fd").st_size or len(os.listdir("/proc/self/fd"))  # noqa: PTH116, PTH208
-    except OSError:  # no /proc: they are as many as the lowest free number, or more
+    except OSError:  # no /proc: the lowest free number is a lower bound
         probe = os.open("/", os.O_RDONLY | os.O_CLOEXEC)
         os.close(probe)
         return probe
 
 
 def _moved(number: int, least: int) -> int | None:
-    """Its new number, from `least` on; None where none is free within the limit."""
+    """Move a descriptor to a number from `least` on.
+
+    Returns that, or None if none is free within the limit.
+    """
     try:
         moved = fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, least)
     except OSError:
@@ -72,7 +75,7 @@ def _moved(number: int, least: int) -> int | None:
 def _raised(soft: int, hard: int) -> Iterator[None]:
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    except (OSError, ValueError):  # the system has rules of its own
+    except (OSError, ValueError):  # another rule of the system forbids it
         yield
         return
     try:

@@ -1,4 +1,4 @@
-/* What all parts of the core use: the clock, memory of objects, arguments, the process and thread of a publisher. */
+/* Helpers of all parts of the core: the clock, memory of objects, arguments, the process and thread of a publisher. */
 #include "py.h"
 
 #include <time.h>
@@ -12,7 +12,7 @@ uint64_t core_now_ns(void)
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/* None of the types can be derived from, so an object's type is the one that the module made. */
+/* The module's state. No type can be subclassed, so an object's type is always made by the module. */
 CoreState *core_state(PyObject *object) { return PyType_GetModuleState(Py_TYPE(object)); }
 
 void *core_allocate(PyTypeObject *type)
@@ -48,7 +48,7 @@ PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, 
     return item;
 }
 
-/* Where threads share it; see is_home(). */
+/* The answer of is_home() if threads share the publisher. */
 int core_ask_home(const struct home *home)
 {
     if (home->is_mine == Py_None)
@@ -59,7 +59,7 @@ int core_ask_home(const struct home *home)
     return is_mine;
 }
 
-/* A converter for the "O&" of PyArg_ParseTuple: "K" would take a negative number for a huge one. */
+/* A converter for the "O&" of PyArg_ParseTuple, because "K" accepts a negative number as a huge one. */
 int core_as_u64(PyObject *value, void *number)
 {
     const unsigned long long word = PyLong_AsUnsignedLongLong(value);
@@ -69,8 +69,8 @@ int core_as_u64(PyObject *value, void *number)
     return 1;
 }
 
-/* Puts the arguments of a fast call into `values` in the order of `names` (NULL-terminated); borrowed, and NULL
- * where one was not given. The first `positional` may be given by position. */
+/* Puts the arguments of a fast call into `values` in the order of `names` (NULL-terminated). They are borrowed
+ * references; a missing argument is NULL. The first `positional` may be given by position. */
 int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t count, PyObject *kwnames,
                    Py_ssize_t positional, PyObject **values)
 {

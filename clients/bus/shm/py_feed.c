@@ -1,6 +1,6 @@
-/* Python's part of feeds: their objects and mappings, their place in a Reader and among what Readers watch.
+/* Python's part of feeds: their objects and mappings, their place in a Reader and in the watches of Readers.
  *
- * feed.h reads the rings. What is released here may run any Python code, so it is released last.
+ * feed.h reads the rings. The release of an object may run any Python code, so objects are released last.
  */
 #include "py.h"
 
@@ -23,7 +23,7 @@ static struct feed_ring *ring_new(Mapping *memory, const struct ring_geometry *g
     return &self->ring;
 }
 
-/* The ring was checked and the slot is free. NULL: no memory. It is yet to be begun and watched. */
+/* Makes a feed for a ring that was checked, and for a free slot. The caller begins and watches it. NULL: no memory. */
 struct feed *source_new(PyObject *object, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
                         int doorbell)
 {
@@ -51,8 +51,8 @@ void source_free(struct feed *feed)
     PyMem_Free(self);
 }
 
-/* The publisher goes on in another ring, which was checked. NULL, or why it can't; where there is no memory, an error is
- * set, too. */
+/* Appends another ring, which was checked, and in which the publisher continues. NULL, or the reason of a failure; if
+ * memory is lacking, an error is set, too. */
 const char *source_extend(struct feed *feed, Mapping *memory, const struct ring_geometry *geometry)
 {
     struct feed_ring *ring = ring_new(memory, geometry);
@@ -66,9 +66,9 @@ const char *source_extend(struct feed *feed, Mapping *memory, const struct ring_
     return "too many rings wait behind this one";
 }
 
-/* --- what Readers watch */
+/* --- watches of Readers */
 
-/* A feed of `reader` is watched from now on. False: no memory. */
+/* Watches a feed of `reader` from now on. False: no memory. */
 bool readers_watch(Readers *self, Reader *reader, struct feed *feed)
 {
     if (self->count == self->room) {
@@ -86,7 +86,7 @@ bool readers_watch(Readers *self, Reader *reader, struct feed *feed)
     return true;
 }
 
-/* The feed was used, or goes on in another ring: what is known of it does not hold any more. */
+/* Discards the known state of a feed that was used, or that continues in another ring. */
 void readers_watch_anew(Readers *self, const struct feed *feed)
 {
     struct watch *watch = &self->watches[source_of(feed)->watch];
@@ -114,7 +114,7 @@ bool readers_have_news_besides(Readers *self, const Reader *reader)
 
 /* --- leaving */
 
-/* Takes the feed out of the list and counts what it lost; frees nothing. */
+/* Takes the feed out of the list and adds up its losses; frees nothing. */
 static void take_out(Reader *self, const struct feed *feed)
 {
     size_t at = 0;
@@ -127,14 +127,14 @@ static void take_out(Reader *self, const struct feed *feed)
     self->passed += feed->ring.next - feed->first;
 }
 
-/* The owner wants no more of the feed. */
+/* Removes a feed at the owner's request. */
 void reader_remove(Reader *self, struct feed *feed)
 {
     take_out(self, feed);
     source_free(feed);
 }
 
-/* The feed leaves by itself, and the owner can learn why. -1: an error is set. */
+/* Ends a feed on the core's decision, and keeps the reason for the owner. -1: an error is set. */
 int reader_leave(Reader *self, struct feed *feed, const char *reason)
 {
     take_out(self, feed);

@@ -1,4 +1,4 @@
-/* A Writer's gates: Bells for Python, and their references. gates.h is what they do. */
+/* A Writer's gates for Python: Bells, and their references. gates.h does the work. */
 #include "py.h"
 
 void writer_ring_bells(Writer *self, bool is_for_any)
@@ -6,7 +6,7 @@ void writer_ring_bells(Writer *self, bool is_for_any)
     self->rung += gates_ring(&self->ring.gates, is_for_any, doorbell_ring);
 }
 
-/* The gate of `key`; NULL with *is_error where that is no number. */
+/* The gate of `key`; NULL with *is_error if that is no number. */
 static struct ring_gate *gate_of(Writer *self, PyObject *key, bool *is_error)
 {
     uint64_t number;
@@ -53,7 +53,7 @@ PyObject *writer_add_gate(PyObject *object, PyObject *args, PyObject *kwargs)
         return PyErr_NoMemory();
     HOLD(bell);
     DROP(bell_before);
-    writer_ring_bells(self, true); /* what was published since its last look did not wake it */
+    writer_ring_bells(self, true); /* samples published since its last check did not wake it */
     Py_RETURN_NONE;
 }
 

@@ -1,6 +1,7 @@
-/* Many samples in one buffer, as bridges pass them on: taken out of rings, looked through, and published, by one call
- * each. A record of it is number u64, source time i64 (ns of the wall clock; 0: none), size u32, payload; they stand
- * back to back, little-endian. bus_bridge.packed reads them too.
+/* Many samples in one buffer, as bridges pass them on. Three calls: take them out of rings, scan them, publish them.
+ *
+ * A record of the buffer is: number u64, source time i64 (ns of the wall clock; 0: none), size u32, payload. The
+ * records lie back to back, little-endian. bus_bridge.packed reads them, too.
  */
 #include "py.h"
 
@@ -30,7 +31,7 @@ static inline void write_head(unsigned char *at, struct packed_head head)
     memcpy(at + 16, &head.size, 4);
 }
 
-/* What was packed; `source` is held. */
+/* Samples packed so far; `source` is an owned reference. */
 struct pack {
     PyObject *source;
     unsigned char *bytes;
@@ -38,7 +39,7 @@ struct pack {
     uint64_t count, payload_bytes, first, last;
 };
 
-/* Packs what waits in one feed, until a sample is too long, or the pack full. -1: an error is set. */
+/* Packs the waiting samples of one feed, until a sample is too long or the pack is full. -1: an error is set. */
 static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t most, size_t longest, int64_t offset_ns)
 {
     const uint64_t now_ns = core_now_ns();
@@ -74,11 +75,11 @@ static int pack_feed(Reader *self, struct feed *feed, struct pack *pack, size_t 
     return status == RING_CORRUPT ? reader_leave(self, feed, RING_IS_BROKEN) : 0;
 }
 
-/* At most so many bytes of the feed go into one pack. Fewer do where samples have expired, or where their payload begins
- * with a source time, which the head takes over. */
+/* The most bytes of the feed that go into one pack. There are fewer if samples have expired, or if a payload begins
+ * with a source time, which moves into the head. */
 static size_t packed_bytes(const struct feed *feed, size_t most, size_t longest)
 {
-    struct ring_reader look = feed->ring; /* a scratch reader: its counters are thrown away */
+    struct ring_reader look = feed->ring; /* a scratch reader: its counters are discarded */
     struct ring_record record;
     size_t size = 0;
     for (uint64_t left = feed->waiting; left != 0 && ring_look(&look, &record) == RING_OK; left--) {
@@ -132,7 +133,7 @@ PyObject *reader_take_packed(PyObject *object, PyObject *const *args, Py_ssize_t
     return found;
 }
 
-/* The buffer and the offset that a call begins with. False: an error is set, and no buffer is held. */
+/* Reads a call's first arguments, the buffer and the offset. False: an error is set, and no buffer is held. */
 static bool get_packed(PyObject *const *args, Py_ssize_t count, Py_ssize_t wanted, Py_buffer *buffer, size_t *start)
 {
     if (count != wanted) {
@@ -179,7 +180,7 @@ PyObject *core_scan_packed(PyObject *Py_UNUSED(module), PyObject *const *args, P
                          is_consecutive ? Py_True : Py_False);
 }
 
-/* Writes one of them. False: it is to go the slow way. */
+/* Writes one packed sample. False: it must go the slow way. */
 static bool write_one(Writer *self, struct packed_head head, const unsigned char *payload, uint64_t now_ns)
 {
     unsigned char time[SOURCE_BYTES];
@@ -203,8 +204,8 @@ static bool write_one(Writer *self, struct packed_head head, const unsigned char
     return true;
 }
 
-/* How many records from the front were published, and whether a report is due: those after them go one by one. Readers
- * are woken once, for all. */
+/* Publishes records from the front. Returns how many, and whether a report is due; the caller publishes the remaining
+ * ones one by one. Wakes readers once for all records. */
 PyObject *writer_publish_packed(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
     Writer *self = (Writer *)object;

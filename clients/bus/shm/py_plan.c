@@ -1,17 +1,17 @@
 /* Plan: checks and encodes the messages of one class in one pass, with the bytes that msgspec's encoder gives.
  *
- * A plan is for classes of text, bytes, numbers, bool, such classes again, and lists of all these. Whatever is not just
- * as planned (another type, a number out of its range, a lone surrogate, a field that was deleted) ends its work, and the
- * caller goes the long way, which knows what is wrong. Fields are read out of their slots, as msgspec's encoder does; no
- * Python code runs.
+ * A plan is for classes of text, bytes, numbers, bool, such classes again, and lists of all these. If a value differs
+ * from the plan, the plan gives up, and the caller goes the long way, which finds the fault. Examples: another
+ * type, a number out of range, a lone surrogate, a deleted field. Fields are read from their slots, as msgspec's
+ * encoder does; no Python code runs.
  *
- * Classes that stand for others, which msgspec does not know, are decoded by it, too: straight into their slots. */
+ * A plan also decodes, straight into the slots, classes that stand for others and that msgspec does not know. */
 #include "py.h"
 
 #include <endian.h>
 #include <string.h>
 
-/* The head of a number, a text or an array has at most so many bytes; a number is all head. */
+/* Most bytes in the head of a number, a text or an array; a number consists only of its head. */
 enum { MOST_HEAD = 9 };
 
 struct plan_value {
@@ -19,7 +19,7 @@ struct plan_value {
     int64_t least; /* AS_INT: its value; AS_LIST and AS_BYTES: its length */
     uint64_t most;
     Plan *plan;              /* AS_STRUCT */
-    struct plan_value *item; /* AS_LIST: of each */
+    struct plan_value *item; /* AS_LIST: the plan of each item */
 };
 
 struct plan_field {
@@ -39,13 +39,13 @@ struct Plan {
     PyObject *decode_slowly; /* NULL: it does not decode */
 };
 
-/* Where the next byte goes. */
+/* The place of the next byte of an encoding. */
 struct place {
     unsigned char *at, *end;
     bool is_full;
-    const struct plan_field *left_out; /* of bytes: only the head is put, for so many; NULL: none */
-    uint64_t left_bytes;
-    unsigned char *gap; /* where these belong */
+    const struct plan_field *left_out; /* a bytes field of which only the head is written; NULL: none */
+    uint64_t left_bytes;               /* size of that field */
+    unsigned char *gap;                /* place of its bytes */
 };
 
 static inline bool has_room(struct place *place, Py_ssize_t size)
@@ -160,13 +160,13 @@ static bool put_bytes(struct place *place, PyObject *bytes, const struct plan_va
 
 static bool put_value(const struct plan_value *plan, PyObject *value, struct place *place);
 
-/* Nothing changes the list meanwhile: no Python code runs. */
+/* Encodes a list. Nothing changes the list meanwhile, because no Python code runs. */
 static bool put_list(struct place *place, PyObject *list, const struct plan_value *plan)
 {
     const Py_ssize_t count = PyList_Size(list), each = plan->item->code == AS_FLOAT ? MOST_HEAD : 1;
     if (count < plan->least || (uint64_t)count > plan->most || (uint64_t)count > UINT32_MAX)
         return false;
-    if (!has_room(place, MOST_HEAD + count * each)) /* before any work: it is for nothing */
+    if (!has_room(place, MOST_HEAD + count * each)) /* before any work, which would be lost */
         return false;
     if (count < 16)
         *place->at++ = (unsigned char)(0x90 | count);
@@ -287,7 +287,7 @@ Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t in
     return length;
 }
 
-/* Decoding. NULL with no error set, too: it is not just as planned. */
+/* Decoding. NULL without an error: the payload differs from the plan. */
 
 struct source {
     const unsigned char *at, *end;
@@ -295,7 +295,7 @@ struct source {
 
 static inline bool has_left(const struct source *from, uint64_t size) { return (uint64_t)(from->end - from->at) >= size; }
 
-/* The number of `size` bytes behind a head. There are so many left. */
+/* Reads the number of `size` bytes behind a head. The caller has checked that the bytes exist. */
 static inline uint64_t get_number(struct source *from, int size)
 {
     uint64_t number = 0;
@@ -435,7 +435,7 @@ static void plan_dealloc(PyObject *object)
     core_free(self);
 }
 
-/* Where it fails, `value` is to be forgotten all the same. */
+/* Reads the plan of one value. The caller must forget `value` also after a failure. */
 static bool read_value(const CoreState *state, PyObject *given, struct plan_value *value)
 {
     PyObject *inner;
@@ -515,7 +515,7 @@ static PyObject *plan_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     return (PyObject *)self;
 }
 
-/* For what has no buffer of its own. */
+/* The encoding as bytes, for callers that have no buffer. */
 static PyObject *plan_encoded(PyObject *object, PyObject *message)
 {
     unsigned char few[PLAN_BYTES], *bytes = few;
@@ -580,8 +580,8 @@ static PyType_Slot slots[] = {
 
 PyType_Spec plan_spec = {"bus.shm._core.Plan", sizeof(Plan), 0, CORE_TYPE, slots};
 
-/* --- what Writer and OpenRun know of a publisher's messages, and the long way to their bytes, which calls the class's
- * check and its encoder */
+/* --- the encoder of a publisher's messages, used by Writer and OpenRun; its long way calls the class's check and
+ * encoder */
 
 bool encoder_prepare(struct encoder *self, PyObject *owner, PyObject *args)
 {

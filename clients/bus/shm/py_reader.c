@@ -1,4 +1,4 @@
-/* Reader: what one subscription reads. Its feeds come and go here; py_take.c takes from them. */
+/* Reader: the rings of one subscription. This file adds and removes its feeds; py_take.c takes from them. */
 #include "py.h"
 
 enum { MAX_FINISHING = 64 };
@@ -34,7 +34,7 @@ static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
 static void forget_callback(Reader *self)
 {
     struct prepared prepared = self->prepared;
-    self->prepared = (struct prepared){0}; /* first: what goes with them may run anything */
+    self->prepared = (struct prepared){0}; /* first, because the releases below may run any code */
     Py_XDECREF(prepared.callback);
     Py_XDECREF(prepared.decode);
     Py_XDECREF(prepared.on_error);
@@ -83,7 +83,7 @@ static void reader_dealloc(PyObject *object)
     core_free(self);
 }
 
-/* The feed of `source`; NULL where there is none, or with the error of a comparison, which may run anything. */
+/* The feed of `source`. NULL: there is none, or a comparison has raised an error. Comparisons may run any code. */
 static struct feed *find(Reader *self, PyObject *source)
 {
     for (size_t i = 0; i < self->count; i++) {
@@ -106,7 +106,7 @@ static PyObject *value_error(const char *reason)
     return NULL;
 }
 
-/* The slot of a new match, all its pins free; else NULL with the error set. */
+/* The slot of a new match, with all pins free; else NULL with an error set. */
 static struct reader_slot *free_slot(const Readers *readers, uint64_t number)
 {
     if (number >= readers->slot_count) {
@@ -208,7 +208,7 @@ static PyObject *reader_extend(PyObject *object, PyObject *args, PyObject *kwarg
     Py_RETURN_NONE;
 }
 
-/* Of the publishers that have gone, no more than some are kept: the oldest is left with what it had. */
+/* Bounds the number of publishers that have gone: leaves the oldest one, with its waiting samples. */
 static int bound_finishing(Reader *self)
 {
     struct feed *oldest = NULL;
@@ -283,11 +283,11 @@ static PyObject *reader_waiting(PyObject *object, PyObject *Py_UNUSED(none))
     const uint64_t most = self->bound == 0 || self->bound > MAX_SEQ ? MAX_SEQ : self->bound;
     uint64_t waiting = 0;
     for (size_t i = 0; i < self->count && waiting < most; i++)
-        waiting += feed_waiting(self->feeds[i]); /* of two numbers below 2^62 + 2, so it can't wrap */
+        waiting += feed_waiting(self->feeds[i]); /* each is a difference of two numbers below 2^62 + 2: no wrap */
     return PyLong_FromUnsignedLongLong(waiting < most ? waiting : most);
 }
 
-/* Gives the list out and begins another. */
+/* Returns the list and begins another. */
 static PyObject *pop(PyObject **list)
 {
     PyObject *fresh = PyList_New(0), *full = *list;
@@ -326,7 +326,7 @@ static int set_depth(PyObject *object, PyObject *value, void *Py_UNUSED(closure)
     Reader *self = (Reader *)object;
     if (value == NULL)
         PyErr_SetString(PyExc_AttributeError, "can't be deleted");
-    const uint64_t old = self->bound > self->depth ? self->bound - self->depth : 0; /* history that waits */
+    const uint64_t old = self->bound > self->depth ? self->bound - self->depth : 0; /* waiting history */
     if (value == NULL || !core_as_u64(value, &self->depth))
         return -1;
     self->bound = self->depth != 0 && self->depth <= MAX_SEQ ? self->depth + old : self->depth;
@@ -342,7 +342,8 @@ static PyObject *get_lost(PyObject *object, void *is_overrun)
     return PyLong_FromUnsignedLongLong(sum);
 }
 
-/* By the numbers alone, whatever was counted: from the first of each feed to the newest that is there. */
+/* The number of samples that should have arrived, by sequence numbers alone: from the first to the newest of each
+ * feed. */
 static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
 {
     const Reader *self = (const Reader *)object;
@@ -350,7 +351,7 @@ static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
     for (size_t i = 0; i < self->count; i++) {
         const struct feed *feed = self->feeds[i];
         const uint64_t newest = feed_newest(feed), next = feed->ring.next;
-        sum += (newest < next || newest > MAX_SEQ ? next : newest + 1) - feed->first; /* a liar's next: what is read */
+        sum += (newest < next || newest > MAX_SEQ ? next : newest + 1) - feed->first; /* `next` if newest is false */
     }
     return PyLong_FromUnsignedLongLong(sum);
 }

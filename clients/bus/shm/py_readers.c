@@ -1,12 +1,14 @@
-/* Readers and Bell: sleeping and waking. Readers are this process's readers' segment and doorbell, and wake and fall
- * asleep for all its Reader objects at once; a Bell is those of another process, as all writers of this one know them.
+/* Readers and Bell: sleeping and waking.
+ *
+ * Readers hold this process's readers' segment and doorbell, and wake and fall asleep for all its Reader objects at
+ * once. A Bell holds the segment and doorbell of another process; all writers of this process share it.
  */
 #include "py.h"
 
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
 
-/* What both types are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL and an error
- * where it is none. */
+/* Reads the arguments of both types (memory, doorbell) and checks the segment. Returns a borrowed reference, or NULL
+ * with an error. */
 static Mapping *readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
                                 uint64_t *slot_count, int *doorbell)
 {
@@ -107,7 +109,7 @@ static bool any_news(Readers *self)
     return false;
 }
 
-/* Adds the owners of readers with news. Each learns of it once, so one that can't be added is an error for all. */
+/* Adds the owners of readers with news. Each is told only once, so if one can't be added, the whole call fails. */
 static int collect(Readers *self, PyObject *owners)
 {
     self->round++;
@@ -125,7 +127,7 @@ static int collect(Readers *self, PyObject *owners)
     return 0;
 }
 
-/* The owner of `reader` is to look. */
+/* Notes that the owner of `reader` must check it. */
 static int tell(Readers *self, const Reader *reader)
 {
     if (self->pending == NULL && (self->pending = PyList_New(0)) == NULL)
@@ -133,7 +135,7 @@ static int tell(Readers *self, const Reader *reader)
     return PyList_Append(self->pending, reader->owner);
 }
 
-/* An exception goes through: to be called again for the rest, if the event loop goes on. */
+/* Passes an exception on. Rings, so that the event loop, if it continues, calls again for the other readers. */
 static int interrupted(const Readers *self)
 {
     if (self->doorbell >= 0)
@@ -141,9 +143,9 @@ static int interrupted(const Readers *self)
     return -1;
 }
 
-/* Each reader with news has its turn once, and calls back for one message or leaves it to its owner. A callback may add
- * readers and remove them, look, or close it all. What is passed over for that, or comes after its reader's turn, the
- * look before the sleep finds. */
+/* Gives each reader with news one turn: it calls back for one message, or leaves it to its owner. A callback may add
+ * readers, remove them, check for news, or close everything. Samples skipped for that reason, and samples that arrive
+ * after their reader's turn, are found by the check before the sleep. */
 static int give_turns(Readers *self)
 {
     const uint64_t round = ++self->round;
@@ -156,7 +158,8 @@ static int give_turns(Readers *self)
         reader->round = round;
         for (size_t j = 0; j < reader->count; j++)
             feed_mark_seen(reader->feeds[j]);
-        /* An owner that calls back itself comes before the readers that follow: the order is always the same. */
+        /* If an owner calls back itself, the following readers are left to their owners, too: the order never
+         * changes. */
         is_quick = is_quick && reader_is_ready(reader);
         int status = is_quick ? reader_deliver(reader) : 0;
         if (status <= 0 && tell(self, reader) < 0)
@@ -173,20 +176,20 @@ static inline bool is_asleep(const Readers *self)
     return atomic_load_explicit(&self->header->arrival.generation, memory_order_relaxed) & 1; /* own word */
 }
 
-/* The doorbell has this count, and all rings were looked at before the sleep. Returns the feed that alone was rung for
- * since, if it has news. This process counts as asleep meanwhile: a writer that publishes from now on rings again. */
+/* Returns the only feed for which the doorbell was rung, by its `count`, if the feed has news. All rings were checked
+ * before the sleep. This process counts as asleep meanwhile: a writer that publishes from now on rings again. */
 static struct feed *feed_rung_for(Readers *self, uint64_t count)
 {
     const uint64_t slot = knock_slot(count);
     if (slot >= self->slot_count || self->is_anew || self->feeds[slot] == NULL || !is_asleep(self))
         return NULL;
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the check. Counterpart: gates_ring(). */
     struct feed *feed = self->feeds[slot];
     return feed_watch_has_news(&self->watches[source_of(feed)->watch].feed) ? feed : NULL;
 }
 
-/* Its reader, which alone has news, has its turn. 1: nothing is left to do, and this process sleeps; 0: it is awake, and
- * owners may be pending; -1: an error. */
+/* Gives a turn to the feed's reader, the only one with news. 1: nothing is left to do, and this process sleeps; 0:
+ * it is awake, and owners may be pending; -1: an error. */
 static int give_turn(Readers *self, const struct feed *feed)
 {
     Reader *reader = self->watches[source_of(feed)->watch].reader;
@@ -206,12 +209,12 @@ static int give_turn(Readers *self, const struct feed *feed)
     DROP(reader);
     if (is_over)
         self->had_news = false;
-    else if (self->doorbell >= 0) /* else, in the child of a fork, it is the parent's bell */
+    else if (self->doorbell >= 0) /* else closed: in the child of a fork, the bell is the parent's */
         bell_disarm(&self->header->arrival);
     return status < 0 ? interrupted(self) : is_over;
 }
 
-/* The owners that give_turns() has left pending, perhaps none. */
+/* Returns the owners that give_turns() has left pending, perhaps none. */
 static PyObject *give_out(Readers *self)
 {
     PyObject *owners = self->pending;
@@ -235,10 +238,10 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
     if (status == 1)
         Py_RETURN_NONE;
     if (self->doorbell < 0)
-        Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
-    doorbell_clear(self->doorbell); /* a writer that rang before had published before: the look finds it */
+        Py_RETURN_NONE; /* closed: the number may be another file's now, or the parent's doorbell after a fork */
+    doorbell_clear(self->doorbell); /* a writer that rang before had published before: the check finds it */
     if (self->pending == NULL && may_sleep == Py_True) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the check. Counterpart: gates_ring(). */
         self->had_news = any_news(self);
         if (!self->had_news) {
             self->is_anew = false;
@@ -266,7 +269,7 @@ static inline void relax(void)
 #endif
 }
 
-/* Looks for news for up to `spin_ns`: 1 where there are, -1 with an error. */
+/* Polls for news for up to `spin_ns`: 1 if there are any, 0 if not, -1 with an error. */
 static int spin(Readers *self, uint64_t spin_ns)
 {
     const uint64_t end = core_now_ns() + (spin_ns < MAX_SEQ ? spin_ns : MAX_SEQ);
@@ -298,7 +301,8 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     if (owners == NULL)
         return NULL;
     int status = 0;
-    /* Under load it spares the writers a bell that would be disarmed at once; else it would be one look too many. */
+    /* Under load, this check saves writers the ring of a bell that would be disarmed at once. Else it would be one
+     * check too many. */
     if (self->had_news || spin_ns != 0)
         status = collect(self, owners);
     if (status == 0 && spin_ns != 0 && PyList_Size(owners) == 0)
@@ -306,7 +310,7 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     if (status == 1)
         status = collect(self, owners);
     if (status == 0 && PyList_Size(owners) == 0) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the check. Counterpart: gates_ring(). */
         status = collect(self, owners);
     }
     self->had_news = PyList_Size(owners) != 0;

@@ -1,16 +1,17 @@
-/* Runs of the socket route: OpenRun, the frame that a publisher fills, and what takes the body of one apart.
+/* Runs of the socket route: OpenRun, the frame that a publisher fills, and functions that decode a run's body.
  *
- * It has no segment, and is in this folder all the same: the core is one compiled file, which is there as a whole or
- * not at all, and OpenRun encodes as Writer does. bus.delivery.open_run does the same in Python, byte for byte, where
- * there is no core.
+ * OpenRun has no segment. It is in this folder because the core is one compiled file, present as a whole or not at all,
+ * and because OpenRun encodes like Writer. Without the core, bus.delivery.open_run does the same in Python, byte for
+ * byte.
  */
 #include "py.h"
 
 #include <string.h>
 
-/* As bus.wire.layout says. Wire and machine are little-endian; PUT and GET would be the places to swap. */
+/* Layout of frames, as in bus.wire.layout. Wire and machine are little-endian; on another machine, PUT and GET would
+ * have to swap bytes. */
 enum { FRAME_HEAD = 32, LENGTH = 4, DATA_KIND = 2, RECORD_HEAD = 12 };
-/* Longer payloads are decoded where they lie. */
+/* Longer payloads are decoded in place. */
 enum { SHORT_BYTES = 4096 };
 
 #define PUT(place, value) memcpy(place, &(value), sizeof(value))
@@ -22,13 +23,13 @@ enum { SHORT_BYTES = 4096 };
 typedef struct {
     PyObject_HEAD
     struct encoder encoder;
-    PyObject *may_begin; /* asked with its size before a sample begins a run; NULL: always */
-    PyObject *begun;     /* called with its stamp after that */
-    PyObject *frame;     /* bytearray: a place for the head, then records; NULL: none is open */
-    uint64_t room;       /* bytes of records that `frame` has place for */
+    PyObject *may_begin; /* called with a sample's size before it begins a run; NULL: it always may */
+    PyObject *begun;     /* called with the sample's stamp after that */
+    PyObject *frame;     /* bytearray: room for the head, then records; NULL: no run is open */
+    uint64_t room;       /* bytes of records that fit into `frame` */
     uint64_t samples, size, budget, most;
-    uint64_t begins_below; /* publish() begins a run with a payload shorter than that; 0: never */
-    uint64_t before; /* size of the last run that had more than one sample: the next will be alike */
+    uint64_t begins_below; /* publish() begins a run only with a shorter payload; 0: never */
+    uint64_t before; /* size of the last run that had more than one sample; the estimate for the next */
     struct home home;
 } OpenRun;
 
@@ -73,7 +74,7 @@ static void run_dealloc(PyObject *object)
     core_free(object);
 }
 
-/* Whether a payload of that size may go into the run that is open. */
+/* Whether a payload of that size may go into the open run. */
 static inline bool fits(const OpenRun *self, uint64_t size)
 {
     return self->budget >= RECORD_HEAD && size <= self->budget - RECORD_HEAD && self->samples < self->most;
@@ -89,13 +90,13 @@ static bool make_room(OpenRun *self, uint64_t size)
         const uint64_t most = self->before > 2 * self->room ? self->before : 2 * self->room;
         size = size > most ? size : most;
         if (PyByteArray_Resize(self->frame, (Py_ssize_t)(FRAME_HEAD + size)) < 0)
-            return false; /* it is as it was */
+            return false; /* the frame is unchanged */
     }
     self->room = self->frame == NULL ? 0 : size;
     return self->frame != NULL;
 }
 
-/* Puts a sample behind the others. False: there is no memory for it. */
+/* Appends a sample. False: there is no memory for it. */
 static bool append(OpenRun *self, const void *payload, uint64_t size, uint64_t stamp_ns)
 {
     if (!make_room(self, self->size + RECORD_HEAD + size))
@@ -149,7 +150,7 @@ static PyObject *run_begin(PyObject *object, PyObject *const *args, Py_ssize_t c
     if (PyObject_GetBuffer(args[0], &buffer, PyBUF_SIMPLE) < 0)
         return NULL;
     bool is_done = false;
-    if (self->samples != 0) /* asked only now: from Python 3.12 on a buffer may be got by Python code */
+    if (self->samples != 0) /* checked only now: from Python 3.12 on, Python code may provide a buffer */
         PyErr_SetString(PyExc_ValueError, "a run is open");
     else if ((uint64_t)buffer.len > UINT32_MAX)
         PyErr_SetString(PyExc_OverflowError, "payload is too long for a record");
@@ -179,10 +180,10 @@ static PyObject *run_begin_by(PyObject *object, PyObject *args)
     Py_RETURN_NONE;
 }
 
-/* Adds an encoding to the open run, or begins one with it. 1: done; 0: the run stands against it; -1: an error is set.
+/* Adds an encoding to the open run, or begins one with it. 1: done; 0: the run can't take it; -1: an error is set.
  *
- * To be asked only when the message is encoded: its check or its encoder may have published with this very run, or have
- * ended it. */
+ * Must be called only after the message was encoded: its check or its encoder may have published with this very run, or
+ * have ended it. */
 static int take(OpenRun *self, const void *bytes, uint64_t size)
 {
     if (self->samples == 0 && self->may_begin != NULL && size < self->begins_below) {
@@ -192,7 +193,7 @@ static int take(OpenRun *self, const void *bytes, uint64_t size)
         if (!is_allowed)
             return answer == NULL ? -1 : 0;
     }
-    const bool begins = self->samples == 0; /* only now: whatever runs Python code may publish here */
+    const bool begins = self->samples == 0; /* checked only now: any Python code above may publish here */
     if (begins ? self->begun == NULL || size >= self->begins_below : !fits(self, size))
         return 0;
     const uint64_t stamp_ns = core_now_ns();
@@ -208,7 +209,8 @@ static int take(OpenRun *self, const void *bytes, uint64_t size)
     return answer == NULL ? -1 : 1;
 }
 
-/* True; False where nothing was done; or the message's encoding, where that is to be published in another way. */
+/* Publishes a message into the run. Returns True, False if nothing was done, or the message's encoding if the caller
+ * must publish that in another way. */
 static PyObject *run_publish(PyObject *object, PyObject *message)
 {
     OpenRun *self = (OpenRun *)object;
@@ -304,9 +306,9 @@ static PyObject *run_forget(PyObject *object, PyObject *Py_UNUSED(none))
     Py_RETURN_NONE;
 }
 
-/* --- taking a body apart */
+/* --- decoding a body */
 
-/* The size of the record at `offset`, whose head is whole, as is its payload. False: the body ends before. */
+/* Reads the head of the record at `offset`. False: the body ends before the end of the head or of the payload. */
 static bool look(const Py_buffer *body, uint64_t offset, uint32_t *size, int64_t *stamp_ns)
 {
     const uint64_t length = (uint64_t)body->len;
@@ -318,7 +320,8 @@ static bool look(const Py_buffer *body, uint64_t offset, uint32_t *size, int64_t
     return length - offset - RECORD_HEAD >= *size;
 }
 
-/* What the decoder gets: bytes, or for a long payload a part of `view`, a memoryview of the body made when first used. */
+/* The payload for the decoder: bytes, or for a long one a part of `view`, a memoryview of the body, made at first
+ * use. */
 static PyObject *payload_at(PyObject *object, const Py_buffer *body, PyObject **view, uint64_t start, uint32_t size)
 {
     if (size < SHORT_BYTES)
@@ -328,7 +331,7 @@ static PyObject *payload_at(PyObject *object, const Py_buffer *body, PyObject **
     return PySequence_GetSlice(*view, (Py_ssize_t)start, (Py_ssize_t)(start + size));
 }
 
-/* What the samples of a run have in common: their publisher and times; NULL: only messages are wanted. */
+/* Common values of a run's samples: their publisher and times. NULL: the caller wants only messages. */
 struct origin {
     uint64_t first_seq;
     PyObject *source, *received_ns;
@@ -380,8 +383,8 @@ static PyObject *decode_run(PyObject *const *args, const struct origin *origin)
     Py_RETURN_NONE;
 }
 
-/* run_messages(body, offset, number, decode): (messages, offset behind them); None where one of them is cut off, or can't
- * be decoded. */
+/* run_messages(body, offset, number, decode): (messages, offset behind them). None if one of them is cut off, or
+ * can't be decoded. */
 PyObject *core_run_messages(PyObject *Py_UNUSED(module), PyObject *const *args, Py_ssize_t count)
 {
     if (count != 4) {
@@ -391,8 +394,8 @@ PyObject *core_run_messages(PyObject *Py_UNUSED(module), PyObject *const *args, 
     return decode_run(args, NULL);
 }
 
-/* run_samples(body, offset, number, decode, first_seq, source, received_ns): the same with (message, stamp, number,
- * source, time of receipt) in place of each message. */
+/* run_samples(body, offset, number, decode, first_seq, source, received_ns): the same, with the tuple (message, stamp,
+ * number, source, time of receipt) instead of each message. */
 PyObject *core_run_samples(PyObject *Py_UNUSED(module), PyObject *const *args, Py_ssize_t count)
 {
     struct origin origin;

@@ -1,11 +1,11 @@
-/* Mapping: bytes of a descriptor, mapped as long as a View or a Loan uses them. */
+/* Mapping: the bytes of a descriptor, mapped while it or a View or a Loan of it exists. */
 #include "py.h"
 
 #include <errno.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Pages are brought in at once, so that no hot path meets a page fault. */
+/* Maps all pages at once, so that no hot path causes a page fault. */
 static PyObject *mapping_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"descriptor", "size", "writable", NULL};
@@ -17,7 +17,7 @@ static PyObject *mapping_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     if (end < 0)
         return PyErr_SetFromErrno(PyExc_OSError);
     if (size <= 0 || size > end) {
-        errno = EINVAL; /* beyond the file's end, a touch would be a signal */
+        errno = EINVAL; /* an access above the file's end would raise a signal */
         return PyErr_SetFromErrno(PyExc_OSError);
     }
     Mapping *self = core_allocate(type);
@@ -47,7 +47,7 @@ static void mapping_dealloc(PyObject *object)
     core_free(self);
 }
 
-/* Whether `bytes` (0: out of bounds) may be laid into the mapping; else the error is set. */
+/* Whether `bytes` (0: out of bounds) fit into the mapping; else an error is set. */
 static bool has_room(const Mapping *self, uint64_t bytes)
 {
     if (bytes == 0)
@@ -105,10 +105,11 @@ static PyType_Slot slots[] = {
 
 PyType_Spec mapping_spec = {"bus.shm._core.Mapping", sizeof(Mapping), 0, CORE_TYPE, slots};
 
-/* --- View and Loan: what a memoryview into a ring holds. Made here only, never seen from Python but as memoryview.obj.
+/* --- View and Loan: the owners of memoryviews into a ring. Only this file makes them; Python sees them only as
+ * memoryview.obj.
  *
- * A View is a pinned record, for reading; the pin goes with the last memoryview of it. A Loan is the place of a
- * record that is being filled. Both keep their mapping.
+ * A View is a pinned record, for reading; the pin is released with the last memoryview of it. A Loan is the place of a
+ * record that the program fills. Both keep their mapping.
  */
 
 typedef struct {
@@ -127,7 +128,7 @@ typedef struct {
     Py_ssize_t size;
 } Loan;
 
-/* Takes over the pin, also where it fails. */
+/* Makes a View, which takes over the pin. A failure releases the pin. */
 PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,
                    const struct ring_record *record)
 {

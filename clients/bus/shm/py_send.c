@@ -1,14 +1,14 @@
-/* Sends: a publisher's `send` where there is room, with no coroutine; Sending: what it gives, to be awaited.
+/* Sends: a publisher's `send` without a coroutine, if there is room. Sending: its awaitable result.
  *
- * A Sending is to its users what the coroutine of an async function is: nothing happens before it is awaited or a task
- * runs it, it can be cancelled, and it is good for once. Where the quick way takes the message, that is all. Else it is
- * the coroutine of the publisher's own `send`, behind a Sending.
+ * A Sending behaves like the coroutine of an async function: nothing happens before it is awaited or a task runs it, it
+ * can be cancelled, and it can be used once. If the quick way takes the message, the Sending is finished. Else it runs
+ * the coroutine of the publisher's own `send`.
  *
- * Where threads share the event loop, `publish_shared` holds its guard for the quick way. */
+ * If threads share the event loop, `publish_shared` holds the loop's guard for the quick way. */
 #include "py.h"
 
-/* A program that sends without ever waiting gives the event loop a turn after so many messages; where `spares_turns`,
- * only when the loop has had none for so long. */
+/* A program that sends without ever waiting gives the event loop a turn after PER_TURN messages. With
+ * `spares_turns`, it does so only if the loop has had no turn for TURN_NS. */
 enum { PER_TURN = 100 };
 #define TURN_NS UINT64_C(200000)
 
@@ -16,19 +16,19 @@ enum sending_state { IS_NEW, HAS_TURNED, IS_BUSY, IS_RUNNING, IS_DONE };
 
 typedef struct {
     PyObject_HEAD
-    PyObject *publish;   /* the quick way, at present: as Writer.publish; NULL: none */
-    PyObject *slow;      /* async, of a message */
-    PyObject *go_on;     /* of a message and what `publish` gave, where that was neither True nor False */
-    PyObject *forgotten; /* of a message that is never awaited */
+    PyObject *publish;   /* the present quick way, with the results of Writer.publish; NULL: none */
+    PyObject *slow;      /* async, called with a message */
+    PyObject *go_on;     /* called with a message and a result of `publish` other than True and False */
+    PyObject *forgotten; /* called with a message that was never awaited */
     PyTypeObject *sending;
     unsigned in_turn;
-    uint64_t turn_ns; /* when the last turn ended that was given */
+    uint64_t turn_ns; /* end of the last turn given to the loop */
     char spares_turns;
-    /* Of a loop that threads share; NULL: it is not. */
-    PyObject *acquire, *release; /* its guard's */
-    PyObject *loop;              /* has `is_interrupted`, which `rest_shared` sees to */
-    PyObject *interrupted;       /* that name */
-    PyObject *rest_shared;       /* of a message and what `publish` gave */
+    /* Attributes of a loop that threads share; NULL: no threads share it. */
+    PyObject *acquire, *release; /* methods of the loop's guard */
+    PyObject *loop;              /* has `is_interrupted`, which `rest_shared` handles */
+    PyObject *interrupted;       /* the name of that attribute */
+    PyObject *rest_shared;       /* called with a message and the result of `publish` */
 } Sends;
 
 typedef struct {
@@ -50,10 +50,10 @@ static PyObject *sends_send(PyObject *object, PyObject *message)
     sending->message = Py_NewRef(message);
     sending->coroutine = NULL;
     sending->state = IS_NEW;
-    return (PyObject *)sending; /* tracked by the collector only once it has a coroutine */
+    return (PyObject *)sending; /* the collector tracks it only after it has a coroutine */
 }
 
-/* Whether it ends here; the message is taken, or an error is set. */
+/* Ends the Sending: the message is taken, or an error is set. */
 static bool ends(Sending *self, bool is_taken)
 {
     self->state = IS_DONE;
@@ -73,7 +73,7 @@ static bool begin_slowly(Sending *self)
     return true;
 }
 
-/* The coroutine has run on for a while. Meanwhile it was busy: what it runs may have got hold of this very Sending. */
+/* Leaves the busy state after a step of the coroutine. During the step, the called code may have used this Sending. */
 static void rest(Sending *self, bool is_over)
 {
     self->state = is_over ? IS_DONE : IS_RUNNING;
@@ -97,7 +97,7 @@ static bool is_turn_due(Sends *sends)
     return !sends->spares_turns || core_now_ns() - sends->turn_ns >= TURN_NS;
 }
 
-/* 1: the message is taken; 0: it is to go slowly; -1: an error is set. */
+/* Tries the quick way. 1: the message is taken; 0: it must go the slow way; -1: an error is set. */
 static int try_quickly(const Sends *sends, PyObject *message)
 {
     if (sends->publish == NULL)
@@ -123,7 +123,7 @@ static PySendResult begin(Sending *self, PyObject **result)
         sends->turn_ns = core_now_ns();
     } else if (is_turn_due(sends)) {
         self->state = HAS_TURNED;
-        *result = Py_NewRef(Py_None); /* what asyncio.sleep(0) gives */
+        *result = Py_NewRef(Py_None); /* the value that asyncio.sleep(0) yields */
         return PYGEN_NEXT;
     }
     self->state = IS_BUSY;
@@ -133,7 +133,7 @@ static PySendResult begin(Sending *self, PyObject **result)
         *result = is_taken > 0 ? Py_NewRef(Py_None) : NULL;
         return is_taken > 0 ? PYGEN_RETURN : PYGEN_ERROR;
     }
-    sends->in_turn--; /* the slow way counts by itself */
+    sends->in_turn--; /* the slow way counts the message itself */
     return begin_slowly(self) ? run_on(self, Py_None, result) : PYGEN_ERROR;
 }
 
@@ -160,7 +160,7 @@ static PySendResult sending_go_on(PyObject *object, PyObject *value, PyObject **
     return self->state == IS_NEW || self->state == HAS_TURNED ? begin(self, result) : refuse(self->state, result);
 }
 
-/* As a method returns it: the end is a StopIteration. */
+/* The outcome as a method returns it: the end is a StopIteration. */
 static PyObject *outcome_of(PySendResult outcome, PyObject *result)
 {
     if (outcome == PYGEN_RETURN) {
@@ -182,7 +182,8 @@ static PyObject *sending_send(PyObject *object, PyObject *value)
 
 static PyObject *sending_next(PyObject *object) { return sending_send(object, Py_None); }
 
-/* One that has not begun does not: its coroutine raises what is thrown, and the message is not published. */
+/* Throws an error into the coroutine. If the Sending has not begun, it never begins: its coroutine raises the error,
+ * and the message is not published. */
 static PyObject *sending_throw(PyObject *object, PyObject *args)
 {
     Sending *self = (Sending *)object;
@@ -366,8 +367,8 @@ static PyObject *sends_share(PyObject *object, PyObject *args)
     Py_RETURN_NONE;
 }
 
-/* What the quick way gives under the guard, a new reference; None where another thread has the guard, or there is no
- * quick way. NULL: an error is set. */
+/* Calls the quick way under the guard. Returns a new reference to its result, or to None if another thread has the
+ * guard or there is no quick way. NULL: an error is set. */
 static PyObject *publish_guarded(const Sends *self, PyObject *message)
 {
     PyObject *is_held = PyObject_CallFunctionObjArgs(self->acquire, Py_False, NULL);
@@ -394,8 +395,8 @@ static PyObject *publish_guarded(const Sends *self, PyObject *message)
     return status;
 }
 
-/* A wait for the guard, what is not taken quickly, an interrupt that came where the message's encoding runs Python: all
- * of that is the rest's. */
+/* Publishes a message while threads share the loop. `rest_shared` does the rest: a wait for the guard, a message
+ * that the quick way does not take, an interrupt that came while the message's encoding ran Python code. */
 static PyObject *sends_publish_shared(PyObject *object, PyObject *message)
 {
     const Sends *self = (const Sends *)object;
@@ -469,7 +470,7 @@ static PyMemberDef sends_members[] = {
     {0},
 };
 
-/* A callback that is this method is an async one (bus.base.awaited). */
+/* Marks this method as async for its use as a callback (bus.base.awaited). */
 static PyObject *get_mark(PyObject *Py_UNUSED(object), void *Py_UNUSED(closure)) { Py_RETURN_TRUE; }
 
 static PyGetSetDef sends_properties[] = {

@@ -1,7 +1,7 @@
-/* Taking from a Reader: the feeds merged by stamp, the depth over all of them, records to messages.
+/* Taking from a Reader: merges its feeds by stamp, applies the depth to all of them, decodes records to messages.
  *
- * decode(), a comparison, a garbage collection may run any Python code, which may use this very Reader. So a feed is
- * brought in order before anything of that kind, and looked up again after it.
+ * decode(), a comparison or a garbage collection may run any Python code, which may use this very Reader. So a feed is
+ * in a consistent state before any of these, and is looked up again after it.
  */
 #include "py.h"
 
@@ -12,7 +12,7 @@
 #include <time.h>
 
 enum { SHORT_BYTES = 4096, BATCH_BYTES = 256 << 10, MAX_REJECTED = 64 };
-enum { AGES_AT_ONCE = 64, AGES_EACH = 32 }; /* bus.delivery.ages does likewise */
+enum { AGES_AT_ONCE = 64, AGES_EACH = 32 }; /* as in bus.delivery.ages */
 
 struct feed *reader_oldest(Reader *self)
 {
@@ -78,8 +78,8 @@ void pass_source_time(struct ring_record *record, int64_t *source_ns)
     }
 }
 
-/* The head of the feed, for decode(): bytes, or a memoryview of the pinned record. The feed has stepped on. NULL: the
- * record was overrun, or an error is set. *source_ns: see core_source_time(); else 0. */
+/* Takes the feed's next payload, for decode(): bytes, or a memoryview of the pinned record. NULL: the record was
+ * overrun, or an error is set. *source_ns: see core_source_time(); 0 if there is none. */
 static PyObject *fetch(Reader *self, struct feed *feed, int64_t *source_ns)
 {
     struct ring_record record = feed->head;
@@ -104,7 +104,7 @@ static PyObject *fetch(Reader *self, struct feed *feed, int64_t *source_ns)
     return NULL;
 }
 
-/* decode() has raised: an error of the sample is kept and counted, any other (a keyboard interrupt) goes on. */
+/* Handles an error of decode(): keeps and counts an error of the sample; passes on any other (KeyboardInterrupt). */
 static int reject(Reader *self, uint64_t size)
 {
     PyObject *type, *error, *traceback;
@@ -121,11 +121,11 @@ static int reject(Reader *self, uint64_t size)
     }
     Py_XDECREF(type);
     Py_XDECREF(error);
-    Py_XDECREF(traceback); /* whose frames would hold the sample */
+    Py_XDECREF(traceback); /* its frames would keep the sample */
     return status;
 }
 
-/* One reading of the clock costs a tenth of a take, so where there are many, most do without. */
+/* Notes the age of a sample. Reading the clock costs a tenth of a take, so most of many samples go without it. */
 void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
 {
     if (ages->count >= AGES_AT_ONCE && ++ages->passed < AGES_EACH)
@@ -135,7 +135,7 @@ void ages_note(struct ages *ages, uint64_t stamp_ns, uint64_t now_ns)
         now_ns = core_now_ns();
     const uint64_t age_ns = now_ns > stamp_ns ? now_ns - stamp_ns : 0;
     if (age_ns > MAX_SEQ / 2 || ages->sum_ns > MAX_SEQ / 2)
-        return; /* a stamp may lie */
+        return; /* the stamp is false */
     ages->count++;
     ages->sum_ns += age_ns;
     if (age_ns > ages->most_ns)
@@ -235,7 +235,7 @@ PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t coun
     return take((Reader *)self, args, count, kwnames, false);
 }
 
-/* Whether it may call back by itself now. */
+/* Whether the reader may call back by itself now. */
 bool reader_is_ready(const Reader *self)
 {
     if (self->prepared.callback == NULL || self->is_busy)
@@ -246,7 +246,7 @@ bool reader_is_ready(const Reader *self)
     return true;
 }
 
-/* As take_one(), of the oldest of all. */
+/* Like take_one(), for the oldest sample of all feeds. */
 static int take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject **item)
 {
     *item = NULL;
@@ -262,7 +262,7 @@ static int take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject
     return status;
 }
 
-/* Whether the owner has to look: the counters count more losses. */
+/* Whether the counters have more losses than the owner has been told. */
 static bool has_lost(Reader *self)
 {
     uint64_t lost = self->overrun + self->replaced + self->expired + self->undecodable;
@@ -281,7 +281,7 @@ bool reader_has_more(const Reader *self)
     return false;
 }
 
-/* In place of `except Exception as error: on_error(error)`. */
+/* Does the same as `except Exception as error: on_error(error)`. */
 static int handle(PyObject *on_error)
 {
     PyObject *type, *error, *traceback;
@@ -303,7 +303,7 @@ static int handle(PyObject *on_error)
     return answer == NULL ? -1 : 0;
 }
 
-/* The counters have changed, perhaps for the first time since they were reported. */
+/* Notes that the counters have changed, and calls on_report_due() at the first change since their report. */
 static int note(Reader *self, PyObject *on_report_due, PyObject *on_error)
 {
     if (self->is_report_due)
@@ -321,7 +321,7 @@ enum {
     SLOW_NS = 200000000 /* a call that takes longer is reported; bus.diagnostics.slow_callback has the same number */
 };
 
-/* By the coarse clock, which is exact to a few milliseconds and costs a fifth of the other. */
+/* The time by the coarse clock, which is exact to a few milliseconds and costs a fifth of the other clock. */
 static uint64_t coarse_now_ns(void)
 {
     struct timespec now;
@@ -329,7 +329,7 @@ static uint64_t coarse_now_ns(void)
     return (uint64_t)now.tv_sec * NS + (uint64_t)now.tv_nsec;
 }
 
-/* An error of the callback's stays as it is. */
+/* Reports a slow callback. An error that the callback has raised stays set. */
 static void tell_slow(PyObject *on_slow, uint64_t took_ns)
 {
     PyObject *type, *error, *traceback;
@@ -341,7 +341,8 @@ static void tell_slow(PyObject *on_slow, uint64_t took_ns)
     PyErr_Restore(type, error, traceback);
 }
 
-/* Where it is ready: calls back for the oldest message. 1: that was all; 0: the owner must look; -1: an error. */
+/* Calls back for the oldest message; only if the reader is ready. 1: no more messages; 0: the owner must check; -1: an
+ * error. */
 int reader_deliver(Reader *self)
 {
     PyObject *callback = Py_NewRef(self->prepared.callback), *decode = Py_NewRef(self->prepared.decode);
@@ -352,7 +353,7 @@ int reader_deliver(Reader *self)
     int status = take_oldest(self, decode, self->prepared.gives_taken, &message);
     if (status == 1) {
         const bool is_due = has_lost(self);
-        /* Before the callback: that may close the subscription, whose counters must be reported then. */
+        /* Before the callback, which may close the subscription; then its counters must be reported. */
         status = note(self, on_report_due, on_error);
         const uint64_t began_ns = coarse_now_ns();
         PyObject *answer = status < 0 ? NULL : PyObject_CallFunctionObjArgs(callback, message, NULL);
@@ -375,22 +376,22 @@ int reader_deliver(Reader *self)
     return status;
 }
 
-/* --- Reader.wait: a thread that has nothing else to do sleeps here until a message comes, and leaves with it.
+/* --- Reader.wait: a thread that has nothing else to do sleeps here until a message comes, and returns it.
  *
- * It stands in for a loop that does not run meanwhile: whatever that loop would have to do ends the wait. The doorbell
- * that has woken it is read when it is about to sleep again, or by the loop. So while the bell is not armed, the
- * doorbell stays rung, and the loop's next look at its descriptors goes on from there.
+ * The event loop does not run meanwhile. Any event that the loop would have to handle ends the wait. The doorbell that
+ * woke the thread is read before the next sleep, or by the loop. So while the bell is not armed, the doorbell stays
+ * rung, and the loop finds it at its next poll.
  */
 
 enum {
     MS_NS = 1000000,
-    FINE_NS = 20 * MS_NS, /* shorter waits are exact; epoll_wait() knows milliseconds only */
-    REST_NS = 5 * MS_NS,  /* a wait that finds all messages without a sleep still gives the loop a turn this often */
+    FINE_NS = 20 * MS_NS, /* shorter waits are exact; epoll_wait() only has milliseconds */
+    REST_NS = 5 * MS_NS,  /* period of the loop's turns if waits find all their messages without a sleep */
     MOST_EVENTS = 8,
     TRIES = 4
 };
 
-/* Whether this reader's messages are all that the process waits for in here. */
+/* Whether the process needs to wait only for this reader's messages. */
 static bool may_wait(const Reader *self)
 {
     const Readers *readers = self->readers;
@@ -398,7 +399,7 @@ static bool may_wait(const Reader *self)
            PyList_Size(self->rejected) == 0;
 }
 
-/* Until there are events, or the time is over; without the GIL. */
+/* Sleeps until there are events, or until the given time; called without the GIL. */
 static int sleep_until(int epoll, uint64_t until_ns, struct epoll_event *events)
 {
     while (true) {
@@ -419,8 +420,8 @@ static int sleep_until(int epoll, uint64_t until_ns, struct epoll_event *events)
     }
 }
 
-/* Sleeps. True: there is only the doorbell, if anything, to look after in here. False: the wait is over, perhaps with an
- * error; `*is_rung` tells of the doorbell. */
+/* Sleeps. True: the only event was the doorbell. False: the wait is over, perhaps with an error. *is_rung: the doorbell
+ * was rung. */
 static bool sleep_by(Readers *self, int epoll, uint64_t until_ns, bool *is_rung)
 {
     struct epoll_event events[MOST_EVENTS];
@@ -430,7 +431,7 @@ static bool sleep_by(Readers *self, int epoll, uint64_t until_ns, bool *is_rung)
     Py_END_ALLOW_THREADS
     *is_rung = false;
     if (got < 0 && errno == EINTR)
-        PyErr_CheckSignals(); /* a handler may have run the loop: the caller looks at all of it again */
+        PyErr_CheckSignals(); /* a handler may have run the loop: the caller checks everything again */
     for (int i = 0; i < got; i++)
         *is_rung = *is_rung || events[i].data.fd == self->doorbell;
     if (*is_rung) {
@@ -443,7 +444,7 @@ static bool sleep_by(Readers *self, int epoll, uint64_t until_ns, bool *is_rung)
     return true;
 }
 
-/* The bell is armed, and the eventfd read. False: the loop has to look after another reader. */
+/* Reads the eventfd and arms the bell. False: another reader has news, so the loop needs a turn. */
 static bool fall_asleep(Reader *reader)
 {
     Readers *self = reader->readers;
@@ -451,16 +452,16 @@ static bool fall_asleep(Reader *reader)
         if (readers_have_news_besides(self, reader))
             return false; /* the doorbell stays rung for it */
         self->is_rung = false;
-        doorbell_clear(self->doorbell); /* a writer that rang before had published before: the look finds it */
+        doorbell_clear(self->doorbell); /* a writer that rang before had published before: the check finds it */
     }
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: gates_ring(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the check. Counterpart: gates_ring(). */
     if (!readers_have_news_besides(self, reader))
         return true;
-    doorbell_ring(self->doorbell, KNOCK_ANY); /* its ring may be the one that was just read */
+    doorbell_ring(self->doorbell, KNOCK_ANY); /* the eventfd just read may have been rung for this reader */
     return false;
 }
 
-/* 0: *until_ns is the earlier of both. */
+/* Sets *until_ns to the earlier of both times. -1: an error is set. */
 static int earlier(PyObject *deadline_ns, PyObject *due_s, uint64_t *until_ns)
 {
     const double due = PyFloat_AsDouble(due_s);
@@ -507,7 +508,7 @@ PyObject *reader_wait(PyObject *object, PyObject *const *args, Py_ssize_t count)
         if (!fall_asleep(self))
             break;
         if (reader_has_more(self))
-            continue; /* the bell may ring for it: a turn of the loop for nothing */
+            continue; /* the bell may ring for that message, which costs the loop an idle turn */
         may_sleep = sleep_by(readers, (int)epoll, until_ns, &is_rung);
         if (PyErr_Occurred())
             return NULL;

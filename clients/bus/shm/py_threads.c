@@ -1,5 +1,5 @@
-/* What Python keeps of a thread that it has not made, as those in which zenoh calls back for each message: a state,
- * which is made anew for each call and goes when that returns, unless somebody holds it.
+/* Keeps Python's state of a thread that Python has not started, such as zenoh's threads, which call back for each
+ * message. Otherwise Python makes a new state for each call and deletes it when the call returns.
  *
  * Like py_run.c it has no segment, and is in this folder because the core is one compiled file.
  */
@@ -23,10 +23,10 @@ BIND(pthread_setspecific);
 #endif
 
 static pthread_once_t once = PTHREAD_ONCE_INIT;
-static pthread_key_t kept; /* the state that is held in this thread */
+static pthread_key_t kept; /* the kept state of this thread */
 static int fault;
 
-/* The thread ends. Python no longer finds the state by its thread, so another one is made to clear it in. */
+/* Deletes the kept state at the thread's end. Python no longer finds it by its thread, so a second state clears it. */
 static void let_go(void *value)
 {
     PyThreadState *const state = value;
@@ -40,7 +40,7 @@ static void let_go(void *value)
 
 static void make_key(void) { fault = pthread_key_create(&kept, let_go); }
 
-/* The state goes, as in a thread that Python has made after all: there is nothing left to let go of. */
+/* Forgets a kept state that Python deletes itself, as in a thread that Python has started: let_go() must not run. */
 static void forget(PyObject *Py_UNUSED(capsule)) { pthread_setspecific(kept, NULL); }
 
 PyObject *core_keep_thread(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused))
@@ -48,7 +48,7 @@ PyObject *core_keep_thread(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unus
     pthread_once(&once, make_key);
     if (fault != 0 || pthread_getspecific(kept) != NULL)
         Py_RETURN_NONE;
-    PyObject *const of_state = PyThreadState_GetDict(); /* borrowed; it goes with the state */
+    PyObject *const of_state = PyThreadState_GetDict(); /* borrowed; deleted with the state */
     if (of_state == NULL)
         Py_RETURN_NONE;
     PyObject *const capsule = PyCapsule_New(&kept, NULL, forget);
@@ -57,6 +57,6 @@ PyObject *core_keep_thread(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unus
     if (status != 0)
         return NULL;
     if (pthread_setspecific(kept, PyThreadState_Get()) == 0)
-        (void)PyGILState_Ensure(); /* and no release: so the calls that follow find the state */
+        (void)PyGILState_Ensure(); /* without a release, so that later calls find the state */
     Py_RETURN_NONE;
 }

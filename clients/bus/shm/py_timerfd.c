@@ -1,4 +1,4 @@
-/* A timer of the kernel, for the event loop of bus.alarms. Python has these two from 3.13 on. */
+/* A timer of the kernel, for the event loop of bus.alarms. Python has both functions from 3.13 on. */
 #include "py.h"
 
 #include <sys/timerfd.h>

@@ -1,9 +1,9 @@
-/* Writer: a publisher's end of its ring. What it writes and lends, and how it goes on in another ring. */
+/* Writer: a publisher's end of its ring. It writes, lends places, and continues in another ring. */
 #include "py.h"
 
 #include <string.h>
 
-/* A record's parts on the stack; more of them cost an allocation. */
+/* Most parts of a record that are kept on the stack; more cost an allocation. */
 enum { FEW_PARTS = 16 };
 
 /* --- beginning and end */
@@ -126,7 +126,7 @@ static PyObject *writer_prepare(PyObject *object, PyObject *args)
     return encoder_prepare(&((Writer *)object)->encoder, object, args) ? Py_NewRef(Py_None) : NULL;
 }
 
-/* The quick way of a publish: check, encode, write. False: nothing was done; the caller goes step by step, and meets an
+/* The quick way of a publish: check, encode, write. False: nothing was done; the caller goes step by step, and gets an
  * error of the encoder again. */
 static PyObject *writer_publish(PyObject *object, PyObject *message)
 {
@@ -144,7 +144,7 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
     PyObject *payload = encoder_encode(encoder, message);
     if (payload == NULL)
         return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
-    /* A long one is followed by others, which writer_write_parts() copies once less. */
+    /* After a long message, expect more of them: writer_write_parts() copies them once less. */
     self->is_long = PyBytes_Check(payload) && (uint64_t)PyBytes_Size(payload) > self->longest;
     outcome = write_payload(self, payload, UINT64_MAX);
     Py_DECREF(payload);
@@ -172,7 +172,7 @@ static PyObject *put_parts(Writer *self, const Py_buffer *parts, Py_ssize_t coun
     return published(self, size);
 }
 
-/* The bytes of a buffer, or the UTF-8 of text, which is held by the text itself. False: an error is set. */
+/* The bytes of a buffer, or the UTF-8 of a text, which the text object keeps. False: an error is set. */
 static bool get_part(PyObject *part, Py_buffer *buffer)
 {
     if (!PyUnicode_Check(part))
@@ -199,7 +199,7 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
         PyErr_SetString(PyExc_TypeError, "parts are missing");
         return NULL;
     }
-    PyObject *parts = PySequence_Tuple(values[0]); /* a tuple can't change while its buffers are asked for */
+    PyObject *parts = PySequence_Tuple(values[0]); /* a tuple can't change while its buffers are requested */
     if (parts == NULL)
         return NULL;
     const Py_ssize_t length = PyTuple_Size(parts);
@@ -225,7 +225,7 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
 static PyObject *lent_out(Writer *self, uint64_t whole, void *place, Py_ssize_t size)
 {
     self->lent = (uint32_t)whole;
-    self->is_lent = 1; /* before anything is allocated: a garbage collection may run anything, also a write */
+    self->is_lent = 1; /* before any allocation: a garbage collection may run any code, even a write */
     PyObject *loan = loan_new(core_state((PyObject *)self), self->memory, place, size);
     if (loan == NULL)
         self->is_lent = 0;
@@ -260,8 +260,8 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
     return lent_out(self, (uint64_t)size, payload, size);
 }
 
-/* The quick way of a loan: encodes around the field, lends its place, and makes what the caller gets of it, in one
- * step: so a signal handler that raises leaves no loan behind that nothing would give back. False: as in
+/* The quick way of a loan: encodes around the field, lends its place, and makes the caller's object. This is one
+ * step, so that a signal handler that raises an exception can't leave a loan that no object returns. False: as in
  * writer_publish(). */
 static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
@@ -323,7 +323,7 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
         PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
         return NULL;
     }
-    if (self->lent > self->most) /* which is less than it was */
+    if (self->lent > self->most) /* `most` has become smaller since */
         return PyLong_FromLong(TOO_LARGE);
     self->is_lent = 0;
     ring_publish(&self->ring, self->lent, writer_next_stamp(self, core_now_ns()), 0);
@@ -352,9 +352,9 @@ static PyObject *writer_close(PyObject *object, PyObject *Py_UNUSED(none))
     Py_RETURN_NONE;
 }
 
-/* --- what was published and is still there: given out once more, or carried to another ring */
+/* --- published records that the ring still has: read once more, or carried to another ring */
 
-/* The own record `seq`, which is between oldest and latest. */
+/* The writer's own record `seq`, which is between oldest and latest. */
 static struct ring_record own_record(const Writer *self, uint64_t seq)
 {
     const struct ring_writer *ring = &self->ring;
@@ -391,7 +391,7 @@ static PyObject *writer_since(PyObject *object, PyObject *argument)
     PyObject *records = PyList_New(0);
     for (; records != NULL && seq < end; seq++) {
         if (seq < self->ring.oldest)
-            continue; /* a garbage collection may run anything, also a write */
+            continue; /* a garbage collection may run any code, even a write */
         const struct ring_record record = own_record(self, seq);
         PyObject *payload = PyBytes_FromStringAndSize(record.payload, record.size);
         PyObject *item = payload == NULL ? NULL
@@ -491,11 +491,11 @@ static int set_keep(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
 
 static int set_hold(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
 {
-    ((Writer *)object)->ring.floor = 0; /* what readers had taken may be more than is given up now */
+    ((Writer *)object)->ring.floor = 0; /* the old floor may be above the new hold */
     return set_number(value, &((Writer *)object)->ring.hold, UINT64_MAX);
 }
 
-/* What only tests ask for. */
+/* Values that only tests use. */
 static PyObject *writer_debug(PyObject *object, PyObject *Py_UNUSED(none))
 {
     const Writer *self = (Writer *)object;

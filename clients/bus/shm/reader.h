@@ -1,12 +1,12 @@
-/* A reader's side of the ring: take what is there, learn what is lost, hold records in place. Begin with ring.h.
+/* A reader's side of the ring: takes records, counts lost ones, pins records in place. Begin with ring.h.
  *
- * Maps the ring read-only and believes nothing of it: sizes come from the geometry that ring_check() copied,
- * and every offset is brought within them. A round of a process is
+ * It maps the ring read-only and trusts nothing in it: sizes come from the geometry that ring_check() copied, and every
+ * offset is brought within them. A round of a process is
  *
  *     ring_poll(depth), then for each record: ring_look(), ring_copy_out() or ring_pin(), ring_step();
- *     then ring_tell_cursor() once, and where the match is lossless, ring_room_is_due().
+ *     then ring_tell_cursor() once, and if the match is lossless, ring_room_is_due().
  *
- * What was published from its start on = taken by ring_step() + overrun + replaced + what still waits.
+ * Records published since its start = taken by ring_step() + overrun + replaced + waiting.
  */
 #ifndef BUS_SHM_READER_H
 #define BUS_SHM_READER_H
@@ -21,20 +21,20 @@ struct ring_reader {
     const unsigned char *data;
     uint64_t capacity, index_length;
     struct reader_slot *slot; /* its own, shown to the writer; NULL: neither lossless nor pins */
-    uint64_t next;            /* sequence number that it takes next */
+    uint64_t next;            /* sequence number of the record to take next */
     uint64_t latest;          /* at the last poll */
     uint64_t overrun;         /* samples lost because the writer lapped this reader */
     uint64_t replaced;        /* samples passed over because more than `depth` were waiting */
-    uint64_t room_rung;       /* the writer's sleep that it has rung for */
+    uint64_t room_rung;       /* generation of the writer's sleep for which it has rung */
 };
 
 struct ring_record {
     uint64_t seq, stamp_ns;
     uint32_t size, flags;
-    const void *payload; /* in the ring: bytes may change unless pinned */
+    const void *payload; /* in the ring: its bytes may change unless pinned */
 };
 
-/* `geometry` as copied and accepted by ring_check(). Then ring_join() or ring_seek(). */
+/* Begins to read a ring with a geometry that ring_check() copied and accepted. Then ring_join() or ring_seek(). */
 static inline void ring_reader_attach(
     struct ring_reader *r, const void *memory, const struct ring_geometry *geometry, struct reader_slot *slot)
 {
@@ -48,7 +48,7 @@ static inline void ring_reader_attach(
     };
 }
 
-/* Goes on with `seq`: the start of a match as the broker tells it, or the reader's own next in a grown ring. */
+/* Continues with `seq`: the start of a match as reported by the broker, or the reader's own next in a grown ring. */
 static inline void ring_seek(struct ring_reader *r, uint64_t seq) { r->next = seq; }
 
 /* Starts with the newest `history` records, or as many as there are; 0: with the next one to come. */
@@ -56,13 +56,13 @@ static inline void ring_join(struct ring_reader *r, uint64_t history)
 {
     /* PAIR(latest): acquire, as in ring_poll() */
     const uint64_t end = atomic_load_explicit(&r->header->latest, memory_order_acquire) + 1;
-    /* relaxed: an old value makes a start that ring_look() finds lapped */
+    /* relaxed: with an old value, ring_look() finds the start lapped */
     const uint64_t oldest = atomic_load_explicit(&r->header->oldest, memory_order_relaxed);
     const uint64_t there = oldest < end ? end - oldest : 0;
     r->next = end - (history < there ? history : there);
 }
 
-/* Looks for new samples; returns how many wait, after passing over those beyond `depth` (0: no depth). */
+/* Checks for new samples and passes over the oldest ones above `depth` (0: no depth). Returns how many wait. */
 static inline uint64_t ring_poll(struct ring_reader *r, uint64_t depth)
 {
     /* PAIR(latest): acquire. Records and index entries up to it are whole. Counterpart: ring_publish(). */
@@ -77,22 +77,22 @@ static inline uint64_t ring_poll(struct ring_reader *r, uint64_t depth)
     return depth;
 }
 
-/* True where everything is taken and the writer has left this ring. */
+/* True if everything is taken and the writer has left this ring. */
 static inline bool ring_is_finished(const struct ring_reader *r)
 {
     /* PAIR(closed): acquire, so the latest read after it is final. Counterpart: ring_close(). */
     if (atomic_load_explicit(&r->header->closed, memory_order_acquire) == 0)
         return false;
-    /* relaxed: PAIR(closed) orders it, and no record is read by it */
+    /* relaxed: PAIR(closed) orders it, and no record is read through it */
     return atomic_load_explicit(&r->header->latest, memory_order_relaxed) < r->next;
 }
 
-/* After reading bytes of record r->next: true where all of them were the record's. Else counts what is lost
- * and goes to the oldest record. */
+/* After reading bytes of record r->next: true if all of them belonged to the record. Else counts the lost records and
+ * moves to the oldest one. */
 static inline bool ring_is_intact(struct ring_reader *r)
 {
-    /* PAIR(oldest): acquire fence, then load. If a byte read above was written after the record was given up,
-     * this sees that it was. Counterpart: ring_give_up(). */
+    /* PAIR(oldest): acquire fence, then load. If a byte read above was written after the record was dropped, this load
+     * sees the drop. Counterpart: ring_give_up(). */
     atomic_thread_fence(memory_order_acquire);
     const uint64_t oldest = atomic_load_explicit(&r->header->oldest, memory_order_relaxed);
     if (oldest <= r->next)
@@ -108,7 +108,7 @@ static inline enum ring_status ring_look(struct ring_reader *r, struct ring_reco
 {
     if (r->next > r->latest)
         return RING_EMPTY;
-    /* relaxed: PAIR(latest) ordered it; if it has a new owner since, PAIR(oldest) tells */
+    /* relaxed: PAIR(latest) ordered it; if the entry has a new owner since, PAIR(oldest) shows that */
     const uint64_t at = atomic_load_explicit(&r->index[r->next & (r->index_length - 1)], memory_order_relaxed);
     const uint64_t begin = at & (r->capacity - 1) & ~(uint64_t)(RING_ALIGN - 1);
     const unsigned char *head = r->data + begin;
@@ -122,7 +122,7 @@ static inline enum ring_status ring_look(struct ring_reader *r, struct ring_reco
     return RING_OK;
 }
 
-/* Copies the payload that ring_look() found. RING_OK, or RING_OVERRUN: what was copied is worthless. A build with
+/* Copies the payload that ring_look() found. RING_OK, or RING_OVERRUN: the copied bytes are worthless. A build with
  * BROKEN_NO_VALIDATE exists to see the litmus tests fail. */
 static inline enum ring_status ring_copy_out(struct ring_reader *r, const struct ring_record *record, void *bytes)
 {
@@ -133,44 +133,45 @@ static inline enum ring_status ring_copy_out(struct ring_reader *r, const struct
     return ring_is_intact(r) ? RING_OK : RING_OVERRUN;
 }
 
-/* The next record is taken. */
+/* Notes that the next record is taken. */
 static inline void ring_step(struct ring_reader *r) { r->next++; }
 
-/* Shows the writer how far this reader is: what is before it may be overwritten, but for pins. */
+/* Shows the writer how far this reader is: earlier records may be overwritten, except pinned ones. */
 static inline void ring_tell_cursor(struct ring_reader *r)
 {
-    /* PAIR(cursor): release. Copies of what is taken are over, and pins on it stand. Counterpart: gates_taken(). */
+    /* PAIR(cursor): release. Copies of taken records are complete, and pins on them are set. Counterpart:
+     * gates_taken(). */
     atomic_store_explicit(&r->slot->cursor, r->next, memory_order_release);
 }
 
-/* After ring_tell_cursor(): true where the writer sleeps for room and must be rung now. */
+/* After ring_tell_cursor(): true if the writer sleeps for room and must be rung now. */
 static inline bool ring_room_is_due(struct ring_reader *r)
 {
     bell_fence(); /* PAIR(sleep): after the cursor. Counterpart: ring_wait_for_room(). */
     return bell_is_due(&r->header->room, &r->room_rung, r->next);
 }
 
-/* Asks to be admitted: the gate that the writer adds for this slot shows the ticket. Not 0, unlike all others
- * that are shown now; the slot's pins are free. Until it is admitted the reader must not pin, only copy. */
+/* Asks to be admitted: the writer shows the ticket when it adds the gate of this slot. The ticket is not 0 and differs
+ * from all tickets shown now; the slot's pins are free. Until it is admitted the reader must copy and not pin. */
 static inline void ring_ask(struct reader_slot *slot, uint32_t ticket)
 {
-    /* PAIR(unpin): release, as for any pin. What tells the writer of the slot orders it before the gate. */
+    /* PAIR(unpin): release, as for any pin. The message that names the slot to the writer orders it before the gate. */
     atomic_store_explicit(&slot->pins[READER_PINS - 1], READER_TICKET | ticket, memory_order_release);
 }
 
-/* True where the ticket is shown. It may have come and gone again, behind many others: then copying stays. */
+/* True if the ticket is shown. If later tickets have already replaced it, the reader is never admitted and copies. */
 static inline bool ring_is_admitted(const struct ring_reader *r, uint32_t ticket)
 {
     for (unsigned i = 0; i < RING_ADMITTED; i++)
-        /* PAIR(admit): acquire. All that is given up from here on is given up with the gate. Counterpart:
+        /* PAIR(admit): acquire. The writer respects the gate for all records dropped from here on. Counterpart:
          * ring_admit(). */
         if (atomic_load_explicit(&r->header->admitted[i], memory_order_acquire) == ticket)
             return true;
     return false;
 }
 
-/* Holds the record that ring_look() found in place until ring_unpin(*pin): its payload may then be read at
- * leisure, also after ring_step(). Only once the writer has this reader's gate: see ring_ask(). RING_OK,
+/* Holds the record that ring_look() found in place until ring_unpin(*pin). Its payload may be read until then, also
+ * after ring_step(). Allowed only after the writer has added this reader's gate: see ring_ask(). RING_OK,
  * RING_OVERRUN, or RING_PINNED: all pins of this match are in use, copy instead. */
 static inline enum ring_status ring_pin(struct ring_reader *r, const struct ring_record *record, unsigned *pin)
 {
@@ -194,7 +195,7 @@ static inline enum ring_status ring_pin(struct ring_reader *r, const struct ring
 
 static inline void ring_unpin(struct reader_slot *slot, unsigned pin)
 {
-    /* PAIR(unpin): release. Reads of the record are over. Counterpart: gate_pin(). */
+    /* PAIR(unpin): release. Reads of the record are complete. Counterpart: gate_pin(). */
     atomic_store_explicit(&slot->pins[pin], 0, memory_order_release);
 }
 

@@ -1,7 +1,8 @@
-"""Makes and maps segments, and makes doorbells. See docs/ring.md for what stands in them.
+"""Makes and maps segments, and makes doorbells. docs/ring.md describes their contents.
 
-Owns how memory is made so that it can't leak or hurt: no names, reserved when made, sealed before anyone
-else sees it. Must not know who gets it. Functions that need the native core raise ImportError without it.
+Owns the rules by which a segment can't leak and can't harm other processes: it has no name, its memory is
+reserved when it is made, and it is sealed before another process sees it. Must not know the receivers of a
+segment. Functions that need the native core raise ImportError without it.
 """
 
 import fcntl
@@ -27,26 +28,26 @@ __all__ = [
 _STEP_BYTES = 4 << 20
 
 RING_HEAD_BYTES = 32
-"""Of a record in a ring, before its payload; a payload is at most a quarter of the ring less this."""
+"""Bytes of a record before its payload. A payload has at most a quarter of the ring's bytes, less this."""
 
 
 def make_ring(capacity: int, index_length: int, first_seq: int) -> "tuple[Descriptor, shm.native.Mapping]":
-    """An empty ring of `capacity` bytes for payloads and `index_length` records, both powers of two.
+    """Make an empty ring of `capacity` bytes for payloads and `index_length` records, both powers of two.
 
-    Raises ValueError for sizes out of bounds, OSError where there is no memory or no descriptor.
+    Raises ValueError for sizes out of bounds, OSError if memory or descriptors are lacking.
     """
     size = shm.native.ring_bytes(capacity, index_length)
     return _make("busd-ring", size, lambda memory: memory.format_ring(capacity, index_length, first_seq))
 
 
 def make_readers(slot_count: int) -> "tuple[Descriptor, shm.native.Mapping]":
-    """A readers' segment of free slots. Raises as `make_ring`."""
+    """Make a readers' segment with free slots. Raises as `make_ring`."""
     size = shm.native.readers_bytes(slot_count)
     return _make("busd-readers", size, lambda memory: memory.format_readers(slot_count))
 
 
 def map_ring(descriptor: Descriptor) -> "shm.native.Mapping":
-    """Map another process's ring, read-only. Raises ValueError, saying what is wrong with it, or OSError."""
+    """Map another process's ring, read-only. Raises ValueError with the fault of the ring, or OSError."""
     return _map(descriptor, ring_fault)
 
 
@@ -56,12 +57,12 @@ def map_readers(descriptor: Descriptor) -> "shm.native.Mapping":
 
 
 def make_doorbell() -> Descriptor:
-    """An eventfd that never blocks. Raises OSError."""
+    """Make a doorbell: an eventfd that never blocks. Raises OSError."""
     return Descriptor(os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK))
 
 
 def identity(descriptor: Descriptor) -> tuple[int, int]:
-    """Of its segment, whatever the descriptor; its own as long as somebody has the segment mapped."""
+    """The segment's identity, the same for all its descriptors. Unique while any process maps the segment."""
     status = os.fstat(descriptor.number)
     return status.st_dev, status.st_ino
 
@@ -74,17 +75,17 @@ def _make(
     claim(size)
     descriptor = Descriptor(set_aside(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)))
     try:
-        os.fchmod(descriptor.number, 0o600)  # a memfd is open to all: its receiver could open it anew
+        os.fchmod(descriptor.number, 0o600)  # a new memfd is open to all: a receiver could open it anew
         os.ftruncate(descriptor.number, size)
         for start in range(0, size, _STEP_BYTES):
             if start:
-                claim(size - start, of=size)  # others may take memory at the same time
+                claim(size - start, of=size)  # other processes may take memory at the same time
             os.posix_fallocate(descriptor.number, start, min(_STEP_BYTES, size - start))
         memory = shm.native.Mapping(descriptor.number, size, writable=True)
         lay_out(memory)
         fcntl.fcntl(descriptor.number, fcntl.F_ADD_SEALS, SEALS)  # after the one writable mapping
     except BaseException:
-        descriptor.close()  # not when the traceback goes, which may be later
+        descriptor.close()  # at once, not when the traceback is freed
         raise
     return descriptor, memory
 

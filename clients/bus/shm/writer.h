@@ -1,7 +1,7 @@
 /* The writer's side of the ring: makes room, steps over pins, publishes. Begin with ring.h.
  *
- * Only the process that made a segment can map it writable, so all words of the ring are the writer's own; what
- * it reads of others are cursors and pins, through its gates (gates.h), and a lie there costs only the liar.
+ * Only the process that made a segment can map it writable, so all words of the ring are the writer's own. It reads
+ * only cursors and pins of other processes, through its gates (gates.h). A false cursor or pin harms only its owner.
  */
 #ifndef BUS_SHM_WRITER_H
 #define BUS_SHM_WRITER_H
@@ -12,16 +12,16 @@
 #include "ring.h"
 
 #ifndef RING_LEAD
-#define RING_LEAD 16u /* records given up ahead, so that `oldest` changes seldom and stays in readers' caches */
+#define RING_LEAD 16u /* records dropped in advance: `oldest` changes seldom, and stays in readers' caches */
 #endif
 
 #ifndef RING_LARGE
-#define RING_LARGE 32768u /* records from here on turn back, see ring_turn_back() */
+#define RING_LARGE 32768u /* bytes from which on records turn back, see ring_turn_back() */
 #endif
-#define RING_ROUND 3u /* of them before they do */
+#define RING_ROUND 3u /* such records before the ring turns back */
 
 #ifndef RING_ASK
-#define RING_ASK (4u << 20) /* bytes since the start of the ring from which on `hold` is worth asking for */
+#define RING_ASK (4u << 20) /* bytes since the start of the ring from which on a request to move `hold` pays off */
 #endif
 
 struct ring_writer {
@@ -31,18 +31,18 @@ struct ring_writer {
     uint64_t capacity, index_length, max_payload;
     uint64_t keep; /* newest records that must stay, 1 or more: largest depth of publisher and matches */
     uint64_t latest, oldest, head; /* head: position of the next record */
-    uint64_t turn, behind;         /* after turning back: the next seq then, the position behind what lay there */
-    uint64_t island, island_end;   /* after a leap: what is before this seq lies ahead, up to that position */
+    uint64_t turn, behind;         /* of the last turn back: the next seq then, and the end of the records there */
+    uint64_t island, island_end;   /* after a leap: records before this seq lie ahead, up to that position */
     uint64_t loan;                 /* bytes of the record reserved at head; 0: none */
-    uint64_t hold;                 /* nothing from this seq on may be given up; UINT64_MAX: none */
-    uint64_t asked;                /* the seq for which RING_HELD was said */
-    uint64_t floor;                /* what lossless readers had taken when last looked at; 0 after hold is set */
+    uint64_t hold;                 /* no record from this seq on may be dropped; UINT64_MAX: no limit */
+    uint64_t asked;                /* the seq for which RING_HELD was returned */
+    uint64_t floor;                /* ring_taken() at the last check; 0 after hold is set */
     uint64_t admissions;           /* tickets shown so far */
-    struct ring_gates gates;       /* if they are changed from outside: then ring_gates_changed() */
+    struct ring_gates gates;       /* after a change from outside: ring_gates_changed() */
 };
 
-/* Takes over a formatted ring where its last writer left it, also one that was killed in mid-write. Gates come
- * later; a ring with pins from before must not be taken over, for nobody knows any more where they lie. */
+/* Takes over a formatted ring at the point where its last writer left it, even if that was killed in mid-write. Gates
+ * are added later. A ring with old pins must not be taken over: the positions of their records are no longer known. */
 static inline void ring_writer_attach(struct ring_writer *w, void *memory)
 {
     struct ring_header *header = memory;
@@ -63,30 +63,30 @@ static inline void ring_writer_attach(struct ring_writer *w, void *memory)
     };
 }
 
-/* What all lossless readers have taken; `hold` counts as one of them. */
+/* The seq up to which all lossless readers have taken the records; `hold` counts like a reader. */
 static inline uint64_t ring_taken(const struct ring_writer *w) { return gates_taken(&w->gates, w->hold); }
 
-/* What was known of the gates before does not hold any more. */
+/* Discards all conclusions from the gates, which have changed. */
 static inline void ring_gates_changed(struct ring_writer *w)
 {
     w->floor = 0;
     gates_count_holes(&w->gates);
 }
 
-/* After a gate was added and ring_gates_changed(): shows its reader's ticket, so that it may pin from now on. */
+/* Shows the ticket of a new gate's reader, which may pin from now on. Comes after ring_gates_changed(). */
 static inline void ring_admit(struct ring_writer *w, const struct ring_gate *gate)
 {
     const uint32_t ticket = gate_ticket(gate);
     if (ticket == 0)
         return;
-    /* PAIR(admit): release. The oldest that was announced without the gate is before it. Counterpart:
+    /* PAIR(admit): release. Each store of `oldest` that did not respect the gate comes before it. Counterpart:
      * ring_is_admitted(). */
     _Atomic uint32_t *place = &w->header->admitted[w->admissions++ % RING_ADMITTED];
     atomic_store_explicit(place, ticket, memory_order_release);
 }
 
-/* Adds the gate of match `key`, or puts it in place of the one before, and admits its reader; see gates_add(). Then
- * gates_ring() for any: what was published since the reader's last look did not wake it. False: no memory. */
+/* Adds the gate of match `key`, or replaces its earlier gate, and admits its reader; see gates_add(). Call gates_ring()
+ * for any after it: records published since the reader's last check did not wake it. False: no memory. */
 static inline bool ring_add_gate(struct ring_writer *w, uint64_t key, struct reading_process *process, uint64_t slot,
                                  bool is_lossless)
 {
@@ -97,7 +97,7 @@ static inline bool ring_add_gate(struct ring_writer *w, uint64_t key, struct rea
     return true;
 }
 
-/* Removes a gate: what its reader has pinned is overwritten from now on. Returns its process. */
+/* Removes a gate: from now on the writer overwrites records that its reader has pinned. Returns its process. */
 static inline struct reading_process *ring_remove_gate(struct ring_writer *w, struct ring_gate *gate)
 {
     struct reading_process *process = gates_remove(&w->gates, gate);
@@ -105,7 +105,7 @@ static inline struct reading_process *ring_remove_gate(struct ring_writer *w, st
     return process;
 }
 
-/* The gate's reader holds the writer back no longer, except by pins. */
+/* Makes the gate lossy: its reader no longer holds the writer back, except by pins. */
 static inline void ring_make_lossy(struct ring_writer *w, struct ring_gate *gate)
 {
     gate->is_lossless = false;
@@ -118,14 +118,14 @@ static inline uint64_t ring_position(const struct ring_writer *w, uint64_t seq)
     return atomic_load_explicit(&w->index[seq & (w->index_length - 1)], memory_order_relaxed);
 }
 
-/* The first record that survives once seq `next` ends at position `end`: by bytes, and by index entries. */
+/* The first record that remains after seq `next` is written up to position `end`: by bytes, and by index entries. */
 static inline uint64_t ring_survivor(const struct ring_writer *w, uint64_t next, uint64_t end)
 {
     uint64_t seq = w->oldest;
     if (next - seq >= w->index_length)
         seq = next - w->index_length + 1;
     while (seq <= w->latest) {
-        const bool is_leapt = seq < w->island && end <= w->island_end; /* its place comes a lap later */
+        const bool is_leapt = seq < w->island && end <= w->island_end; /* the writer reaches its place a lap later */
         if (ring_position(w, seq) + w->capacity + (is_leapt ? w->capacity : 0) >= end)
             break;
         seq++;
@@ -133,8 +133,8 @@ static inline uint64_t ring_survivor(const struct ring_writer *w, uint64_t next,
     return seq;
 }
 
-/* First position from `position` on where `total` bytes lie in one piece and clear of holes; or one that is
- * more than a lap ahead. */
+/* First position from `position` on at which `total` bytes lie in one piece and clear of holes; or a position more than
+ * a lap ahead. */
 static inline uint64_t ring_place(struct ring_writer *w, uint64_t position, uint64_t total)
 {
     const uint64_t last = w->head + w->capacity - total;
@@ -148,20 +148,20 @@ static inline uint64_t ring_place(struct ring_writer *w, uint64_t position, uint
     return position;
 }
 
-/* Announces that everything before `survivor` is given up, and makes holes of what is pinned in it. */
+/* Drops all records before `survivor`: announces it by `oldest`, and makes holes of the pinned ones. */
 static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
 {
     const uint64_t before = w->oldest;
     w->oldest = survivor;
     atomic_store_explicit(&w->header->oldest, survivor, memory_order_relaxed); /* the next line orders it */
-    /* PAIR(oldest): release fence. Who sees a byte written from here on, and then fences, sees the store above.
-     * Counterpart: ring_is_intact(). A full one, because x86 orders the streaming stores of a long memcpy after
-     * earlier stores only so; and for pins. */
+    /* PAIR(oldest): release fence. A reader that sees a byte written from here on, and then fences, sees the store
+     * above. Counterpart: ring_is_intact(). It is a full fence for two reasons: only that makes x86 order the streaming
+     * stores of a long memcpy after earlier stores, and pins need it. */
     /* PAIR(pin): either this side sees the pin below or its reader sees that it came too late: ring_pin(). */
     bell_fence();
     for (size_t i = 0; i < w->gates.count; i++) {
         for (unsigned j = 0; j < READER_PINS; j++) {
-            const uint64_t seq = gate_pin(&w->gates.list[i], j); /* it may have moved on from the record of an older hole */
+            const uint64_t seq = gate_pin(&w->gates.list[i], j); /* may have changed since an older hole */
             if (seq < before || seq >= survivor)
                 continue;
             const uint64_t begin = ring_position(w, seq) & (w->capacity - 1);
@@ -171,10 +171,10 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
     }
 }
 
-/* Before a large record of `total` bytes: goes back to the start of the ring, which is still in the cache. Not where
- * something lies there that is needed: by lossless readers, `hold` or the depth, and one more, which may be being
- * read. Nor where that is more than a quarter of the ring. False: `hold` stands in the way, and moving it is worth
- * the owner's while; said once for a record. */
+/* Before a large record of `total` bytes: turns back to the start of the ring, which is still in the cache. It does not
+ * turn back if records there are needed: by lossless readers, `hold` or the depth, or one more, which may be in use. It
+ * does not either if the needed records take more than a quarter of the ring. False: only `hold` prevents it, and the
+ * owner should try to move it; returned once for a record. */
 static inline bool ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
 {
     const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity;
@@ -200,8 +200,8 @@ static inline bool ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t
     return true;
 }
 
-/* Where the ring has turned back and finds no room any more, it goes on behind what lay there then, which becomes an
- * island: so turning back takes away no more room than that. False: there is nothing to leap over. */
+/* If the ring has turned back and finds no more room, continues behind the records that lay there at the turn. These
+ * become an island, and turning back costs no more room than that. False: there is nothing to leap over. */
 static inline bool ring_leap(struct ring_writer *w)
 {
     if (w->head >= w->behind)
@@ -213,9 +213,9 @@ static inline bool ring_leap(struct ring_writer *w)
 }
 
 /* Makes room for a record of up to `size` bytes and lends the place in *payload; ring_publish() ends the loan,
- * another ring_reserve() takes it back. `force` gives up depth (never a lossless reader's records, nor pins).
- * Returns RING_OK, RING_TOO_LARGE, RING_SHORT, RING_FULL, RING_HELD or RING_PINNED; after RING_PINNED
- * records may be given up that are still whole; after the other refusals all that was there is. */
+ * another ring_reserve() takes it back. `force` gives up depth, but no records of lossless readers, and no pins.
+ * Returns RING_OK, RING_TOO_LARGE, RING_SHORT, RING_FULL, RING_HELD or RING_PINNED. RING_PINNED may have dropped
+ * records that are still whole; the other refusals change nothing. */
 static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size, bool force, void **payload)
 {
     w->loan = 0;
@@ -244,7 +244,7 @@ static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size
             survivor = ahead > survivor ? ahead : survivor;
         }
         ring_give_up(w, survivor);
-        position = ring_place(w, position, total); /* what was given up may be pinned */
+        position = ring_place(w, position, total); /* dropped records may be pinned */
     }
     if (position > w->head + w->capacity - total)
         return RING_PINNED;
@@ -254,7 +254,7 @@ static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size
     return RING_OK;
 }
 
-/* Publishes the record lent by ring_reserve(), `size` at most what was reserved. Returns its sequence number. */
+/* Publishes the record lent by ring_reserve(). `size` is at most the reserved size. Returns its sequence number. */
 static inline uint64_t ring_publish(struct ring_writer *w, uint32_t size, uint64_t stamp_ns, uint32_t flags)
 {
     const uint64_t seq = w->latest + 1;
@@ -262,19 +262,19 @@ static inline uint64_t ring_publish(struct ring_writer *w, uint32_t size, uint64
     store_word(record, seq);
     store_word(record + 8, stamp_ns);
     store_word(record + 16, (uint64_t)flags << 32 | size);
-    /* relaxed: PAIR(latest) orders it for who takes seq, PAIR(oldest) for who takes the entry's last owner */
+    /* relaxed: PAIR(latest) orders it for readers of seq, PAIR(oldest) for readers of the entry's last owner */
     atomic_store_explicit(&w->index[seq & (w->index_length - 1)], w->head, memory_order_relaxed);
     w->head += ring_record_bytes(size);
     w->loan = 0;
     w->latest = seq;
-    /* relaxed: read by a new attach only, when this writer is gone; killed here, it wastes one record's room */
+    /* relaxed: only a new attach reads it, when this writer is gone; if killed here, it wastes one record's room */
     atomic_store_explicit(&w->header->end, w->head, memory_order_relaxed);
     /* PAIR(latest): release. Publishes record and index entry. Counterpart: ring_poll(), ring_join(). */
     atomic_store_explicit(&w->header->latest, seq, memory_order_release);
     return seq;
 }
 
-/* ring_reserve(), copy, ring_publish(). */
+/* Writes one record: ring_reserve(), copy, ring_publish(). */
 static inline enum ring_status ring_write(
     struct ring_writer *w, const void *bytes, uint32_t size, uint64_t stamp_ns, uint32_t flags, bool force)
 {
@@ -287,15 +287,15 @@ static inline enum ring_status ring_write(
     return RING_OK;
 }
 
-/* Nothing more is written here; readers that have taken everything go on in the next ring. */
+/* Closes the ring, to which nothing more is written. Readers that have taken everything continue in the next ring. */
 static inline void ring_close(const struct ring_writer *w)
 {
     /* PAIR(closed): release, after the last latest. Counterpart: ring_is_finished(). */
     atomic_store_explicit(&w->header->closed, 1, memory_order_release);
 }
 
-/* After RING_FULL: announces the writer's sleep until half of what the slowest lossless reader has left is
- * taken. False: no need to sleep, try again. After waking: bell_disarm(&w->header->room). */
+/* After RING_FULL: announces the writer's sleep until the slowest lossless reader has taken half of its waiting
+ * records. False: no need to sleep, try again. After waking: bell_disarm(&w->header->room). */
 static inline bool ring_wait_for_room(struct ring_writer *w)
 {
     const uint64_t taken = ring_taken(w);
@@ -309,8 +309,8 @@ static inline bool ring_wait_for_room(struct ring_writer *w)
     return false;
 }
 
-/* Growth: the sequence number from which on the newest `count` records would be carried to a new ring, whose
- * first_seq it must be. */
+/* Growth: the number of the first record if the newest `count` records are carried to a new ring. The new ring must be
+ * formatted with this number as first_seq. */
 static inline uint64_t ring_carry_from(const struct ring_writer *w, uint64_t count)
 {
     const uint64_t there = w->latest + 1 - w->oldest;
@@ -318,12 +318,12 @@ static inline uint64_t ring_carry_from(const struct ring_writer *w, uint64_t cou
 }
 
 /* Copies the records of `old` from ring_carry_from() on into `w`, newly attached and without gates. Seqs, stamps
- * and flags stay, so a reader goes on in the new ring by ring_seek() to its own next. */
+ * and flags stay, so a reader continues in the new ring by ring_seek() to its own next number. */
 static inline enum ring_status ring_carry(struct ring_writer *w, const struct ring_writer *old)
 {
     const uint64_t keep = w->keep;
     enum ring_status status = RING_OK;
-    w->keep = UINT64_MAX; /* all that is carried */
+    w->keep = UINT64_MAX; /* all carried records */
     for (uint64_t seq = w->latest + 1; seq <= old->latest && status == RING_OK; seq++) {
         const unsigned char *record = old->data + (ring_position(old, seq) & (old->capacity - 1));
         const uint64_t stamp_ns = load_word(record + 8), size_and_flags = load_word(record + 16);
@@ -334,8 +334,8 @@ static inline enum ring_status ring_carry(struct ring_writer *w, const struct ri
     return status;
 }
 
-/* Goes on in the ring of `fresh`, to which ring_carry() has copied what is kept: its gates, depth and `hold` go with it.
- * Closes the ring before; readers come along when they have finished that. Then gates_ring() for any. */
+/* Continues in the ring of `fresh`, to which ring_carry() has copied the kept records. Gates, depth and `hold` move to
+ * it. Closes the old ring; readers follow when they have finished it. Call gates_ring() for any after it. */
 static inline void ring_go_on(struct ring_writer *w, const struct ring_writer *fresh)
 {
     const struct ring_writer before = *w;
