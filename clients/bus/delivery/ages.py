@@ -1,15 +1,15 @@
-"""How old messages were when they were taken: of the first some after each report, then of one in some.
+"""Ages of messages at the time when they were taken. After each report the first few count, then one of many.
 
-Pure. The native reader counts likewise (`bus.shm`, py_take.c), and what it has counted is added here.
+Pure. The native reader counts in the same way (`bus.shm`, py_take.c), and its counts are added here.
 """
 
 from bus.wire.layout import MAX_COUNT
 
 AT_ONCE = 8
-"""So many are looked at before most are passed over; by the native reader, to which it costs less, 64."""
+"""Messages after a report that all count. The native reader counts 64, because that costs it less."""
 
 EACH = 128
-"""Of so many one is looked at then: a look costs half of a take, so this is 0.4 % of them all."""
+"""After them, one message of this number counts. Counting costs half of a take, so this adds 0.4 %."""
 
 
 class Ages:
@@ -22,24 +22,24 @@ class Ages:
         self.count = self.sum_ns = self.most_ns = 0
 
     def add(self, age_ns: int) -> int:
-        """A message of this age was taken; returns how many to take before the next that counts, that one
-        included."""
+        """Count a taken message of this age. Returns 1 if the next message counts, 2 if the one after that,
+        and so on."""
         self.count += 1
-        if 0 < age_ns < MAX_COUNT - self.sum_ns:  # stamps may lie
+        if 0 < age_ns < MAX_COUNT - self.sum_ns:  # stamps may be false
             self.sum_ns += age_ns
             if age_ns > self.most_ns:
                 self.most_ns = age_ns
         return 1 if self.count < AT_ONCE else EACH
 
     def add_all(self, count: int, sum_ns: int, most_ns: int) -> None:
-        """Others have counted so many."""
+        """Add counts of the native reader."""
         self.count += count
         self.sum_ns = min(self.sum_ns + sum_ns, MAX_COUNT)
         self.most_ns = max(self.most_ns, most_ns)
 
     @property
     def window(self) -> tuple[int, int, int]:
-        """How many, the sum of their ages in nanoseconds, the highest."""
+        """Number of messages, the sum of their ages in nanoseconds, the highest age."""
         return (self.count, self.sum_ns, self.most_ns) if self.count else self._last
 
     def report(self) -> tuple[int, int, int]:

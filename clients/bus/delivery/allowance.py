@@ -1,28 +1,29 @@
-"""How much a queue of messages may hold in this process: its bound, or less where memory is short.
+"""The bound of a queue of messages in this process, or less if memory is short.
 
-A queue that gets longer asks step by step. Where the memory cgroup or the machine has no more, it gives up
-its oldest messages, as at its bound; else the kernel would kill the process. See `bus.shm.headroom`.
+A queue that gets longer checks the free memory step by step. If the memory cgroup or the machine has no more,
+it drops its oldest messages, as at its bound; otherwise the kernel would kill the process. See
+`bus.shm.headroom`.
 """
 
 from bus.shm.headroom import spare
 from bus.wire.runs import RunQueue
 
 QUEUE_BYTES = 64 << 20
-"""The bound of a publisher's queue, and of what a lossless one keeps in case it must be sent again."""
+"""The bound of a publisher's queue, and of the messages that a lossless publisher keeps for a resend."""
 
 STEP_BYTES = 4 << 20
-_LEAST_SPARE_BYTES = 4 * STEP_BYTES  # besides what waits, there is what is being worked on
+_LEAST_SPARE_BYTES = 4 * STEP_BYTES  # the program works on messages in addition to the queued ones
 
 
 def begin(queue: RunQueue) -> None:
-    """`queue` has been empty: others may have taken memory since it was long."""
+    """Reset the bound of an empty `queue`: other programs may have taken memory since it was long."""
     queue.account.limit = STEP_BYTES
 
 
 def extend(queue: RunQueue, most_bytes: int, *, is_lossless: bool = False) -> None:
-    """Where `queue` holds more than it may, let it hold more, up to `most_bytes`, if there is memory for it.
+    """Raise the bound of a `queue` that is above it, up to `most_bytes`, if there is memory for it.
 
-    One that `is_lossless` is bounded by its window, and gives up nothing before `most_bytes`.
+    `is_lossless`: its window bounds the queue, so nothing is dropped before `most_bytes`.
     """
     account = queue.account
     if account.limit < min(account.used, most_bytes):

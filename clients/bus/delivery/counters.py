@@ -1,7 +1,7 @@
 """The counters of one subscription: messages published to it, and the fate of every message.
 
-Adds up what this process has counted (`bus.delivery.receiver`) and what the present broker and earlier ones
-have reported. Must not know where messages come from.
+Adds up the counts of this process (`bus.delivery.receiver`) and the reports of the present broker and of
+earlier ones. Must not know where messages come from.
 """
 
 from time import monotonic_ns
@@ -48,7 +48,7 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
 
 
 class DropCounters:
-    """Of the subscription that takes from `receiver`."""
+    """The counters of the subscription that takes from `receiver`."""
 
     def __init__(self, receiver: Receiver[Any]) -> None:
         self._receiver = receiver
@@ -59,7 +59,7 @@ class DropCounters:
         self._received_before = 0
 
     def on_dropped(self, dropped: Dropped) -> None:
-        """The present broker reports what it has dropped, and after a lost connection what was missed."""
+        """Add a report of the present broker: its drops, and after a lost connection the missed samples."""
         self._reported = dropped.dropped
         tracker = self._receiver.tracker
         if dropped.before:
@@ -71,7 +71,7 @@ class DropCounters:
         tracker.miss(dropped.missed)
 
     def disconnected(self, broker: object) -> None:
-        """The broker is gone, or the connection to it: its last report is final."""
+        """Note that the broker, or the connection to it, is gone: its last report is final."""
         if broker != self._broker:
             self._broker, self._reported_by_it = broker, {}
         self._reported_by_it = _sum(self._reported_by_it, self._reported)
@@ -82,12 +82,12 @@ class DropCounters:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """All that was lost, by reason, as busd and this process counted it."""
+        """All lost samples, by reason, counted by busd and this process."""
         return _sum(self.dropped_here, self._reported)
 
     @property
     def dropped_here(self) -> dict[str, int]:
-        """What was lost here and under earlier brokers: the present one knows of it only by our report."""
+        """Samples lost here and under earlier brokers. The present broker knows them only by our report."""
         lapped = self._lapped
         return _sum(
             self._receiver.dropped,
@@ -98,12 +98,13 @@ class DropCounters:
     @property
     def expected(self) -> int:
         tracker = self._receiver.tracker
-        # Lost are the missing numbers, and what the broker dropped after the last number that came.
+        # Lost samples are the missing numbers, and those that the broker dropped after the last received
+        # number.
         return self._by_other_ways + tracker.received + max(tracker.missing, self._reported_total)
 
     @property
     def expected_here(self) -> int:
-        """How many of `expected` the present broker did not route."""
+        """The part of `expected` that the present broker did not route."""
         return min(self._by_other_ways + self._lapped + self._received_before, MAX_COUNT)
 
     @property
@@ -124,7 +125,7 @@ class DropCounters:
         receiver = self._receiver
         age_count, age_sum_ns, age_max_ns = receiver.ages.window
         return SubscriptionStatistics(
-            queued=receiver.queued,  # first: it looks at the rings
+            queued=receiver.queued,  # first, because it checks the rings
             delivered=receiver.delivered,
             bytes=receiver.bytes,
             dropped=self.dropped,

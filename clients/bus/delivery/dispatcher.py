@@ -1,7 +1,8 @@
-"""Calls a subscription's callback for what waits in its receiver: in turns, so that other work has its turns.
+"""Calls a subscription's callback for the samples in its receiver: in turns, so that other work has its
+turns.
 
 Calls of one subscription never overlap. The native reader itself calls a plain callback for one message from
-a ring (`Readers.deliver`); one flag, shared with it, says whether a call is under way.
+a ring (`Readers.deliver`). Both share one flag, set while a call is in progress.
 """
 
 from collections.abc import Awaitable, Callable
@@ -22,7 +23,7 @@ _MOST_IN_A_TURN = 64
 
 
 class _Calls:
-    """Stands in for the native reader where there is none."""
+    """Stands for the native reader, if there is none."""
 
     __slots__ = ("is_busy",)
 
@@ -31,10 +32,11 @@ class _Calls:
 
 
 class Dispatcher(Generic[M]):
-    """`make_info` gives a callback of two arguments its second; `receive` waits for the next message.
+    """Calls the callback of one subscription.
 
-    `on_error` gets what the callback raises, `on_slow` the nanoseconds of a plain callback that was slow.
-    `is_timed`: a deadline must see each message.
+    `make_info` makes the second argument of a callback with two; `receive` waits for the next message.
+    `on_error` gets errors of the callback, `on_slow` the nanoseconds of a slow plain callback. `is_timed`: a
+    deadline must see each message.
     """
 
     def __init__(  # noqa: PLR0913
@@ -60,22 +62,22 @@ class Dispatcher(Generic[M]):
         self._port = port
         self._has_ended = False
         self._calls = _Calls() if receiver.reader is None else receiver.reader
-        """Its `is_busy`: a call is under way, or the next turn is scheduled."""
+        """Its `is_busy` is set while a call is in progress, or the next turn is scheduled."""
         self._cancel: Callable[[], object] | None = None
         if is_async(callback):
             self._cancel = port.start(self._run(), f"callback of {name}")
         self.is_plain = self._cancel is None and not self._wants_info and not is_timed
-        """Whether it is a plain function of the message alone, and no deadline watches."""
+        """Whether the callback is a plain function of the message alone, and there is no deadline."""
         if self.is_plain and receiver.reader is not None:
             receiver.call_back(callback, on_error, on_slow=on_slow)
 
     @property
     def is_async(self) -> bool:
-        """Whether it is a coroutine function; then a task takes messages by `receive`."""
+        """Whether the callback is a coroutine function; then a task takes messages by `receive`."""
         return self._cancel is not None
 
     def end(self) -> None:
-        """Call back no more."""
+        """Stop calling back."""
         self._has_ended = True
         if self._receiver.reader is not None:
             self._receiver.reader.forget_callback()
@@ -83,9 +85,9 @@ class Dispatcher(Generic[M]):
             self._cancel()
 
     def deliver(self, run: Run) -> bool:
-        """Call back for a run that has just come, and return True; False: nothing was done, put it.
+        """Call back for a run that has just come, and return True; False: nothing was done, put the run.
 
-        Only where the callback `is_plain`.
+        Only for a callback that `is_plain`.
         """
         state = self._calls
         if state.is_busy or self._has_ended or (taken := self._receiver.take_lone(run)) is None:
@@ -105,7 +107,7 @@ class Dispatcher(Generic[M]):
         return True
 
     def dispatch(self) -> None:
-        """Call back for what waits."""
+        """Call back for waiting samples."""
         state = self._calls
         if state.is_busy:
             return
@@ -136,19 +138,19 @@ class Dispatcher(Generic[M]):
                     return
                 now_ns = monotonic_ns()
                 if end_ns == 0:
-                    calls, end_ns = 0, now_ns + _TURN_NS  # not before the first call, which is waited for
+                    calls, end_ns = 0, now_ns + _TURN_NS  # a turn begins after its first call
                     continue
                 if now_ns > end_ns:
                     # Give timers and sockets a turn: a slow callback must not get stale messages.
-                    # Until then no other dispatch: the turns would add up.
+                    # Until then there is no other dispatch: the turns would add up.
                     is_scheduled = True
                     self._port.soon(self._dispatch_on)
                     return
-                # A callback that proves fast gets more at a time, which saves looking at the clock.
+                # A fast callback gets more messages at a time, which saves readings of the clock.
                 calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
         except Exception as error:
             self._on_error(error)
-        except BaseException:  # the event loop may go on after it; then so must what is left over
+        except BaseException:  # the event loop may continue after it; then the remaining samples need a turn
             is_scheduled = True
             self._port.soon(self._dispatch_on)
             raise
@@ -158,7 +160,7 @@ class Dispatcher(Generic[M]):
                 self._on_slow(took_ns)
 
     def _call_with(self, messages: list[M]) -> None:
-        """Call back for each message; those that an exception leaves over wait to be taken again."""
+        """Call back for each message; after an exception, the remaining messages wait to be taken again."""
         callback, left = self._callback, iter(messages)
         try:
             for message in left:
@@ -186,4 +188,4 @@ class Dispatcher(Generic[M]):
 
 
 def _ignore(took_ns: int) -> None:
-    """For callbacks that are not reported if they are slow."""
+    """Stands for `on_slow`, for callbacks that are not reported."""

@@ -26,15 +26,15 @@ class Lender(Protocol):
 
     @property
     def can_lend(self) -> bool:
-        """Whether nothing else comes first; raises LocalProtocolError while a loan is open."""
+        """Whether no sample of another thread comes first. Raises LocalProtocolError while a loan is open."""
 
     def refuse(self, *, lacks_credit: bool = False) -> bool:
-        """There is no room: returns False."""
+        """Note a loan without room, and return False."""
 
     def put_now(self, parts: tuple[Buffer | str, ...], stamp_ns: int) -> bool: ...
 
     def note_lent(self, payload: bytes) -> None:
-        """A loan was published in the ring; `payload`: what it held, if samples go by socket, too."""
+        """Note a loan published in the ring; `payload`: its content, if samples go by socket, too."""
 
     def choose_routes(self) -> None: ...
 
@@ -42,7 +42,7 @@ class Lender(Protocol):
 
 
 class Lending:
-    """Of the publisher `owner`, which sends by `sender`."""
+    """The loans of publisher `owner`, which sends by `sender`."""
 
     def __init__(self, port: Port, owner: Owner, sender: Lender) -> None:
         self._port = port
@@ -50,11 +50,11 @@ class Lending:
         self._sender = sender
         self._place: memoryview | None = None
         self.refused = 0
-        """Loans that found no room at their end, because other threads have published meanwhile."""
+        """Number of loans without room at their end, because other threads have published meanwhile."""
 
     @property
     def is_open(self) -> bool:
-        """Whether a place that is not in the ring is lent now. (Of the others the ring knows.)"""
+        """Whether a place outside the ring is lent now. (The ring knows about its own places.)"""
         return self._place is not None
 
     def lend(self, before: bytes, size: int, after: bytes) -> Loan | None:
@@ -80,7 +80,7 @@ class Lending:
                 self._place = place
                 sender.choose_routes()  # the run's own quick way takes nothing meanwhile
             return Loan(place[start:stop], self.end)
-        except BaseException:  # in a signal handler, say: nothing would end a loan that has no owner
+        except BaseException:  # for example of a signal handler: no object would end this loan
             self._place = None
             if ring is None:
                 sender.choose_routes()
@@ -89,16 +89,16 @@ class Lending:
             raise
 
     def end(self, loan: Loan, is_wanted: bool) -> bool:
-        """End it: publish what it holds, or, unless wanted, drop it. Returns whether it was taken.
+        """End a loan: publish its content, or drop it unless wanted. Returns whether the sample was taken.
 
-        A signal handler that raises before this has begun leaves the loan open.
+        If a signal handler raises an exception before this has begun, the loan stays open.
         """
         if not self._port.owns_thread():
             self._port.soon_threadsafe(self.end, loan, False)
             if is_wanted:
                 raise LocalProtocolError("a loan can only be published on the event loop's thread")
             return False
-        if loan._finish is None:  # another thread has asked for it twice
+        if loan._finish is None:  # another thread has ended it twice
             return False
         sender = self._sender
         if sender.refusal is not None:
@@ -111,7 +111,7 @@ class Lending:
             if not is_wanted:
                 return False
             return self._put_copy() if ring is None else self._put_in_ring(ring)
-        finally:  # it has ended, also where it could not be published
+        finally:  # it has ended, even if it could not be published
             loan._finish = self._place = None
             if ring is not None:
                 ring.writer.is_lent = False
@@ -120,10 +120,10 @@ class Lending:
             sender.release_waiters()
 
     def _put_copy(self) -> bool:
-        """Publish what was filled, without a ring."""
+        """Publish the filled buffer, without a ring."""
         place, sender = self._place, self._sender
         assert place is not None, "a loan ends once"
-        if len(place) > (most := sender.socket.max_bytes):  # the limit of a broker that has come meanwhile
+        if len(place) > (most := sender.socket.max_bytes):  # the limit of a new broker
             raise PayloadTooLarge(self._owner.topic_name, size_bytes=len(place), limit_bytes=most)
         is_taken = sender.put_now((bytes(place),), self._port.now_ns())
         self.refused += not is_taken

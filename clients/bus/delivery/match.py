@@ -1,8 +1,8 @@
-"""What a match by shared memory goes through at each of its ends: states, events, and which state follows.
+"""The states of a match by shared memory at each of its ends: states, events, transitions.
 
-Owns the two tables, and what is remembered of one match: a Gate at the publisher's end, a Feed at the
-subscription's (the native reader's half of it is `struct feed`). What else goes with their states is
-`bus.delivery.shm_sender`'s and `shm_receiver`'s. (What the broker knows of a match is in `busd.core.match`.)
+Owns the two tables, and the data of one match: a Gate at the publisher's end, a Feed at the subscription's
+end (its half in the native reader is `struct feed`). `bus.delivery.shm_sender` and `shm_receiver` act on the
+states. (The broker's data of a match is in `busd.core.match`.)
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from bus.delivery.port import Owner, ReaderProcess
 from bus.qos import History
 from bus.wire import messages as m
 
-if TYPE_CHECKING:  # what only publishes needs none
+if TYPE_CHECKING:  # programs that only publish don't need it
     from bus.delivery.sequence import PublisherProxy
 
 __all__ = [
@@ -35,7 +35,7 @@ _keys = count(1)
 
 
 class GateState(Enum):
-    """Where a match stands for its publisher: whether its reader holds what is in the ring."""
+    """The state of a match for its publisher: whether its reader holds records in the ring."""
 
     __hash__ = object.__hash__  # Enum's own is a call in Python
 
@@ -43,21 +43,21 @@ class GateState(Enum):
     EXPECTED = "expected"
     """The broker made the match; its reader has not named its slot yet (Attached)."""
     ATTACHED = "attached"
-    """Its reader has named its slot, where it shows how far it has read."""
+    """Its reader has named its slot, in which it shows its position."""
     UNSURE = "unsure"
-    """It was expected by an earlier broker; the present one has not made the match yet."""
+    """An earlier broker expected the reader; the present one has not made the match yet."""
     READING_ON = "reading on"
-    """It has read since an earlier broker; the present one has not made the match yet."""
+    """The reader has read since an earlier broker; the present one has not made the match yet."""
     LEFT = "left"
     """The match is gone; its reader may still hold messages in the ring."""
     LOST = "lost"
-    """The match is gone; its reader perhaps is not, and may read on until its process ends."""
+    """The match is gone; its reader may still exist, and read until its process ends."""
     ENDED = "ended"
-    """Nothing is held for it any more."""
+    """The ring keeps nothing for the match any more."""
 
 
 class GateEvent(Enum):
-    """What happens to it."""
+    """Events of a gate."""
 
     __hash__ = object.__hash__
 
@@ -70,7 +70,7 @@ class GateEvent(Enum):
     UNMATCH = "unmatch"
     """The match ends, and its reader has left the ring, or will."""
     LOSE = "lose"
-    """The match ends, and its reader was not heard of."""
+    """The match ends without a sign of its reader."""
     FORGET = "forget"
     """The reader holds nothing any more, or comes back in another match."""
 
@@ -82,17 +82,17 @@ class FeedState(Enum):
 
     NEW = "new"
     ATTACHED = "attached"
-    """It reads the publisher's ring."""
+    """The subscription reads the publisher's ring."""
     READING_ON = "reading on"
-    """It has done so since an earlier broker; the present one has not made the match yet."""
+    """It has read since an earlier broker; the present one has not made the match yet."""
     FINISHING = "finishing"
-    """The publisher has gone: what is in its ring is still taken."""
+    """The publisher has gone: the subscription still takes the samples in its ring."""
     ENDED = "ended"
-    """It has left the ring."""
+    """The subscription has left the ring."""
 
 
 class FeedEvent(Enum):
-    """What happens to it."""
+    """Events of a feed."""
 
     __hash__ = object.__hash__
 
@@ -101,9 +101,9 @@ class FeedEvent(Enum):
     DISCONNECT = "disconnect"
     """The broker is gone, or the connection to it."""
     FINISH = "finish"
-    """The publisher has gone, or was not heard of."""
+    """The publisher has gone, or gave no sign of life."""
     LEAVE = "leave"
-    """The ring was read to its end, can't be read, or is not to be read any more."""
+    """The ring was read to its end, can't be read, or must not be read any more."""
 
 
 GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
@@ -115,7 +115,7 @@ GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
         GateEvent.LOSE: GateState.ENDED,
     },
     GateState.ATTACHED: {
-        GateEvent.ATTACH: GateState.ATTACHED,  # it was reading on, and now the present broker says so, too
+        GateEvent.ATTACH: GateState.ATTACHED,  # it was reading on until the broker made the match
         GateEvent.DISCONNECT: GateState.READING_ON,
         GateEvent.UNMATCH: GateState.LEFT,
         GateEvent.LOSE: GateState.LOST,
@@ -135,7 +135,7 @@ GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
     GateState.LOST: {GateEvent.FORGET: GateState.ENDED},
     GateState.ENDED: {},
 }
-"""What follows at the publisher's end, by state and event; what is not in it must not happen."""
+"""The next state at the publisher's end, by state and event. Any other event in a state is an error."""
 
 FEEDS: Mapping[FeedState, Mapping[FeedEvent, FeedState]] = {
     FeedState.NEW: {FeedEvent.ATTACH: FeedState.ATTACHED},
@@ -164,7 +164,7 @@ STALE = (GateState.UNSURE, GateState.READING_ON)
 
 
 class MatchError(Exception):
-    """Something happened to a match that can't happen in its state: a bug of this library."""
+    """An event of a match that is impossible in its state: a bug of this library."""
 
 
 _S = TypeVar("_S", bound=Enum)
@@ -172,7 +172,7 @@ _E = TypeVar("_E", bound=Enum)
 
 
 class LocalMatch(Generic[_S, _E]):
-    """A match of `owner`, as `matched` made it. Nothing but `on` changes the state."""
+    """A match of `owner`, made by the message `matched`. Only `on` changes the state."""
 
     __slots__ = ("_owner", "matched", "state")
 
@@ -186,7 +186,7 @@ class LocalMatch(Generic[_S, _E]):
         self.state = state
 
     def on(self, event: _E) -> None:
-        """`event` happens. Raises MatchError if the state does not allow it."""
+        """Change the state by `event`. Raises MatchError if the state does not allow it."""
         state = self.transitions[self.state].get(event)
         if state is None:
             raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")
@@ -202,9 +202,9 @@ class LocalMatch(Generic[_S, _E]):
 
 
 class Gate(LocalMatch[GateState, GateEvent]):
-    """A match of a publisher, and what its reader holds.
+    """A match of a publisher, and the records that its reader holds.
 
-    Until it is ATTACHED the publisher knows only that a reader will come, and from which number on it reads.
+    Until the state is ATTACHED, the publisher only knows that a reader will come, and its first number.
     """
 
     __slots__ = ("hold", "is_lossless", "key", "place")
@@ -216,15 +216,18 @@ class Gate(LocalMatch[GateState, GateEvent]):
         super().__init__(owner, matched, GateState.NEW)
         self.key = next(_keys)
         self.hold = hold
-        """Until it is attached, the ring must keep everything from this number on."""
+        """Until the gate is attached, the ring must keep all records from this number on."""
         self.is_lossless = matched.qos.is_lossless
-        """Whether the publisher waits for it: not while its process is silent, nor once memory ran out."""
+        """Whether the publisher waits for the reader.
+
+        It does not while the reader's process is silent, and not after memory ran out.
+        """
         self.place: tuple[ReaderProcess, int] | None = None
-        """The process and the slot where the reader shows how far it has read. None until ATTACHED."""
+        """The process and the slot in which the reader shows its position. None until ATTACHED."""
 
     @property
     def depth(self) -> int:
-        """Records that must stay for it."""
+        """Records that must stay for the match."""
         qos = self.matched.qos
         return qos.depth if qos.history is History.KEEP_LAST else 1
 
@@ -241,8 +244,8 @@ class Feed(LocalMatch[FeedState, FeedEvent]):
         super().__init__(owner, matched, FeedState.NEW)
         self.proxy = proxy
         self.slot = slot
-        self.identity = 0, 0  # of the newest segment, by which the same one is known again
+        self.identity = 0, 0  # of the newest segment, to recognize the same segment
         self.doorbell: Descriptor | None = (
-            None  # the publisher's: held open, for the native reader has only its number
+            None  # the publisher's: kept open, because the native reader only has its number
         )
         self.final_seq = 0  # the last number of a publisher that went while the broker was lost

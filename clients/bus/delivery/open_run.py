@@ -1,6 +1,6 @@
-"""The run that a publisher fills: in C where the native core is, else in Python.
+"""The run that a publisher fills: in C if the native core exists, else in Python.
 
-Both give the same bytes and the same answers. Must not know topics, queues, or where the run goes.
+Both have the same bytes and results. Must not know topics, queues, or the receivers of a run.
 """
 
 from collections.abc import Callable
@@ -24,30 +24,30 @@ class OpenRun(Protocol):
     """
 
     samples: int
-    """In the run; 0: none is open."""
+    """Samples in the run; 0: none is open."""
     size: int
     """Bytes of its records, with their heads."""
     budget: int
-    """How many bytes of records may follow. 0 after `begin`."""
+    """Bytes of records that may follow. 0 after `begin`."""
     most: int
-    """How many samples it may hold."""
+    """The most samples of a run."""
     thread: int
     is_mine: Callable[[], bool] | None
 
     def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
-        """Take a sample into the run that is open; False if it has no room or none is open.
+        """Add a sample to the open run; False if the run has no room or none is open.
 
-        Without a stamp it is stamped now. False on another thread.
+        Without a stamp, the sample is stamped now. False on another thread.
         """
 
     def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
-        """Take a sample as the first of a new run. Raises ValueError if one is open."""
+        """Begin a new run with a sample. Raises ValueError if a run is open."""
 
     def end(self, endpoint: int, first_seq: int, flags: int, /) -> Buffer:
-        """The run's frame towards the broker: the head, DATA_HEAD_BYTES long, and the records."""
+        """End the run. Returns its frame for the broker: the head, DATA_HEAD_BYTES long, and the records."""
 
     def forget(self) -> None:
-        """Throw the run away."""
+        """Discard the run."""
 
     # --- quick ways, which begin a run by themselves
 
@@ -55,21 +55,22 @@ class OpenRun(Protocol):
     """They begin a run only with a payload that is shorter than this."""
 
     def begin_by(self, begun: Callable[[int], object], may_begin: Callable[[int], bool] | None, /) -> None:
-        """After the first sample of a run was taken, `begun` is called with its stamp.
+        """Set the calls at the beginning of a run by a quick way.
 
-        Before, `may_begin`, if given, is asked with its size.
+        `may_begin`, if given, is called with the size of the first sample. After this was taken, `begun` is
+        called with its stamp.
         """
 
     def prepare(
         self, kind: type, is_valid: Callable[[Any], bool], encode: Callable[[Any], bytes], plan: Any, /
     ) -> None:
-        """How the messages of class `kind` are checked and encoded (`TypeSupport.steps`)."""
+        """Set how messages of class `kind` are checked and encoded (`TypeSupport.steps`)."""
 
     def publish(self, message: Any, /) -> bool | bytes:
         """Check, encode and take a message; True, or False if nothing was done.
 
-        False also for an error of the check or the encoder, and before `prepare`. The encoded message (bytes)
-        where only the run has no room.
+        False also after an error of the check or the encoder, and before `prepare`. If only the run has no
+        room, the encoded message (bytes).
         """
 
     def write(self, payload: Buffer, /) -> bool:
@@ -151,7 +152,7 @@ class PythonRun:
         return self._take(payload)
 
     def _take(self, payload: bytes) -> bool:
-        """Add it to the run that is open, or begin one with it."""
+        """Add a payload to the open run, or begin one with it."""
         size, may_begin = len(payload), self._may_begin
         is_asked = not self.samples and size < self.begins_below
         if is_asked and may_begin is not None and not may_begin(size):

@@ -1,7 +1,7 @@
-"""What delivery needs of the connection and the event loop that it works for: a Port.
+"""The Port: delivery's interface to its connection and its event loop.
 
-Whatever leaves here, waits, or is due later goes through it. So delivery knows no event loop and no socket,
-and tests run it with a list and a clock that they set by hand. `bus.link.link.Link` is one, without knowing.
+All output, waiting and timers of delivery go through it. So delivery knows no event loop and no socket, and
+tests run it with a list and a clock that they set by hand. `bus.link.link.Link` has these methods.
 """
 
 from collections.abc import Callable, Coroutine
@@ -16,14 +16,14 @@ from bus.wire import messages as m
 from bus.wire.runs import Buffer, RunQueue
 
 RETURN_S = 10.0
-"""After a new broker came: how long until matches of the last one that are not back count as gone."""
+"""Time after which matches of the last broker count as gone, if the new broker has not made them."""
 
 
 class Owner(Protocol):
-    """The publisher or subscription that delivery works for."""
+    """The publisher or subscription whose samples delivery handles."""
 
     id: int
-    """The broker's number; 0: it does not know the endpoint at the moment."""
+    """The endpoint's number at the broker; 0: the broker does not know it at the moment."""
     topic_name: str
     qos: QoSProfile
     support: TypeSupport[Any]
@@ -35,18 +35,18 @@ class Owner(Protocol):
 
 
 class Timer(Protocol):
-    """A call that is due later."""
+    """A scheduled call."""
 
     def cancel(self) -> object: ...
 
 
 class Waiters(Protocol):
-    """Tasks that wait for a change, and look for themselves whether it is theirs. False: there are none."""
+    """Tasks that wait for a change. Each checks whether it can continue. False: there are none."""
 
     def __bool__(self) -> bool: ...
 
     async def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for the next `release`; False if the time is over first. Raises what `fail` was given."""
+        """Wait for the next `release`; False if the time is over first. Raises the error of `fail`."""
 
     def release(self) -> None: ...
 
@@ -61,14 +61,14 @@ class ReaderProcess(Protocol):
 
     @property
     def is_here(self) -> bool:
-        """Whether it is this event loop itself."""
+        """Whether it is this process's own event loop."""
 
     def is_alive(self) -> bool:
-        """Whether the process still runs; True also if that can't be found out."""
+        """Whether the process still runs; True also if that is unknown."""
 
 
 class ShmPort(Protocol):
-    """What this process shares with others: its doorbell, and the slots of its readers."""
+    """This process's side of shared memory: its doorbell, and the slots of its readers."""
 
     @property
     def readers(self) -> "shm.native.Readers": ...
@@ -76,10 +76,10 @@ class ShmPort(Protocol):
     # --- the other side
 
     def reader_process(self, segment: Descriptor, doorbell: Descriptor, pid: int, /) -> ReaderProcess:
-        """The process that has this readers' segment. Raises OSError or ValueError, saying what is wrong."""
+        """The process with this readers' segment. Raises OSError or ValueError with the fault."""
 
     def writer_doorbell(self, doorbell: Descriptor, /) -> Descriptor:
-        """One descriptor for all that came of the same doorbell."""
+        """One descriptor for all received descriptors of the same doorbell."""
 
     # --- readers
 
@@ -89,10 +89,10 @@ class ShmPort(Protocol):
     def give_back(self, slot: int, /) -> None: ...
 
     def poll_soon(self) -> None:
-        """Look into the rings once, rung or not."""
+        """Check the rings once, even without a ring of the doorbell."""
 
     def poll(self, owner: object, time_ns: int, /) -> None:
-        """Look without sleeping for up to `time_ns` after each message; 0: not any more."""
+        """Poll without sleeping for up to `time_ns` after each message; 0: stop that."""
 
     # --- writers that wait for room
 
@@ -105,64 +105,64 @@ class ShmPort(Protocol):
 
 
 class Port(Protocol):
-    """One connection to a broker, which may be away for a while, and the event loop that it lives on."""
+    """One connection to a broker, which may be away for a while, and its event loop."""
 
     # --- to the broker
 
     last_sent_ns: int
-    """When a publisher last sent past the gathering."""
+    """Time of the last frame sent at once, without gathering."""
 
     def send_about(
         self, owner: Owner, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = (), /
     ) -> None:
-        """Send a message (or frame) about `owner`; nothing where the broker does not know it now."""
+        """Send a message (or frame) about `owner`; does nothing if the broker does not know it now."""
 
     def send_now(self, frame: Buffer, /) -> bool:
         """Send a data frame at once if nothing is queued; returns whether it was sent."""
 
     def gather(self, owner: Owner, /) -> None:
-        """`owner` has begun a run: it is to hand it over when the turn of the loop ends."""
+        """Have `owner` hand over the run that it has begun when the turn of the loop ends."""
 
     def make_ready(self, queue: RunQueue, /) -> None:
-        """`queue` has runs for the broker."""
+        """Schedule a `queue` that has runs for the broker."""
 
     def flush(self) -> None:
         """Send queued data, as far as the socket accepts it."""
 
     def wrote(self) -> None:
-        """The socket takes bytes again: what waited was sent, or can be now."""
+        """Note that the socket accepts bytes again: queued data was sent, or can be sent now."""
 
     async def wait_for_drain(self, queue: RunQueue, /) -> None:
         """Wait until the socket has accepted everything in `queue`."""
 
     def report(self, owner: Owner, /) -> None:
-        """The counters of `owner` have changed: report them to the broker soon."""
+        """Report the changed counters of `owner` to the broker soon."""
 
     def is_quiet(self) -> bool:
-        """Whether everything that the broker has sent was read; True also if there is none."""
+        """Whether everything that the broker has sent was read; True also without a broker."""
 
     # --- shared memory
 
     @property
     def shm_context(self) -> ShmPort | None:
-        """None if no memory is shared."""
+        """The process's side of shared memory; None if no memory is shared."""
 
     # --- the event loop
 
     @property
     def is_shared(self) -> bool:
-        """Whether any thread may use what lives here, while it holds a lock; else the loop's thread only."""
+        """Whether any thread with the lock may use the objects of this loop; else only the loop's thread."""
 
     @property
     def owns_thread(self) -> Callable[[], bool]:
-        """Whether the calling thread may use what lives here."""
+        """Whether the calling thread may use the objects of this loop."""
 
     @property
     def now_ns(self) -> Callable[[], int]:
         """The monotonic clock, by which samples are stamped."""
 
     def soon(self, call: Callable[..., object], /, *args: Any) -> object:
-        """Call after this turn of the loop."""
+        """Make a call after this turn of the loop."""
 
     def soon_threadsafe(self, call: Callable[..., object], /, *args: Any) -> object:
         """As `soon`, from any thread. Raises RuntimeError if the loop has ended."""
@@ -170,9 +170,9 @@ class Port(Protocol):
     def later(self, delay_s: float, call: Callable[..., object], /, *args: Any) -> Timer: ...
 
     async def turn(self) -> None:
-        """Let the loop have a turn."""
+        """Give the loop a turn."""
 
     def waiters(self) -> Waiters: ...
 
     def start(self, work: Coroutine[Any, Any, None], name: str, /) -> Callable[[], object]:
-        """Run `work` as a task; returns what cancels it, unless the task itself calls that."""
+        """Run `work` as a task. Returns a function that cancels it, but not if the task itself calls that."""

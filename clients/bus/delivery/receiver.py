@@ -1,7 +1,7 @@
-"""What has come for a subscription and was not taken yet: bounded, accounted, decoded when it is taken.
+"""The waiting samples of a subscription: bounded, counted, and decoded when they are taken.
 
-Owns the queue of undecoded runs, and the counts of what was delivered and dropped here. What waits in rings
-stays there, and is taken after what came by socket. Does no I/O; its owner delivers and acknowledges.
+Owns the queue of undecoded runs, and counts delivered and dropped samples. Samples in rings stay there, and
+are taken after those that came by socket. It does no I/O; its owner delivers and acknowledges.
 """
 
 from collections import deque
@@ -22,8 +22,9 @@ from bus.wire.source_time import SOURCE_BYTES, SOURCE_MARK, source_head, source_
 M = TypeVar("M")
 
 INBOX_BYTES = 256 << 20
-"""A subscription holds at most this in its process, and less where memory is short. The oldest beyond go,
-counted as memory_limit."""
+"""Most bytes of a subscription's queue in its process; less if memory is short.
+
+Above it, the oldest samples are dropped, counted as memory_limit."""
 
 ALL = 1 << 30
 
@@ -33,9 +34,9 @@ _MOST_AT_ONCE = 64
 
 
 Taken: TypeAlias = tuple[M, int, int, Any, int]
-"""Message, stamp, number, `PublisherProxy` or None, time of receipt; times in ns of the monotonic clock,
-and the stamp by the publisher's (`PublisherProxy.clock_ns`).
+"""Message, stamp, number, `PublisherProxy` or None, time of receipt.
 
+Times are in ns of the monotonic clock; the stamp is by the publisher's clock (`PublisherProxy.clock_ns`).
 A stamp below 0 is the time that the message's source gave it: on the wall clock, with its sign changed."""
 
 
@@ -44,10 +45,11 @@ TakenPack: TypeAlias = tuple[PublisherProxy, bytes, int, int, int, bool, bool]
 
 
 class Receiver(Generic[M]):
-    """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
+    """Keeps the samples of one subscription until they are taken.
 
-    `on_drop(reason, count)` is called for every sample lost here, `on_reject(size, error)` for each that does
-    not decode, `on_taken(proxy)` when samples of a lossless publisher were taken.
+    `depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
+    `on_drop(reason, count)` is called for samples lost here, `on_reject(size, error)` for each sample that
+    does not decode, `on_taken(proxy)` when samples of a lossless publisher were taken.
     """
 
     def __init__(
@@ -65,19 +67,20 @@ class Receiver(Generic[M]):
         self._dropped: dict[str, int] = {}
         self._ages = Ages()
         self._age_due = 0
-        """Once `_samples` is as much, the age of the next sample that comes by socket is looked at."""
+        """When `_samples` reaches this, the age of the next sample by socket counts."""
         self.tracker = SequenceTracker(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
         self._queue = RunQueue(depth, Account(STEP_BYTES))
         self.ahead: deque[Taken[M]] = deque()
-        """Decoded ahead, not yet delivered."""
+        """Messages decoded ahead and not yet delivered."""
         self.reader: shm.native.Reader[PublisherProxy] | None = None
         """The native Reader, which takes samples out of the rings; None if no memory is shared."""
         self.stamp_ns = 0
         """Stamp of the last sample taken out of a ring."""
         self.on_report_due: Callable[[], object] = _ignore
-        """Called when a sample is taken out of a ring, unless the reader's `is_report_due` is set already."""
+        """Called when a sample was taken out of a ring, unless the reader's `is_report_due` is set
+        already."""
         self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
@@ -85,7 +88,7 @@ class Receiver(Generic[M]):
 
     @cached_property
     def _has_core(self) -> bool:
-        """Asked for when something has come by socket."""
+        """Whether the native core exists; evaluated only when samples come by socket."""
         return shm.has_core()
 
     @property
@@ -99,7 +102,7 @@ class Receiver(Generic[M]):
 
     @property
     def ages(self) -> Ages:
-        """How old samples were when they were taken."""
+        """Ages of samples at the time when they were taken."""
         if self.reader is not None:
             self._ages.add_all(*self.reader.pop_ages())
         return self._ages
@@ -129,13 +132,13 @@ class Receiver(Generic[M]):
 
     @property
     def lapped_reason(self) -> str:
-        """The reason for what a ring gave up unread: the depth here where there is one, else the
+        """The reason for samples that a ring dropped unread: the depth here if there is one, else the
         publisher's."""
         return DropReason.REPLACED if self._queue.depth else DropReason.PUBLISHER_QUEUE
 
     @property
     def waiting(self) -> tuple[deque[Taken[M]], deque[Run]]:
-        """What waits here comes before what waits in rings."""
+        """The queues here; samples in them come before samples in rings."""
         return self.ahead, self._queue.runs
 
     @property
@@ -144,11 +147,11 @@ class Receiver(Generic[M]):
 
     @property
     def has_rejected(self) -> bool:
-        """Whether the reader took something that did not decode, which `take` is to report."""
+        """Whether the reader took a sample that did not decode, which `take` must report."""
         return self.reader is not None and self.reader.undecodable != self._rejected
 
     def count_replaced(self) -> None:
-        """Apply the depth to the rings now, as `take` would later, so that the counters are right."""
+        """Apply the depth to the rings now, as `take` would later, to bring the counters up to date."""
         if self.reader is not None:
             self.reader.messages(0, self._decode)
 
@@ -164,10 +167,11 @@ class Receiver(Generic[M]):
         return in_rings + self.tracker.missing
 
     def drain_rings(self) -> None:
-        """Bring what waits in the rings into the queue, in its order; not what comes meanwhile."""
+        """Move the waiting samples of the rings into the queue, in order, without samples that come
+        meanwhile."""
         if self.reader is None:
             return
-        self.reader.takes_held = True  # what stays in a ring that is left would be lost
+        self.reader.takes_held = True  # held samples would be lost with a ring that is left
         try:
             self._drain(self.reader)
         finally:
@@ -181,7 +185,7 @@ class Receiver(Generic[M]):
             for payload, stamp_ns, seq, proxy, received_ns in batch:
                 if stamp_ns < 0:
                     payload, stamp_ns = source_head(-stamp_ns) + payload, received_ns + proxy.clock_ns
-                body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a stamp may lie
+                body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # it may be false
                 run = Run(0, proxy.number, seq, 1, body, lifespan_ns=proxy.lifespan_ns)
                 run.received_ns, run.origin = received_ns, proxy
                 self._queue.append(run)
@@ -194,7 +198,7 @@ class Receiver(Generic[M]):
             self.reader.depth = depth
 
     def put(self, run: Run) -> bool:
-        """Queue a run; returns whether the receiver now holds too much and is to be trimmed."""
+        """Queue a run; returns whether the receiver now holds too much, so that the caller must `trim` it."""
         proxy = run.origin = self.tracker.get(run.source)
         if proxy is not None:
             run.lifespan_ns = proxy.lifespan_ns
@@ -208,7 +212,7 @@ class Receiver(Generic[M]):
         return self._queue.append(run)
 
     def trim(self) -> None:
-        """Drop the oldest beyond the bounds, and count them."""
+        """Drop the oldest samples above the bounds, and count them."""
         if replaced := self._queue.trim():
             self.drop(DropReason.REPLACED, replaced)
         extend(self._queue, INBOX_BYTES, is_lossless=self.is_lossless)
@@ -218,15 +222,15 @@ class Receiver(Generic[M]):
             self.drop(DropReason.MEMORY_LIMIT, over)
 
     def drop(self, reason: str, count: int) -> None:
-        """Count samples that were lost."""
+        """Count lost samples."""
         self._dropped[reason] = self._dropped.get(reason, 0) + count
         self._on_drop(reason, count)
 
     def take(self, limit: int = 1) -> Taken[M] | None:
-        """The oldest message, as in `Taken`; None where there is none.
+        """Take the oldest message, as in `Taken`; None without one.
 
-        `limit`: how many may be decoded at once. What is decoded counts as taken: a newer sample does not
-        replace it. So the limit is 1, except where nothing is ever replaced, or nothing can come in between.
+        `limit`: how many samples may be decoded at once. A decoded sample counts as taken: a newer one does
+        not replace it. So the limit is 1, unless nothing is ever replaced, or no sample can come in between.
         """
         ahead, runs = self.ahead, self._queue.runs
         while not ahead:
@@ -253,7 +257,7 @@ class Receiver(Generic[M]):
         return ahead.popleft()
 
     def take_many(self, limit: int) -> list[Taken[M]]:
-        """Up to `limit` of the oldest messages, in as few steps as can be."""
+        """Take up to `limit` of the oldest messages, in as few steps as possible."""
         ahead = self.ahead
         found: list[Taken[M]] = []
         while (left := limit - len(found)) > 0 and (taken := self.take(left)) is not None:
@@ -266,7 +270,7 @@ class Receiver(Generic[M]):
         return found
 
     def take_packed(self, most_bytes: int, longest: int, offset_ns: int) -> TakenPack | None:
-        """As `Reader.take_packed`, where nothing else comes before what is in the rings."""
+        """As `Reader.take_packed`; None if other samples come before those in the rings."""
         reader = self.reader
         if reader is None or self.ahead or self._queue.runs:
             return None
@@ -278,7 +282,7 @@ class Receiver(Generic[M]):
         return found
 
     def take_messages(self, limit: int) -> list[M]:
-        """Up to `limit` of the oldest messages, and they alone; nothing where `take` has to look closer."""
+        """Take up to `limit` of the oldest messages without info; none if only `take` can handle the case."""
         if self.ahead:
             return []
         if self._queue.runs:
@@ -291,9 +295,9 @@ class Receiver(Generic[M]):
         return batch
 
     def take_lone(self, run: Run) -> Taken[M] | None:
-        """The message of a run of one sample that was not `put`; None if it is not as simple as that.
+        """Take the message of a run of one sample that was not `put`; None if the case is not simple.
 
-        At a moderate rate it always is: the sample is the next one, and nothing waits here.
+        At a moderate rate it always is simple: the sample is the next one, and nothing waits here.
         """
         proxy = self.tracker.get(run.source)
         if (
@@ -323,19 +327,18 @@ class Receiver(Generic[M]):
         return found[0][0]
 
     def quick_take(self, *, with_info: bool) -> Callable[[], list[Any]] | None:
-        """A native call that takes a message out of the rings; for callers that know that nothing waits
-        here."""
+        """A native call that takes a message out of the rings. The caller checks that nothing waits here."""
         if self.reader is None:
             return None
         return partial(self.reader.take if with_info else self.reader.messages, 1, self._decode)
 
     def quick_wait(self, *, with_info: bool) -> Callable[[int, int, float], Any] | None:
-        """A native call that waits for the next message: see `Reader.wait`. Only while nothing is
+        """A native call that waits for the next message: see `Reader.wait`. Valid only while nothing is
         `waiting`."""
         return None if self.reader is None else partial(self.reader.wait, self._decode, with_info)
 
     def note(self) -> None:
-        """A message was taken out of a ring: have it reported, unless a report is due already."""
+        """Request a report after a message was taken out of a ring, unless one is due already."""
         reader = self.reader
         if reader is not None and not reader.is_report_due:
             reader.is_report_due = True
@@ -348,8 +351,10 @@ class Receiver(Generic[M]):
         *others: Sized,
         on_slow: Callable[[int], object] | None = None,
     ) -> None:
-        """Let the reader call back by itself for what comes in rings, while nothing else waits here, nor in
-        `others`. `on_slow` gets the nanoseconds of a slow call."""
+        """Let the reader call back by itself for samples in rings, while nothing waits here or in `others`.
+
+        `on_slow` gets the nanoseconds of a slow call.
+        """
         assert self.reader is not None
         self.reader.prepare(
             callback, self._decode, on_error, (*self.waiting, *others), self.on_report_due, on_slow
@@ -370,7 +375,7 @@ class Receiver(Generic[M]):
         )
 
     def put_back(self, messages: list[M]) -> None:
-        """Messages that `take_messages` gave and that were not delivered: they are taken next."""
+        """Return messages of `take_messages` that were not delivered; they are taken next."""
         self.ahead.extendleft((message, 0, 0, None, 0) for message in reversed(messages))
 
     def _reject_from_rings(self, reader: "shm.native.Reader[PublisherProxy]") -> None:
@@ -397,12 +402,12 @@ class Receiver(Generic[M]):
         return messages
 
     def _is_head(self, run: Run, skipped: int) -> bool:
-        """Whether the queue still begins like this: the decoder may have called code that took from it."""
+        """Whether the queue's head is unchanged: the decoder may have called code that took from it."""
         queue = self._queue
         return bool(queue.runs) and queue.runs[0] is run and queue.skipped == skipped
 
     def _take_single(self, run: Run) -> Taken[M] | None:
-        """As `_decode_ahead`, for a run of one sample: at a moderate rate they all are."""
+        """As `_decode_ahead`, for a run of one sample. At a moderate rate all runs are like this."""
         self._queue.forget_head()
         body = memoryview(run.body)
         size, stamp_ns = _unpack_record(body) if len(body) >= RECORD_HEAD_BYTES else (len(body), 0)
@@ -451,7 +456,7 @@ class Receiver(Generic[M]):
                         self._check_age(_unpack_record(run.body)[1], run.origin)
                 return
         length = len(run.body)
-        # Slicing bytes copies and is faster for short payloads; a view is for long ones.
+        # A slice of bytes is a copy, which is faster for short payloads; a view is faster for long ones.
         body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
         rejected: list[tuple[int, Exception]] = []
         seq = first_seq
@@ -478,7 +483,7 @@ class Receiver(Generic[M]):
                 self._check_age(_unpack_record(body)[1], run.origin)
             self._reject(rejected)
             return
-        # The run is shorter than it claims: what it still claims is gone with it.
+        # The run is shorter than its head claims: the missing samples count as undecodable.
         queue.forget_head()
         size = offset - begin - (seq - first_seq) * RECORD_HEAD_BYTES
         self._count(run, len(ahead), first_seq + held - 1, size, rejected)
@@ -488,8 +493,8 @@ class Receiver(Generic[M]):
     def _count(
         self, run: Run, samples: int, seq: int, size: int, rejected: Sequence[tuple[int, Exception]] = ()
     ) -> None:
-        """Count `samples` taken out of the run, up to number `seq`: `size` bytes, those `rejected`
-        included."""
+        """Count `samples` taken out of the run, up to number `seq`: `size` bytes, including `rejected`
+        ones."""
         self._samples += samples
         self._bytes += size
         if rejected:
@@ -498,12 +503,12 @@ class Receiver(Generic[M]):
             self._note_taken(run, seq, size)
 
     def _check_age(self, published_ns: int, origin: object) -> None:
-        """The first sample of a run was taken, perhaps with others."""
+        """Note the age of a run's first sample, which was taken, perhaps with others."""
         clock_ns = origin.clock_ns if isinstance(origin, PublisherProxy) else 0
         self._age_due = self._samples + self._ages.add(monotonic_ns() + clock_ns - published_ns)
 
     def _let_go(self, gone: list[Run]) -> None:
-        """Runs went untaken; a lossless publisher must not wait for them."""
+        """Note dropped runs as taken, because a lossless publisher must not wait for them."""
         for run in gone:
             self._note_taken(run, run.first_seq + run.count - 1, len(run.body))
 
@@ -515,7 +520,7 @@ class Receiver(Generic[M]):
             self._on_taken(proxy)
 
     def _reject(self, rejected: list[tuple[int, Exception]]) -> None:
-        # After the queue was brought in order: the callee may take again.
+        # Called only when the queue is consistent: the callee may take again.
         for size, error in rejected:
             self._on_reject(size, error)
             self.drop(DropReason.UNDECODABLE, 1)

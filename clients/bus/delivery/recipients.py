@@ -1,15 +1,15 @@
-"""The subscriptions that a publisher reaches by socket, and those of them that were lost and may come back.
+"""The subscriptions that a publisher reaches by socket, including lost ones that may come back.
 
-busd keeps nothing when it dies, and what was on its way to a process that is cut off is lost. So a lossless
+busd keeps nothing when it dies, and samples on their way to a disconnected process are lost. So a lossless
 publisher keeps every sample until all lossless subscriptions have acknowledged it:
 
-- A lossless subscription that is lost has a *place* here for a while. The publisher uses no credit beyond the
-  place. Once the subscription is back it gets, alone, what it has missed.
-- After a restart of busd nothing new leaves before the subscriptions of the last one are back: lossless ones
-  are awaited for RETURN_S, other reliable ones for a second, and no longer than a depth has room. So nothing
-  is lost if busd restarts and the publisher is back first.
+- A lost lossless subscription has a *place* here for a while. The publisher uses no credit above the place.
+  When the subscription is back, only it gets the samples that it missed.
+- After a restart of busd, nothing new leaves before the subscriptions of the last busd are back. The
+  publisher waits RETURN_S for lossless ones, a second for other reliable ones, and only while its depth has
+  room. So nothing is lost if busd restarts and the publisher is back first.
 
-A publisher with a history needs none of this: its history serves whoever comes back.
+A publisher with a history needs none of this: returning subscriptions get its history.
 """
 
 from collections.abc import Callable
@@ -27,31 +27,32 @@ if TYPE_CHECKING:  # few publishers are lossless
     from bus.delivery.window import CreditWindow
 
 _SHORT_RETURN_S = 1.0
-"""As RETURN_S, for subscriptions that are not lossless."""
+"""Like RETURN_S, for subscriptions that are not lossless."""
 
 _GRACE_S = 0.1
-"""A loop that stood still reads what came meanwhile before a place is given up."""
+"""Extra time before a place is dropped, in which a loop that stood still reads messages received
+meanwhile."""
 
 
 class Patience(Enum):
-    """How long the publisher waits for a subscription after the broker was lost."""
+    """Time for which the publisher waits for a subscription after the broker was lost."""
 
     NONE = "none"
     SHORT = "short"
     LONG = "long"
-    """It is lossless, and so is the publisher."""
+    """The subscription and the publisher are lossless."""
 
 
 class _Place:
-    """Where a lossless subscription that was lost will go on."""
+    """The point at which a lost lossless subscription will continue."""
 
     __slots__ = ("other", "seq", "timer")
 
     def __init__(self, seq: int, other: int, timer: Timer | None) -> None:
         self.seq = seq
-        """It has taken all up to there."""
+        """The subscription has taken all samples up to this number."""
         self.other = other
-        """The number that the present broker gave it; 0: an earlier broker."""
+        """The subscription's number at the present broker; 0: an earlier broker lost it."""
         self.timer = timer
 
     def cancel(self) -> None:
@@ -60,7 +61,7 @@ class _Place:
 
 
 class Recipients:
-    """Of the publisher `owner`. `first_unsent()`: the first number that no broker has got yet."""
+    """The recipients of publisher `owner`. `first_unsent()`: the first number not yet sent to any broker."""
 
     def __init__(
         self, port: Port, owner: Owner, window: "CreditWindow | None", first_unsent: Callable[[], int]
@@ -74,21 +75,21 @@ class Recipients:
         if has_history or owner.qos.reliability is not Reliability.RELIABLE:
             self._most_patience = Patience.NONE
         self._kept: RunQueue | None = None
-        """What was handed over and perhaps not taken yet."""
+        """Runs that were handed over and perhaps not taken yet."""
         if self._most_patience is Patience.LONG:
             self._kept = RunQueue(0, Account(QUEUE_BYTES))
         self._matches: dict[int, tuple[bytes, Patience]] = {}  # by the broker's number
         self._places: dict[bytes, _Place] = {}  # by the gid of the subscription, the oldest first
-        self._level = 0  # the broker's last word about credit; places may hold back what is above them
+        self._level = 0  # the broker's last credit; a place below it holds the window back
         self.awaited: dict[bytes, Patience] = {}
-        """Subscriptions that an earlier broker had, by gid: nothing new leaves before they are back."""
+        """Subscriptions of an earlier broker, by gid: nothing new leaves before they are back."""
         self._wait: Timer | None = None  # for the awaited
         self._may_return = False  # matches of an earlier broker may be made again
         self._return: Timer | None = None  # the end of that
         self.on_all_back: Callable[[], object] = int
         """Called when no recipient is awaited any more."""
         self.on_fewer: Callable[[], object] = int
-        """Called when a subscription that was lost does not count any more."""
+        """Called when a lost subscription does not count any more."""
 
     @property
     def are_there(self) -> bool:
@@ -97,19 +98,19 @@ class Recipients:
 
     @property
     def places(self) -> tuple[bytes, ...]:
-        """The gids of subscriptions that were lost, may come back, and are to miss nothing."""
+        """The gids of lost subscriptions that may come back and must miss nothing."""
         return tuple(self._places)
 
     # --- samples
 
     def keep(self, run: Run) -> None:
-        """Keep a run that is handed over, for those that may be lost."""
+        """Keep a copy of a run that is handed over, for subscriptions that may be lost."""
         if self._kept is not None:
             self._kept.push(run)
             self._kept.drop_over_quota(spare=1)
 
     def credit(self, seq: int) -> None:
-        """All that must acknowledge have taken everything up to `seq`."""
+        """Note that all subscriptions that must acknowledge have taken the samples up to `seq`."""
         self._level = seq
         if self._places:
             seq = min(seq, *[place.seq for place in self._places.values()])
@@ -124,9 +125,9 @@ class Recipients:
     def matched(
         self, other: int, gid: bytes, qos: QoSProfile, *, by_socket: bool, last_seq: int | None = None
     ) -> None:
-        """A subscription is matched, by this route if it `by_socket`.
+        """Add a matched subscription; this is its route if `by_socket`.
 
-        `last_seq`: it was lost and is back, has had all up to there, and waits for what it has missed.
+        `last_seq`: it was lost and is back, has taken all samples up to this number, and waits for the rest.
         """
         patience = self._patience_for(qos)
         was_lost = gid in self._places or self._is_matched(gid)
@@ -138,11 +139,11 @@ class Recipients:
             if was_lost:
                 self._repeat(other, last_seq)
             self._port.send_about(self._owner, m.CaughtUp(publisher=self._owner.id, subscription=other))
-            self._level = min(self._level, last_seq)  # the broker's credit, too, goes on from there
+            self._level = min(self._level, last_seq)  # the broker's credit, too, continues from there
         place = self._places.pop(gid, None)
         if gid in self.awaited and by_socket and patience is Patience.LONG and last_seq is None:
             self._repeat(other, 0)
-            if place is not None:  # until the new broker gives credit, what was sent again may not have come
+            if place is not None:  # until the new broker gives credit, resent samples may not have arrived
                 self._level = min(self._level, place.seq)
         if place is not None:
             place.cancel()
@@ -151,11 +152,11 @@ class Recipients:
             self.go_on()
 
     def unmatched(self, other: int) -> bool:
-        """A match is gone; returns whether it was one by socket."""
+        """Remove a match; returns whether it was one by socket."""
         return self._matches.pop(other, None) is not None
 
     def keep_place(self, other: int, keep_s: float) -> None:
-        """A subscription was lost, and may be back within `keep_s`; 0: it will not be."""
+        """Note a lost subscription, which may return within `keep_s`; 0: it will not."""
         gid, patience = self._matches.pop(other, (b"", Patience.NONE))
         if not keep_s:
             for gid in [gid for gid, place in self._places.items() if place.other == other]:
@@ -168,7 +169,7 @@ class Recipients:
     # --- brokers
 
     def disconnected(self) -> None:
-        """The broker is gone, and all matches with it."""
+        """Note that the broker is gone, with all its matches."""
         self._cancel_timers()
         self._may_return |= bool(self._matches or self._places)
         for gid, place in self._places.items():
@@ -184,7 +185,7 @@ class Recipients:
         self._bound_places()
 
     def declared(self) -> None:
-        """A broker knows the publisher now: from now on there is a limit to what is waited for."""
+        """Start the timers that bound all waits, because a broker knows the publisher now."""
         later = self._port.later
         for gid, place in self._places.items():
             place.timer = later(RETURN_S, self._time_is_up, gid, place)
@@ -194,7 +195,7 @@ class Recipients:
             self._return = later(RETURN_S, self._returned)
 
     def go_on(self) -> None:
-        """All are back, or were away too long: go on."""
+        """Stop waiting: all awaited subscriptions are back, or were away too long."""
         if self._wait is not None:
             self._wait.cancel()
         self.awaited.clear()
@@ -217,7 +218,7 @@ class Recipients:
         return self._most_patience
 
     def _is_matched(self, gid: bytes) -> bool:
-        """Whether a lossless subscription of that gid is matched, perhaps by its last connection."""
+        """Whether a lossless subscription with this gid is matched, perhaps by its last connection."""
         return (gid, Patience.LONG) in self._matches.values()
 
     def _bound_places(self) -> None:
@@ -229,7 +230,7 @@ class Recipients:
         place.timer = self._port.later(_GRACE_S, self._forget_place, gid, place)
 
     def _forget_place(self, gid: bytes, place: _Place) -> None:
-        """The subscription was away too long, or will not be back."""
+        """Drop the place of a subscription that was away too long, or will not return."""
         if self._places.get(gid) is place:
             place.cancel()
             del self._places[gid]
@@ -237,7 +238,7 @@ class Recipients:
             self.on_fewer()
 
     def _repeat(self, other: int, last_seq: int) -> None:
-        """Send it what is kept behind `last_seq` and was sent before: perhaps it was not passed on."""
+        """Resend kept samples after `last_seq` to a subscription: perhaps they were not passed on."""
         assert self._kept is not None
         first_unsent, owner = self._first_unsent(), self._owner
         for run in self._kept.runs:
@@ -249,7 +250,7 @@ class Recipients:
                 self._port.send_about(owner, head + rest.body)
 
     def _wait_for_lossless(self) -> None:
-        """The others were away too long."""
+        """Wait only for lossless subscriptions from now on: the others were away too long."""
         self.awaited = {gid: one for gid, one in self.awaited.items() if one is Patience.LONG}
         if self.awaited:
             self._wait = self._port.later(RETURN_S - _SHORT_RETURN_S, self.go_on)

@@ -1,6 +1,6 @@
-"""How large a publisher's rings are: the first one, when a larger one is wanted, and how large that is.
+"""Sizes of a publisher's rings: the first ring, the time for a larger one, and the larger one's size.
 
-Knows a ring by its writer's counters. Must not know how rings are made, nor their readers.
+Sees a ring through its writer's counters. Must not know how rings are made, and not their readers.
 """
 
 from collections.abc import Callable
@@ -12,14 +12,14 @@ FOR_EVER = 1 << 60
 """A depth without bound."""
 
 FIRST_CAPACITY = 4 << 10
-"""What every ring begins with: a program may have hundreds of publishers that say little."""
+"""Size of every first ring, because a program may have hundreds of publishers with few messages."""
 FIRST_INDEX = 64
 
 EARLY = 16
-"""How many publishers of a process get a ring of the usual size at their first match."""
+"""Number of publishers of a process that get a ring of the usual size at their first match."""
 
 LAP_S = 1.0
-"""A first ring whose records go round in less time is exchanged for one of the usual size."""
+"""If the records of a first ring go round in less time, a ring of the usual size replaces it."""
 
 _CAPACITY = 64 << 10
 _LONG_CAPACITY = 1 << 20
@@ -35,11 +35,11 @@ class RingSize:
     def __init__(self, now_ns: Callable[[], int], *, keeps_all: bool) -> None:
         self._now_ns = now_ns
         self._usual_capacity = _LONG_CAPACITY if keeps_all else _CAPACITY
-        self._most_bytes = self._usual_capacity  # the most for depth; for a message that does not fit, more
-        self._no_growth_ns = 0  # until then, after it could not grow
+        self._most_bytes = self._usual_capacity  # limit for depth; a message that does not fit may exceed it
+        self._no_growth_ns = 0  # end of the pause after a failed growth
 
     def allow(self, ring_bytes: int) -> None:
-        """The broker sets how far a ring may grow for depth."""
+        """Set the broker's limit for growth for depth."""
         self._most_bytes = max(ring_bytes, self._usual_capacity)
 
     def larger(
@@ -47,7 +47,8 @@ class RingSize:
     ) -> tuple[int, int] | None:
         """Capacity and index length of the next ring, with room for a message of `size` bytes.
 
-        `keep`: records that must stay. `must`: also beyond the limit for depth. None if the ring is to stay.
+        `keep`: records that must stay. `must`: may exceed the limit for depth. None if the ring must not
+        grow.
         """
         capacity = max(2 * writer.capacity, _power_of_two(4 * (size + RING_HEAD_BYTES)), self._usual_capacity)
         if not must:
@@ -58,13 +59,13 @@ class RingSize:
         return capacity, max(usual, most if keep >= most else _power_of_two(keep + 1))
 
     def failed(self) -> None:
-        """There was no memory: don't try again for depth for a while."""
+        """Pause growth for depth after a failure for lack of memory."""
         self._no_growth_ns = self._now_ns() + _GROW_AGAIN_NS
 
     def _capacity_for(self, writer: "shm.native.Writer", keep: int) -> int:
-        """Bytes that a full ring needs for all its depth, with messages as they are now; 0: not known.
+        """Bytes for the whole depth, if messages keep their present size; 0: not known.
 
-        So it grows once, not at each doubling: each growth holds messages up.
+        With it the ring grows once, and not several times by doubling: each growth delays messages.
         """
         held = writer.latest - writer.oldest + 1
         if keep == FOR_EVER or held < 1:
@@ -81,10 +82,10 @@ def is_filled_by_few(writer: "shm.native.Writer") -> bool:
 
 
 def laps_slowly(writer: "shm.native.Writer", now_ns: int) -> bool:
-    """Whether the ring still has a record from before the shortest time that a lap may take."""
+    """Whether the ring still has a record older than the shortest allowed time of a lap."""
     return writer.seq_since(now_ns - int(LAP_S * 1e9)) > writer.oldest
 
 
 def _power_of_two(number: int) -> int:
-    """The smallest that is not less than `number`."""
+    """The smallest power of two that is not less than `number`."""
     return 1 << (number - 1).bit_length()

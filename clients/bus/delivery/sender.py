@@ -1,7 +1,8 @@
-"""How a publisher's encoded samples leave: by its ring, through the broker, or both, in one order.
+"""Sends a publisher's encoded samples: by its ring, through the broker, or both, in one order.
 
-Samples are written to the ring, where memory is shared, and go to the broker while a match needs that or the
-broker keeps the history. What other threads publish joins here. Does not know messages, only their encoding.
+If memory is shared, all samples are written to the ring. They also go to the broker while a match needs that
+or the broker keeps the history. Samples of other threads join here. It does not know messages, only their
+encoding.
 """
 
 from collections.abc import Callable, Container, Sequence
@@ -43,24 +44,24 @@ Write: TypeAlias = Callable[[Any], bool | int]
 PublishPacked: TypeAlias = Callable[[Buffer, int], tuple[int, bool]]
 
 _UNUSED = Use.NONE
-"""At hand for each sample: to find it in its class takes longer."""
+"""A global, because each sample needs it, and an attribute of the class takes longer to find."""
 
 _LOOK_S = 1.0
-"""How often a waiting publisher looks whether the processes that it waits for still live."""
+"""Interval of a waiting publisher's checks whether the processes that it waits for still live."""
 
 
 @cache
 def find_loan_class() -> "type[Loan]":
-    """Loaded with the first loan, and then at hand: an import in each takes a quarter of its time."""
+    """The class Loan, imported with the first loan. An import in each loan takes a quarter of its time."""
     from bus.loan import Loan
 
     return Loan
 
 
 class QuickWays:
-    """The ways past the sender that are open now, most of them native; the others do nothing and give False.
+    """Quick ways past the sender, most of them native. A closed way does nothing and returns False.
 
-    `sends` learns of `publish`, for `Publisher.send`.
+    `sends` gets each new `publish`, for `Publisher.send`.
     """
 
     __slots__ = ("lend_field", "publish", "publish_packed", "sends", "write")
@@ -68,13 +69,16 @@ class QuickWays:
     def __init__(self, sends: "shm.native.Sends | None" = None) -> None:
         self.sends = sends
         self.publish: Publish = _no_quick_way
-        """Of a message. True or REPORT_DUE: done; False: nothing was done; bytes: `Sender.put` them."""
+        """Publishes a message.
+
+        True or REPORT_DUE: done; False: nothing was done; bytes: `Sender.put` them.
+        """
         self.write: Write = _no_quick_way
-        """Of an encoded sample. True or REPORT_DUE: done; anything else: ask `Sender.put`."""
+        """Publishes an encoded sample. True or REPORT_DUE: done; any other result: call `Sender.put`."""
         self.publish_packed: PublishPacked = _no_packs
-        """Of many encoded samples."""
+        """Publishes many encoded samples."""
         self.lend_field: LendField = _no_quick_way
-        """Of a loan, to be ended by its last argument; anything but a Loan: ask `Sender.lend`."""
+        """Makes a loan, which its last argument ends. If the result is no Loan, call `Sender.lend`."""
 
     def set(
         self,
@@ -85,7 +89,7 @@ class QuickWays:
         publish_packed: PublishPacked | None = None,
         spares_turns: bool = False,
     ) -> None:
-        """Open these, and close the others; `spares_turns`: see `Sends`."""
+        """Open the given ways, and close the others; `spares_turns`: see `Sends`."""
         self.publish = publish or _no_quick_way
         self.write = write or _no_quick_way
         self.lend_field = lend_field or _no_quick_way
@@ -96,32 +100,32 @@ class QuickWays:
 
 
 class _Room:
-    """Whether there may be room again since a sample was refused, and who waits for that."""
+    """Whether there may be room again since a sample was refused, and the tasks that wait for room."""
 
     __slots__ = ("_refused_at", "lacks_credit", "releases", "waiters")
 
     def __init__(self, waiters: Waiters) -> None:
         self.waiters = waiters
         self.releases = 0
-        """How often there may have come room."""
+        """Number of events after which there may be room."""
         self._refused_at = -1
         self.lacks_credit = False
-        """The last sample was refused for want of room by socket."""
+        """Whether the last sample was refused because the socket route had no room."""
 
     @property
     def has_changed(self) -> bool:
-        """Whether there may have come room since a sample was last refused."""
+        """Whether there may be room again since the last refused sample."""
         return self._refused_at != self.releases
 
     def refuse(self, releases: int | None = None, *, lacks_credit: bool = False) -> Literal[False]:
-        """A sample is refused; `releases`: as many as there were when the room was looked for."""
+        """Note a refused sample; `releases`: their number at the time of the check for room."""
         self._refused_at = self.releases if releases is None else releases
         self.lacks_credit = lacks_credit
         return False
 
 
 class Sender:
-    """`owner` is the publisher that the port knows; without a `ring` all goes by socket."""
+    """Sends the samples of `owner`, the publisher that the port knows; without a `ring`, all by socket."""
 
     def __init__(
         self,
@@ -137,15 +141,15 @@ class Sender:
         self._logger = logger
         self._depth = 0 if qos.history is History.KEEP_ALL else qos.depth
         self.last_ns = port.now_ns()
-        """When the last sample was taken. The quick ways don't set it: with a deadline they are off."""
+        """Time of the last sample. The quick ways don't set it, because a deadline closes them."""
         self._room = _Room(port.waiters())
         self._from_threads = ThreadQueue(QUEUE_BYTES)
         self.socket = SocketSender(port, owner, self._from_threads)
         self.ring = ring
         self._last_by_socket_ns = 0
-        self._totals: tuple[int, int] | None = None  # at the end
+        self._totals: tuple[int, int] | None = None  # set at the end
         self.refusal: BusError | None = None
-        """Why nothing more is taken."""
+        """The error for all further samples, after the end."""
         self.lending: Lending | None = None
         """None before the first loan."""
         self.socket.recipients.on_fewer = self._fewer_by_socket
@@ -156,12 +160,12 @@ class Sender:
 
     @property
     def shared(self) -> tuple[Descriptor, ...]:
-        """Descriptors that go with the declaration."""
+        """Descriptors to send with the declaration."""
         return () if self.ring is None else (self.ring.announce(),)
 
     @property
     def published(self) -> tuple[int, int]:
-        """Samples and their bytes."""
+        """The number of published samples, and their bytes."""
         if self._totals is not None:
             return self._totals
         if self.ring is not None:
@@ -171,11 +175,12 @@ class Sender:
 
     @property
     def goes_by_socket(self) -> bool:
-        """Whether samples go to the broker, alone or beside the ring."""
+        """Whether samples go to the broker, instead of the ring or in addition to it."""
         return self.socket.use is not _UNUSED
 
     def count_expected(self, besides: Container[int]) -> int:
-        """Matches by the ring whose reader has not named its slot yet, other than `besides`."""
+        """The number of matches by the ring with a reader that has not named its slot yet, except
+        `besides`."""
         return 0 if self.ring is None else self.ring.gates.count_unattached(besides)
 
     @property
@@ -189,14 +194,14 @@ class Sender:
     # --- samples
 
     def expect_short(self) -> None:
-        """The message at hand has no long field: the quick way may be tried again."""
+        """Allow the quick way again, because the current message has no long field."""
         if (ring := self.ring) is not None:  # read once: the loop's thread may end it meanwhile
             ring.writer.is_long = False
 
     def put(self, *parts: Buffer | str) -> bool:
-        """Take a sample, in parts, by the slow way, which checks loans, threads and room; from any thread.
+        """Take a sample, given in parts, by the slow way, which checks loans, threads and room.
 
-        False: there is no room until lossless subscriptions have taken more.
+        May be called from any thread. False: there is no room until lossless subscriptions have taken more.
         """
         stamp_ns = self._port.now_ns()
         if not self._port.owns_thread():
@@ -205,14 +210,14 @@ class Sender:
         return self._room.refuse() if self._from_threads.late else self.put_now(parts, stamp_ns)
 
     def lend(self, before: bytes, size: int, after: bytes) -> "Loan | None":
-        """A place for `size` bytes of a sample, the rest of which is known; None where `put` gives False.
+        """Lend a place for `size` bytes of a sample with a known rest; None if `put` would return False.
 
-        In the ring itself, where there is one. Until it ends, nothing else can be published.
+        The place is in the ring itself, if there is one. Until the loan ends, nothing else can be published.
         """
         return (self.lending or self.make_lending()).lend(before, size, after)
 
     def make_lending(self) -> "Lending":
-        """For the first loan."""
+        """Make the object for loans, with the first loan."""
         from bus.delivery.lending import Lending
 
         self.lending = Lending(self._port, self._owner, self)
@@ -220,21 +225,21 @@ class Sender:
 
     @property
     def can_lend(self) -> bool:
-        """Whether nothing else comes first; raises LocalProtocolError while a loan is open."""
+        """Whether no sample of another thread comes first. Raises LocalProtocolError while a loan is open."""
         self._check_loan()
         return not self._from_threads.late
 
     @property
     def refused(self) -> int:
-        """Loans that found no room at their end."""
+        """The number of loans that found no room at their end."""
         return 0 if self.lending is None else self.lending.refused
 
     def hand_over(self) -> None:
-        """End the run that is open, and send it."""
+        """End the open run, and send it."""
         self.socket.hand_over()
 
     async def flush(self) -> None:
-        """Wait until all is in the ring, and has been given to the socket where the broker is to get it."""
+        """Wait until all samples are in the ring, and the socket has accepted those for the broker."""
         self._collect_from_threads()
         while self._from_threads.late:
             await self.wait_for_room()
@@ -244,15 +249,15 @@ class Sender:
         await self._port.wait_for_drain(self.socket.queue)
 
     async def wait_for_room(self) -> None:
-        """After `put` gave False: wait until it is worth trying again; it may be so by now."""
+        """After `put` returned False: wait until there may be room, perhaps not at all."""
         if self.refusal is not None:
             raise again(self.refusal)
-        # Room is taken by what is still on its way here: hand that over, so that it can be taken.
+        # Samples in the open run take up room: hand them over, so that subscriptions can take them.
         self.hand_over()
         if self._is_lent:
             await self._room.waiters.wait()
             return
-        if self._room.has_changed:  # nobody may be left who would wake this caller
+        if self._room.has_changed:  # after this, no task may be left to wake this caller
             await self._port.turn()
             return
         ring = None if self._room.lacks_credit else self.ring
@@ -264,18 +269,18 @@ class Sender:
                 return
 
     def release_waiters(self) -> None:
-        """There may be room."""
+        """Wake the tasks that wait for room, because there may be some."""
         self._room.releases += 1
         if self._from_threads.late:
             self._put_late()
         self._room.waiters.release()
 
     def drop_queued(self) -> int:
-        """Give up what could not be handed over; returns how many samples."""
+        """Drop samples that could not be handed over; returns their number."""
         return self.socket.drop_queued()
 
     def end(self, reason: BusError) -> None:
-        """Take nothing more."""
+        """Take no more samples: raise `reason` for them."""
         self._totals = self.published
         self.refusal = reason
         self.quick.set()
@@ -286,7 +291,7 @@ class Sender:
         self._room.waiters.fail(reason)
 
     def abandon(self, reason: BusError) -> None:
-        """In the child of a fork: what is the parent's is left alone."""
+        """End in the child of a fork, without touching anything that belongs to the parent."""
         self._totals = 0, 0
         self.refusal = reason
         self.quick.set()
@@ -296,14 +301,14 @@ class Sender:
 
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a broker will get."""
-        # What waits goes there, even where no known match needs it any more.
+        # Queued runs go to the broker, even if no known match needs them any more.
         if self.ring is None or self.socket.use is not _UNUSED or self.socket.queue.runs:
             return self.socket.first_seq_to_send()
         return self.ring.writer.latest + 1
 
     @property
     def places(self) -> tuple[bytes, ...]:
-        """The gids of the subscriptions by socket that were lost and have a place here."""
+        """The gids of lost subscriptions of the socket route that have a place here."""
         return self.socket.recipients.places
 
     def declared(self, answer: m.Created) -> None:
@@ -314,7 +319,7 @@ class Sender:
         self.release_waiters()
 
     def disconnected(self) -> None:
-        """The broker is gone. Subscriptions read the ring on; what goes by socket waits."""
+        """Note that the broker is gone. Subscriptions continue to read the ring; samples by socket wait."""
         self.socket.disconnected()
         if self.ring is not None:
             self.ring.disconnected()
@@ -324,13 +329,13 @@ class Sender:
         self._bursts.watch_turn(lambda: self.published[0], least_depth)
 
     def reported(self) -> None:
-        """The counters were reported; the next sample asks for a report again."""
+        """Note that the counters were reported; the next sample requests a report again."""
         self.socket.is_report_due = False
         if self.ring is not None:
             self.ring.writer.is_report_due = False
 
     def credit(self, seq: int) -> None:
-        """All that must acknowledge have taken everything up to `seq` that went by socket."""
+        """Note that all subscriptions that must acknowledge have taken the samples by socket up to `seq`."""
         self.socket.recipients.credit(seq)
         self.release_waiters()
 
@@ -347,20 +352,20 @@ class Sender:
         elif matched.route == Route.SHM:
             self.ring.expect(matched)
         else:
-            # What the broker has not got yet goes to the new match, too: else it would see a gap.
+            # Samples that the broker does not have yet go to the new match, too: else it would see a gap.
             is_ahead = matched.next_seq < self.socket.next_seq
             since_ns = min(matched.at_ns, self._last_by_socket_ns) if is_ahead else matched.at_ns
             self._go_by_socket(self.ring.writer.since(since_ns))
 
     def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
-        """Raises OSError or ValueError, saying what is wrong with what came."""
+        """Attach the reader of a match. Raises OSError or ValueError with the fault of its descriptors."""
         if self.ring is not None:
             self.ring.attach(gid, attached, descriptors)
             self.choose_routes()
         self.release_waiters()
 
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
-        """Whether to wait for a lossless subscription. By socket the broker sees to it, with its credit."""
+        """Set whether to wait for a lossless subscription. By socket, the broker's credit decides that."""
         if self.ring is not None:
             self.ring.set_waiting(gid, is_on=is_on)
         self.release_waiters()
@@ -376,7 +381,7 @@ class Sender:
             self.release_waiters()
 
     def keep_place(self, other: int, keep_s: float) -> None:
-        """A lossless subscription by socket was lost, and may be back within `keep_s`; 0: it will not be."""
+        """Note a lost lossless subscription by socket, which may return within `keep_s`; 0: it will not."""
         self.socket.recipients.keep_place(other, keep_s)
 
     def unmatched(self, other: int, gid: bytes, *, is_lost: bool) -> None:
@@ -391,7 +396,7 @@ class Sender:
     # --- inside
 
     def choose_routes(self) -> None:
-        """Let go by socket only what some subscription reads there, and the history, which the broker
+        """Use the socket route only if a subscription reads it, or for the history, which the broker
         keeps."""
         ring, socket, qos = self.ring, self.socket, self._owner.qos
         socket.set_use(is_read=ring is None or socket.recipients.are_there)
@@ -405,7 +410,7 @@ class Sender:
         elif socket.use is not _UNUSED or qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self.quick.set()
         else:
-            # Subscriptions of this loop get a turn at every hundredth `send`, or their depth loses samples.
+            # Subscriptions of this loop need a turn at every hundredth `send`, or their depth loses samples.
             self.quick.set(
                 ring.writer.publish if ring.can_publish else None,
                 ring.writer.write,
@@ -415,13 +420,13 @@ class Sender:
             )
 
     def _fewer_by_socket(self) -> None:
-        """There may be room, and perhaps nobody needs the route socket any more."""
+        """Note that a subscription by socket is gone: there may be room, and the route may be unused now."""
         if self._totals is None:
             self.choose_routes()
             self.release_waiters()
 
     def _go_by_socket(self, missed: list[Sample]) -> None:
-        """A match by socket: send it the samples it has not had, then all samples go by socket, too."""
+        """Use the socket route for a match: send it the missed samples, and from now on all samples."""
         ring, socket = self.ring, self.socket
         if ring is not None and socket.use is _UNUSED:
             missed = [sample for sample in missed if sample[0] >= socket.next_seq]
@@ -431,12 +436,15 @@ class Sender:
         self.choose_routes()
 
     def put_now(self, parts: Sequence[Buffer | str], stamp_ns: int, *, has_room: bool = False) -> bool:
-        """`has_room`: it comes from the threads' queue, where its room by socket is reserved."""
+        """Take a sample on the loop's thread, if there is room; returns whether it was taken.
+
+        `has_room`: the sample comes from the queue of other threads, which reserved its room by socket.
+        """
         socket = self.socket
         goes_by_socket = socket.use is not _UNUSED
         if goes_by_socket and not has_room and not socket.can_take(sum(map(len, parts))):
             return self._room.refuse(lacks_credit=True)
-        payload = joined(parts) if goes_by_socket else b""  # first, because it may fail for want of memory
+        payload = joined(parts) if goes_by_socket else b""  # first: it fails if memory is lacking
         if self.ring is not None and not self.ring.put(parts, stamp_ns):
             return self._room.refuse()
         if goes_by_socket:
@@ -445,11 +453,11 @@ class Sender:
         return True
 
     def refuse(self, *, lacks_credit: bool = False) -> Literal[False]:
-        """There is no room."""
+        """Note a sample or loan without room, and return False."""
         return self._room.refuse(lacks_credit=lacks_credit)
 
     def note_lent(self, payload: bytes) -> None:
-        """A loan was published in the ring; `payload`: what it held, if samples go by socket, too."""
+        """Note a loan published in the ring; `payload`: its content, if samples go by socket, too."""
         if self._owner.qos.deadline is not None or self.goes_by_socket:
             self.last_ns = self._port.now_ns()
         if self.goes_by_socket:
@@ -476,7 +484,8 @@ class Sender:
         releases = self._room.releases
         if not self.socket.can_take(len(payload)):
             return self._room.refuse(releases, lacks_credit=True)
-        # With a ring, what waits for the loop needs no bound by number: the ring itself keeps the newest.
+        # With a ring, samples that wait for the loop need no bound by number: the ring itself keeps the
+        # newest.
         depth = self._depth if self.ring is None and self._depth else 1 << 30
         if self._from_threads.put(payload, stamp_ns, depth):
             try:
@@ -486,7 +495,7 @@ class Sender:
         return True
 
     def _collect_from_threads(self) -> None:
-        """Publish, on the event loop, what other threads have published."""
+        """Publish, on the event loop, the samples of other threads."""
         skipped = self._from_threads.collect()
         if self._totals is not None:
             return
@@ -498,7 +507,7 @@ class Sender:
         self.socket.hand_over()
 
     def _take_late(self, payload: bytes, stamp_ns: int) -> bool:
-        """Publish what another thread has published; False: there is no room yet."""
+        """Publish a sample of another thread; False: there is no room yet."""
         try:
             return self.put_now((payload,), stamp_ns, has_room=True)
         except (SharedMemoryError, PayloadTooLarge) as error:
@@ -508,7 +517,7 @@ class Sender:
 
     def _put_late(self) -> None:
         if self._is_lent:
-            return  # it goes on when the loan ends
+            return  # called again when the loan ends
         self._from_threads.hand_on(self._take_late)
         if (
             self._from_threads.late
@@ -520,7 +529,7 @@ class Sender:
 
 
 def _no_quick_way(*_: object) -> Literal[False]:
-    """Stands for a quick way that is switched off."""
+    """Stands for a closed quick way."""
     return False
 
 

@@ -1,7 +1,8 @@
-"""The publishers of one subscription, and what the numbers of their samples tell.
+"""The publishers of one subscription, and losses and repetitions found by the numbers of their samples.
 
-Owns the last number received from each, by whatever route: so no sample is received twice, and a missing one
-is noticed, wherever it was lost. Must not know what is done with samples, nor the reasons of losses.
+Owns the last number received from each publisher, by any route. So no sample is received twice, and each
+missing sample is noticed, wherever it was lost. Must not know the use of samples, and not the reasons of
+losses.
 """
 
 from collections import deque
@@ -19,7 +20,7 @@ _MOST_GAPS = 64
 
 
 class PublisherProxy:
-    """One publisher: the last number received from it and taken, and what is not yet acknowledged."""
+    """One publisher: the last number received from it, the last taken, and unacknowledged samples."""
 
     __slots__ = (
         "acked_seq",
@@ -44,45 +45,47 @@ class PublisherProxy:
     def __init__(self, number: int, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
         self.number = number
         self.gid = gid
-        self.shown_gid = gid  # by which users know it
+        self.shown_gid = gid  # the gid that users see
         self.last_seq = last_seq
         self.lifespan_ns = lifespan_ns  # from a stamp of its clock to an end by ours
-        self.clock_ns = 0  # what its clock, of another time namespace, is ahead of ours
+        self.clock_ns = 0  # lead of its clock, of another time namespace, over ours
         self.needs_ack = needs_ack
-        self.may_repeat = needs_ack  # whether what we miss may come once more, out of what it keeps
-        self.received_seq = 0  # by ring, or from an earlier broker: not even a replay brings these again
+        self.may_repeat = needs_ack  # whether it may resend missed samples, from those that it keeps
+        self.received_seq = 0  # by ring, or from an earlier broker: not even a replay repeats these
         self.is_new = True  # until its first run that is no replay
-        # Up to where its history has come, until its first new sample: the rest of the history may follow.
+        # The last number received of its history, until its first new sample: the rest of the history may
+        # follow.
         self.replayed_seq: int | None = None
-        # Until the first run by the other route, which shows what was lost between the two:
+        # Until the first run by the other route, which shows the losses between the two:
         self.is_rerouted = False
-        self.routed_seq = 0  # once it has gone: the last number that the broker has routed
-        # What it published while it was away, as pairs of numbers (the last before, the first after), until a
+        self.routed_seq = 0  # after its end: the last number that the broker has routed
+        # Samples published while it was away, as pairs of numbers (the last before, the first after), until a
         # later run comes:
         self.gaps: tuple[tuple[int, int], ...] = ()
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
 
     def renew(self, matched: Matched) -> None:
-        """The broker says of it anew what a broker can say in another way each time."""
+        """Set the values that differ between brokers: number, clock and lifespan."""
         self.number, self.clock_ns = matched.other, matched.clock_ns
         lifespan_ns = matched.qos.lifespan_ns
         self.lifespan_ns = lifespan_ns and (lifespan_ns - matched.clock_ns or 1)
 
     def comes_back(self, routed_seq: int, next_seq: int) -> None:
-        """The broker has had its samples up to `routed_seq`, and gets those from `next_seq` on."""
+        """Note a return: the broker has received the samples up to `routed_seq`, and gets those from
+        `next_seq` on."""
         if routed_seq + 1 < next_seq:
             self.gaps = (*self.gaps, (routed_seq, next_seq))[-_MOST_GAPS:]
             self.routed_seq = next_seq - 1
-        self.is_new = False  # the broker reports what it did not route to us meanwhile
+        self.is_new = False  # the broker reports the samples that it did not route to us meanwhile
 
 
 class SequenceTracker(dict[int, PublisherProxy]):
-    """By the number that the broker gave each. `on_lost(reason, count)` hears what is lost between two routes
-    or brokers.
+    """The publishers by their numbers at the broker.
 
-    In all methods `reported` is how many samples the present broker has said it dropped for this
-    subscription. `last_seqs`: the last number received, by gid, of the publishers of earlier connections.
+    `on_lost(reason, count)` is called for losses between two routes or brokers. In all methods, `reported` is
+    the number of samples that the present broker has reported as dropped for this subscription. `last_seqs`:
+    the last number received, by gid, of the publishers of earlier connections.
     """
 
     def __init__(self, on_lost: Callable[[str, int], None]) -> None:
@@ -91,32 +94,32 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self.last_seqs: dict[bytes, int] = {}
         self._gone: deque[int] = deque()
         self.received = 0
-        """Samples that came by socket, those that came twice counted once."""
+        """Samples received by socket; repeated ones count once."""
         self.repeated = 0
-        """Samples that the present broker sent although they had come before, by a ring say."""
+        """Samples that the present broker sent, and that had come before, for example by a ring."""
         self.lost_between = 0
-        """Samples lost between two routes or two brokers; `on_lost` has heard of them."""
-        # Numbers missing in what the present broker sent:
+        """Samples lost between two routes or two brokers; `on_lost` was called for them."""
+        # Missing numbers of samples from the present broker:
         self._skipped = 0  # the broker has dropped them
-        self._perhaps_skipped = 0  # it has, or they went to others only, by their rings
-        self._rerouted = 0  # it has, or the ring had given them up before
-        self._reported_ahead = 0  # dropped by the last broker, of what would have come next
-        self._lost_at_end: dict[bytes, int] = {}  # of publishers that had gone, by gid
-        # By gid, how many of `_perhaps_skipped` are missing before the first sample that came, and its
-        # number; and the same of the last broker, until the present one says from where on samples were for
-        # us:
+        self._perhaps_skipped = 0  # the broker has dropped them, or they only went to other readers of rings
+        self._rerouted = 0  # the broker has dropped them, or the ring had dropped them before
+        self._reported_ahead = 0  # drops of the last broker with numbers above the last received one
+        self._lost_at_end: dict[bytes, int] = {}  # of departed publishers, by gid
+        # By gid: the part of `_perhaps_skipped` before the first received sample, and the number of that
+        # sample. Then the same of the last broker, until the present one reports the first sample for us:
         self._beginnings: dict[bytes, tuple[int, int]] = {}
         self._unsure: dict[bytes, tuple[int, int]] = {}
         self._unsure_count = 0
-        self._reported_besides = 0  # dropped by the last broker, beyond `_skipped`
-        # What was dropped and will be found missing, by reason; and how much was found before its reason:
+        self._reported_besides = 0  # drops of the last broker in addition to `_skipped`
+        # Dropped samples that will be found missing, by reason; and the number found missing before their
+        # reason:
         self._reasons: dict[str, int] = {}
         self._unexplained = 0
 
     def forget(self, number: int, routed_seq: int = 0) -> None:
-        """A publisher has gone. Samples of it may still come, so a number of these publishers are kept.
+        """Note a departed publisher. Its samples may still come, so the latest of these publishers are kept.
 
-        The broker has routed its samples up to `routed_seq`, and reports those of them that it drops.
+        The broker has routed its samples up to `routed_seq`, and reports those that it drops.
         """
         if (proxy := self.get(number)) is not None:
             proxy.routed_seq = max(proxy.routed_seq, routed_seq)
@@ -127,7 +130,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
     def match(
         self, matched: Matched, received_seq: int | None, qos: QoSProfile, *, is_new_broker: bool
     ) -> PublisherProxy:
-        """A publisher is matched with a subscription of `qos`, which had its samples up to `received_seq`."""
+        """Add a publisher matched with a subscription of `qos` that has received its samples up to
+        `received_seq`."""
         last_seq = matched.next_seq - 1 if received_seq is None else received_seq
         needs_ack = qos.is_lossless and matched.qos.is_lossless
         proxy = PublisherProxy(matched.other, matched.gid, last_seq, 0, needs_ack=needs_ack)
@@ -143,11 +147,11 @@ class SequenceTracker(dict[int, PublisherProxy]):
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0
             return proxy
-        # We were there before: the broker counts all that is missing from now on as dropped. So it is lost,
-        # even if the broker has no time to report it.
+        # The subscription existed before: the broker counts all samples missing from now on as dropped. So
+        # they are lost, even if the broker has no time to report them.
         proxy.is_new = False
         if matched.next_seq - 1 > received_seq:
-            # What was lost with a broker, a lossless publisher sends once more; histories come anyway.
+            # A lossless publisher resends samples that were lost with a broker; histories come anyway.
             if is_volatile and not (needs_ack and (has_history or is_new_broker)):
                 self.lose_while_away(matched.next_seq - 1 - received_seq, matched.gid)
                 proxy.last_seq = matched.next_seq - 1
@@ -156,7 +160,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         return proxy
 
     def take_back(self, matched: Matched) -> PublisherProxy | None:
-        """A publisher that had gone is there again; what it sent before may still come."""
+        """Take back a departed publisher that has returned; its earlier samples may still come."""
         for number in self._gone:
             proxy = self.get(number)
             if proxy is not None and proxy.gid == matched.gid:
@@ -166,9 +170,9 @@ class SequenceTracker(dict[int, PublisherProxy]):
         return None
 
     def disconnected(self, reported: int, lapped_reason: str) -> None:
-        """The broker is gone, and with it the numbers that it gave publishers.
+        """Note that the broker is gone, and with it its numbers of publishers.
 
-        What it dropped and had no time to report counts as lost with it.
+        Drops that it had no time to report count as lost with it.
         """
         gone = set(self._gone)
         ends = {
@@ -181,8 +185,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self.clear()
         self._gone.clear()
         self._reasons.clear()
-        # Of a publisher that has gone nothing comes next. So what did not come of its end is lost now, and
-        # neither explains what is missing of another one nor is it counted once more.
+        # A departed publisher sends nothing more. So the missing samples of its end are lost now. They must
+        # not explain missing samples of another publisher, and must not count a second time.
         for gid, count in ends.items():
             self._skipped += count
             self._lost_at_end[gid] = self._lost_at_end.pop(gid, 0) + count
@@ -204,19 +208,19 @@ class SequenceTracker(dict[int, PublisherProxy]):
 
     @property
     def missing(self) -> int:
-        """Numbers missing in what the present broker sent, wherever they were lost."""
+        """Missing numbers among the samples of the present broker, wherever they were lost."""
         return self._skipped + self._rerouted
 
     def lapped(self, reported: int) -> int:
-        """How many of `missing` the broker did not drop: a ring gave them up before its match went by
-        socket."""
+        """The part of `missing` that the broker did not drop: a ring dropped it before its match changed to
+        the socket route."""
         return min(self._rerouted, max(0, self.missing - reported))
 
     def lose_while_away(self, count: int, gid: bytes | None = None) -> int:
-        """Count `count` samples, of the publisher `gid`, as lost between two connections, without those that
-        the last broker reported, or that were counted as lost when it was lost.
+        """Count `count` samples of publisher `gid` as lost between two connections.
 
-        Returns how many that are.
+        It leaves out samples that the last broker reported, and samples that were counted as lost when that
+        was lost. Returns the number counted.
         """
         if gid is not None:
             count -= min(count, self._lost_at_end.pop(gid, 0))
@@ -236,7 +240,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         return lost
 
     def note_received(self, gid: bytes, received_seq: int | None) -> None:
-        """The last number received of a publisher that is not matched, as a ring tells."""
+        """Note the last number received of an unmatched publisher, taken from its ring."""
         if received_seq is not None:
             self.last_seqs[gid] = max(self.last_seqs.get(gid, 0), received_seq)
 
@@ -246,8 +250,8 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self._on_lost(DropReason.DISCONNECTED, count)
 
     def learn(self, missed: dict[bytes, tuple[int, int]]) -> None:
-        """From where on samples were for us, as in Dropped: that tells how many were skipped before the
-        first."""
+        """Note the first numbers for this subscription, as in Dropped: they show the drops before the first
+        received sample."""
         skipped = 0
         ahead = max(0, self._reported_besides - self._unsure_count)
         for gid, (first_seq, _) in missed.items():
@@ -262,27 +266,28 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self.lose_while_away(unreported)
 
     def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
-        """What publishers have sent since, or where that begins, as in Dropped: what of it did not come is
-        lost."""
+        """Count the missing ones of the samples that publishers have sent since, by their numbers in
+        Dropped."""
         for gid, (first_seq, last_seq) in missed.items():
-            # Without a first number the match went by a ring. A subscription that never read that ring, but
-            # has an earlier number of the publisher, has missed all after that; without one it can't tell.
+            # Without a first number, the match used a ring. A subscription that never read that ring, but has
+            # an earlier number of the publisher, has missed all later samples. Without a number, it counts
+            # none.
             received_seq = max(self.last_seqs.get(gid, 0 if first_seq else last_seq), first_seq - 1)
             self.last_seqs[gid] = max(received_seq, last_seq)
             self.lose_while_away(max(0, last_seq - received_seq), gid)
         self._forget_oldest()
 
     def explain(self, dropped: dict[str, int]) -> None:
-        """By reason, what the last broker had dropped: some of it is found missing only later."""
+        """Note drops of the last broker, by reason: some of these samples are found missing only later."""
         for reason, count in dropped.items():
             known = min(self._unexplained, max(0, count))  # found missing already
             self._unexplained -= known
             self._reasons[reason] = max(0, count - known)
 
     def check_run(self, proxy: PublisherProxy, run: Run) -> bool:
-        """A run that is not simply the next one: cut off what came before, count what is missing.
+        """Handle a run that is not simply the next one: cut off repeated samples, count missing ones.
 
-        Returns whether anything is left.
+        Returns whether any samples are left.
         """
         received_seq = proxy.received_seq if run.is_replay else proxy.last_seq
         if proxy.replayed_seq is not None:
@@ -291,7 +296,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             return False
         missing = max(0, run.first_seq - proxy.last_seq - 1) - self._pass_gaps(proxy, run.first_seq)
         if run.source != proxy.number:
-            self._skipped += missing  # the run was sent before the publisher went
+            self._skipped += missing  # the run was sent before the publisher's end
             return True
         if proxy.is_rerouted:
             self._rerouted += missing
@@ -309,9 +314,9 @@ class SequenceTracker(dict[int, PublisherProxy]):
     def _remember(self, proxies: list[PublisherProxy]) -> None:
         for one in proxies:
             last_seq = one.last_seq if one.replayed_seq is None else one.replayed_seq
-            if one.replayed_seq != 0:  # else no history has come: all of it comes next time, as to a new one
+            if one.replayed_seq != 0:  # else no history has come: next time all of it comes
                 self.last_seqs.pop(one.gid, None)
-                self.last_seqs[one.gid] = max(0, min(last_seq, MAX_COUNT))  # a ring may lie
+                self.last_seqs[one.gid] = max(0, min(last_seq, MAX_COUNT))  # a ring's number may be false
         self._forget_oldest()
 
     def _forget_oldest(self) -> None:
@@ -319,7 +324,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
             del self.last_seqs[gid]
 
     def _pass_gaps(self, proxy: PublisherProxy, first_seq: int) -> int:
-        """Count what is missing before `first_seq` because no broker got it; returns how many."""
+        """Count samples missing before `first_seq` because no broker received them; returns their number."""
         gone = 0
         for routed_seq, returned_seq in proxy.gaps:
             gone += max(0, min(returned_seq, first_seq) - max(routed_seq, proxy.last_seq) - 1)

@@ -1,6 +1,6 @@
-"""The rings that one subscription reads: attaching, going on in a larger one, leaving.
+"""The rings that one subscription reads: attaching, moving to a larger ring, leaving.
 
-Owns the feeds of its matches, and their slots. The native reader takes the samples and counts what is lost;
+Owns the feeds of its matches, and their slots. The native reader takes the samples and counts losses;
 `bus.delivery.receiver` takes from it.
 """
 
@@ -21,14 +21,15 @@ from bus.wire.session import MISSING
 
 _ALL = 1 << 60
 _LARGE_RING_BYTES = 2 << 20
-"""A ring that is larger has grown, by large messages as a rule."""
+"""A larger ring than this has grown, usually because of large messages."""
 
 
 class ShmReceiver:
-    """`owner` is the subscription that the port knows, and is given to it when something has come.
+    """The rings of `owner`, the subscription that the port knows, and that it is given when samples have
+    come.
 
-    `on_missed(count)` hears of samples in rings that were never seen here, because their publishers went on
-    in them while the broker was lost.
+    `on_missed(count)` is called for samples in unknown rings, in which publishers continued while the broker
+    was lost.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class ShmReceiver:
         self._wants_history = qos.durability is not Durability.VOLATILE
         self._is_lossless = qos.is_lossless
         self._feeds: dict[bytes, Feed] = {}
-        self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left
+        self._positions: dict[bytes, int] = {}  # by gid, the next number after a ring was left
         self._declared_ns = _ALL
         self._lost_ns = _ALL  # when the broker was lost
         self._return: Timer | None = None
@@ -51,7 +52,7 @@ class ShmReceiver:
         )
 
     def declared(self) -> None:
-        """A broker knows the subscription now."""
+        """Note that a broker knows the subscription now."""
         self._declared_ns = self._port.now_ns()
         if self._lost_ns != _ALL:
             self._return = self._port.later(RETURN_S, self._finish_stale)
@@ -59,17 +60,19 @@ class ShmReceiver:
     def take_up(
         self, matched: m.Matched, received_seq: int | None, drain: Callable[[], None]
     ) -> tuple[PublisherProxy | None, int | None]:
-        """What is read from since an earlier broker made the match, if it is, and up to where it was heard.
+        """Take up the feed of an earlier broker's match: returns its publisher, if any, and the last known
+        number.
 
-        Where it goes by socket now, `drain` is called for what waits in the rings. `received_seq`: up to
-        where it was heard by socket, or was yet to be read here when a broker said that it had gone.
+        If the match uses the socket now, `drain` is called for waiting samples in the rings. `received_seq`:
+        the last number received by socket, or the last one to read here when a broker reported the
+        publisher's end.
         """
-        self.sweep()  # what the reader has left by itself must not be taken for what is attached now
+        self.sweep()  # rings that the reader has left by itself must not count as attached now
         feed = self._feeds.get(matched.gid)
         if feed is not None and (feed.state is FeedState.FINISHING or matched.route != Route.SHM):
             if matched.route != Route.SHM:
                 drain()
-            if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
+            if self.leave(matched.gid):  # another ring, or none: continues at the position in this one
                 received_seq = None
             feed = None
         received_seq = self.received_seq(matched.gid, received_seq)
@@ -79,7 +82,7 @@ class ShmReceiver:
         return feed.proxy, received_seq
 
     def received_seq(self, gid: bytes, received_seq: int | None) -> int | None:
-        """Up to where that publisher was heard, if by socket up to `received_seq`."""
+        """The last number received of a publisher; `received_seq`: the last one by socket."""
         position = self._positions.get(gid)
         return received_seq if position is None else max(received_seq or 0, position - 1)
 
@@ -90,9 +93,9 @@ class ShmReceiver:
         descriptors: tuple[Descriptor, ...],
         received_seq: int | None,
     ) -> None:
-        """Read the ring of a new match, and tell the publisher; or say why not.
+        """Read the ring of a new match, and inform the publisher; or refuse the route, with the reason.
 
-        `received_seq`: what was received from this publisher before, if anything.
+        `received_seq`: the last number received from this publisher before, if any.
         """
         try:
             slot = self._attach(proxy, matched, descriptors, received_seq)
@@ -103,7 +106,7 @@ class ShmReceiver:
             self._port.send_about(self._owner, attach)
 
     def replace(self, proxy: PublisherProxy, descriptors: tuple[Descriptor, ...]) -> None:
-        """The publisher goes on in another ring; or say why that can't be read."""
+        """Append the ring in which the publisher continues; or refuse the route, with the reason."""
         try:
             if not descriptors:
                 raise OSError(MISSING)
@@ -112,18 +115,18 @@ class ShmReceiver:
             self._refuse(proxy, str(error) or "no memory")
 
     def finish(self, gid: bytes) -> None:
-        """The publisher has gone: what is in its ring may still be taken."""
+        """Note that the publisher has gone: samples in its ring may still be taken."""
         feed = self._feeds.get(gid)
         if feed is not None:
             feed.on(FeedEvent.FINISH)
             self.reader.finish(feed.proxy)
             self.sweep()
-            self._shm_context.poll_soon()  # a last time: perhaps the publisher has not rung for what is there
+            self._shm_context.poll_soon()  # a last time: the publisher may not have rung for its last samples
 
     def conclude(self, gid: bytes, last_seq: int) -> int | None:
-        """The publisher has gone while the broker was lost, with this number.
+        """Note that the publisher has gone while the broker was lost, with this last number.
 
-        Returns up to where it was heard or is accounted for here, if at all.
+        Returns the last number received or counted here, if any.
         """
         feed = self._feeds.get(gid)
         if feed is None:
@@ -133,23 +136,24 @@ class ShmReceiver:
         return last_seq
 
     def hold(self, shown_gid: bytes, *, is_on: bool) -> bool:
-        """Leave what that publisher writes in its ring, or go on; returns whether that is read here."""
+        """Leave a publisher's samples in its ring, or take them again; returns whether that ring is read
+        here."""
         held = [feed.proxy for feed in self._feeds.values() if feed.proxy.shown_gid == shown_gid]
         for proxy in held:
             self.reader.hold(proxy, is_on)
         return bool(held)
 
     def leave(self, gid: bytes) -> bool:
-        """The match goes another way now; what was read is known by `proxy.last_seq`.
+        """Leave a match's ring, because the match uses another way now; `proxy.last_seq` keeps the position.
 
-        Returns whether it was read up to now.
+        Returns whether the ring was read until now.
         """
         feed = self._feeds.pop(gid, None)
         if feed is None:
             return False
         feed.on(FeedEvent.LEAVE)
         next_seq = self.reader.next_seq(feed.proxy)
-        if next_seq:  # else the reader has left it by itself
+        if next_seq:  # else the reader has left the ring by itself
             feed.proxy.last_seq = feed.proxy.received_seq = next_seq - 1
             self._remember(gid, next_seq)
         self.reader.detach(feed.proxy)
@@ -157,7 +161,7 @@ class ShmReceiver:
         return next_seq != 0
 
     def sweep(self) -> None:
-        """Give back what belonged to rings that the reader has left by itself."""
+        """Release slots and feeds of rings that the reader has left by itself."""
         for proxy, reason, next_seq in self.reader.pop_left():
             feed = self._feeds.get(proxy.gid)
             proxy.last_seq = proxy.received_seq = max(proxy.last_seq, next_seq - 1)
@@ -172,20 +176,20 @@ class ShmReceiver:
                     self._refuse(proxy, reason)
 
     def disconnected(self) -> None:
-        """The broker is gone; the rings are read on."""
+        """Note that the broker is gone; reading of the rings continues."""
         self._lost_ns = self._port.now_ns()
         self._cancel_return()
-        self.sweep()  # the reader knows no position in what it has left
+        self.sweep()  # the reader has no position in rings that it has left
         for feed in self._feeds.values():
             feed.proxy.last_seq = self.reader.next_seq(feed.proxy) - 1
             feed.on(FeedEvent.DISCONNECT)
 
     def poll(self, time_s: float) -> None:
-        """Look for the next message without sleeping for so long after each."""
+        """After each message, poll for the next one without sleeping, for up to `time_s`."""
         self._shm_context.poll(self, int(time_s * 1e9))
 
     def close(self) -> None:
-        """Leave every feed. What was taken and is still held stays readable."""
+        """Leave every feed. Views of taken messages stay readable."""
         self._cancel_return()
         self._shm_context.poll(self, 0)
         for gid in tuple(self._feeds):
@@ -194,7 +198,8 @@ class ShmReceiver:
     # --- inside
 
     def _finish_stale(self) -> None:
-        """The broker has been back for a while: what it has not matched again has gone."""
+        """Finish feeds that the new broker has not matched again after a while: their publishers have
+        gone."""
         self._lost_ns = _ALL
         for gid, feed in tuple(self._feeds.items()):
             if feed.state is not FeedState.ATTACHED:
@@ -211,7 +216,7 @@ class ShmReceiver:
         descriptors: tuple[Descriptor, ...],
         received_seq: int | None,
     ) -> int:
-        """Returns the slot. Raises OSError or ValueError, saying what is wrong."""
+        """Attach a ring, and return its slot. Raises OSError or ValueError with the fault."""
         if len(descriptors) != matched.descriptors:
             raise OSError(MISSING)
         descriptor, doorbell = descriptors
@@ -225,7 +230,7 @@ class ShmReceiver:
                 self._replace(matched.gid, descriptor)
             return before.slot
         slot = self._shm_context.allot_slot()
-        if slot is None:  # first: mapping costs more
+        if slot is None:  # first, because mapping costs more
             raise OSError("all slots of this process's readers' segment are in use")
         try:
             memory = segments.map_ring(descriptor)
@@ -234,7 +239,8 @@ class ShmReceiver:
             if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
                 history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
             next_seq = max(received_seq + 1 if received_seq else 0, self._positions.pop(matched.gid, 0))
-            # All of a publisher that was made later is for us, also what is lapped by now: counted then.
+            # All samples of a publisher that was made later are for us; those already overwritten count as
+            # lost.
             is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
             keep = self._shm_context.writer_doorbell(doorbell) if self._is_lossless else None
             first_seq = self.reader.attach(
@@ -242,7 +248,7 @@ class ShmReceiver:
                 memory,
                 slot,
                 start=next_seq or int(is_new),
-                # What the publisher that is new here wrote while the broker was away is for us, too.
+                # Samples that a new publisher wrote while the broker was away are for us, too.
                 since_ns=min(matched.at_ns, self._lost_ns),
                 history=history,
                 lifespan_ns=matched.qos.lifespan_ns,
@@ -284,4 +290,4 @@ def _depth(qos: QoSProfile) -> int:
 
 def _make_ready_for(ring_bytes: int) -> None:
     if ring_bytes > _LARGE_RING_BYTES:
-        keep_freed_memory()  # for what messages are decoded into
+        keep_freed_memory()  # for the memory of decoded messages

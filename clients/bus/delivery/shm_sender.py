@@ -1,7 +1,7 @@
-"""The way of a publisher's samples through shared memory: its ring, how that grows, and its readers.
+"""Sends a publisher's samples through shared memory: its ring, the ring's growth, and its readers.
 
-Decides what the ring leaves open: when to grow, when to give up depth, which readers to wait for. A sample is
-written once, however many read it. On the event loop's thread only.
+Decides when the ring grows, when it gives up depth, and which readers to wait for. A sample is written once,
+for any number of readers. Used only on the event loop's thread.
 """
 
 from bisect import bisect_left
@@ -41,9 +41,9 @@ _log = get_logger("bus")
 
 
 class Gates:
-    """The matches of a publisher by its ring, and which records the ring must keep for them.
+    """The matches of a publisher by its ring, and the records that the ring must keep for them.
 
-    `writer` writes the ring; after each change, the caller has it obey by `apply`.
+    `writer` writes the ring. After each change, the caller passes the new limits to it by `apply`.
     """
 
     def __init__(self, port: Port, owner: Owner, writer: "shm.native.Writer") -> None:
@@ -56,19 +56,22 @@ class Gates:
         """Whether the publisher waits for its lossless matches."""
         self.by_gid: dict[bytes, Gate] = {}
         self.depth = 1 if keeps_all else qos.depth
-        """The publisher's own."""
+        """The publisher's own depth."""
         self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
         self._depths: Counter[int] = Counter()
-        """Of the matches, each with how many have it: so that a change does not need a scan of thousands."""
+        """The matches' depths, each with its number of matches: a change needs no scan of thousands."""
         self._unattached: dict[int, Gate] = {}  # by key
         self._holds: list[tuple[int, int]] = []
-        """Of the lossless gates that are not attached: a heap of (hold, key)."""
+        """The lossless gates that are not attached: a heap of (hold, key)."""
         self._left: dict[tuple[ReaderProcess, int], Gate] = {}
-        """Gates of ended matches whose readers may still pin records, by slot."""
+        """Gates of ended matches, by slot; their readers may still pin records."""
         self._here: set[bytes] = set()
         """The matches with subscriptions of this event loop."""
         self.known_seq = 0
-        """Matches that begin up to here are known. If the publisher is lossless, the ring holds the rest."""
+        """All matches that begin up to this number are known.
+
+        A lossless publisher's ring keeps later ones.
+        """
         self._forget: Timer | None = None
         writer.hold, writer.keep = int(self.is_lossless), self.keep  # as `apply`: no match is known yet
 
@@ -83,7 +86,7 @@ class Gates:
         return FOR_EVER if self._keeps_history else max(self.depth, *self._depths, 1)
 
     def apply(self, *, keeps_all: bool) -> None:
-        """Have the writer keep what they need; `keeps_all`: it is to reuse no record for now."""
+        """Make the writer keep the needed records; `keeps_all`: it must reuse no record for now."""
         holds, unattached = self._holds, self._unattached
         while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_lossless):
             heappop(holds)
@@ -94,18 +97,18 @@ class Gates:
         self._writer.keep = FOR_EVER if keeps_all else self.keep
 
     def count_unattached(self, besides: Container[int]) -> int:
-        """Matches whose reader has not named its slot yet, other than `besides`."""
+        """The number of matches with a reader that has not named its slot yet, except `besides`."""
         if not besides:
             return len(self._unattached)
         return sum(gate.matched.other not in besides for gate in self._unattached.values())
 
     def find(self, gid: bytes, other: int) -> Gate | None:
-        """The match of `gid`, if it is the one with `other` (0: any)."""
+        """The match of `gid`, if its other end has the number `other` (0: any)."""
         gate = self.by_gid.get(gid)
         return gate if gate is not None and other in (0, gate.matched.other) else None
 
     def dead(self) -> list[bytes]:
-        """Matches that no broker reports, and whose process has ended."""
+        """Matches that no broker reports, and with a process that has ended."""
         return [
             gid
             for gid, gate in self.by_gid.items()
@@ -116,13 +119,13 @@ class Gates:
         """Matches that the present broker has not made."""
         return [gid for gid, gate in self.by_gid.items() if gate.state in STALE]
 
-    # --- what happens to them
+    # --- changes of matches
 
     def add(self, matched: m.Matched) -> None:
-        """The broker makes a match, for the first time or again."""
+        """Add a match that the broker makes, for the first time or again."""
         gate = self.by_gid.get(matched.gid)
         if gate is not None and gate.state not in STALE:
-            # Two endpoints claim one gid, which brokers don't check: the newer match counts.
+            # Two endpoints claim one gid. Brokers don't check that, so the newer match counts.
             self.remove(matched.gid, is_lost=True)
             gate = None
         if gate is None:
@@ -140,15 +143,15 @@ class Gates:
         self._depths[gate.depth] += 1
 
     def attach(self, gid: bytes, process: ReaderProcess, slot: int) -> None:
-        """The reader of a match names its slot."""
+        """Attach the reader of a match, which names its slot."""
         gate = self.by_gid[gid]
         gate.on(GateEvent.ATTACH)
         place, first_key = (process, slot), gate.key
-        if gate.place != place:  # else it has read on, while busd was away
+        if gate.place != place:  # else it continued to read while busd was away
             before = self._left.pop(place, None)
             if before is not None:
                 before.on(GateEvent.FORGET)
-                gate.key = before.key  # the reader is back, and may have pins: its old gate goes on
+                gate.key = before.key  # the reader is back, and may have pins: its old gate continues
             self._writer.add_gate(gate.key, process.bell, slot, is_lossless=gate.is_lossless)
             gate.place = place
         self._unattached.pop(first_key, None)
@@ -156,7 +159,7 @@ class Gates:
             self._here.add(gid)
 
     def remove(self, gid: bytes, *, is_lost: bool) -> None:
-        """The match has ended. `is_lost`: its reader may live, and read and pin until its process ends."""
+        """Remove an ended match. `is_lost`: its reader may live, and read and pin until its process ends."""
         gate = self.by_gid[gid]
         gate.on(GateEvent.LOSE if is_lost else GateEvent.UNMATCH)
         del self.by_gid[gid]
@@ -166,15 +169,15 @@ class Gates:
         if gate.place is not None:
             self._left[gate.place] = gate
             self._writer.make_lossy(gate.key)
-            self._forget_later(0)  # one scan for all that end at once
+            self._forget_later(0)  # one scan for all matches that end at once
 
     def disconnect(self) -> None:
-        """The broker is gone."""
+        """Note that the broker is gone."""
         for gate in self.by_gid.values():
             gate.on(GateEvent.DISCONNECT)
 
     def set_lossless(self, gid: bytes, *, is_on: bool) -> None:
-        """Whether the publisher waits for a match."""
+        """Set whether the publisher waits for a match."""
         gate = self.by_gid.get(gid)
         if gate is None or gate.is_lossless is is_on:
             return
@@ -188,14 +191,14 @@ class Gates:
             self._writer.make_lossy(gate.key)
 
     def make_all_lossy(self) -> None:
-        """Wait for no match any more."""
+        """Stop waiting for matches."""
         for gate in self.by_gid.values():
             self._writer.make_lossy(gate.key)
             gate.is_lossless = False
         self._holds.clear()
 
     def forget_left(self) -> None:
-        """Drop the gates that hold nothing any more; a process that has ended holds nothing."""
+        """Drop left gates that hold nothing any more; a process that has ended holds nothing."""
         is_alive: dict[ReaderProcess, bool] = {}
         for place, gate in tuple(self._left.items()):
             process, _ = place
@@ -209,7 +212,7 @@ class Gates:
         self._forget_later(_FORGET_S)
 
     def clear(self) -> None:
-        """The ring is closed."""
+        """Forget all matches, because the ring is closed."""
         self.by_gid.clear()
         self._unattached.clear()
         self._left.clear()
@@ -230,9 +233,9 @@ class Gates:
 
 
 class ShmSender:
-    """Makes the ring of `owner`. Raises OSError where there is no memory or descriptor for it."""
+    """Makes and writes the ring of `owner`. Raises OSError if memory or descriptors are lacking."""
 
-    _early: ClassVar[int] = 0  # those that grew at their first match
+    _early: ClassVar[int] = 0  # senders of this process that grew at their first match
 
     def __init__(self, port: Port, shm_context: ShmPort, owner: Owner) -> None:
         qos = owner.qos
@@ -251,23 +254,23 @@ class ShmSender:
         self.writer.prepare(*support.steps)
         if support.text_fields:
             self.writer.longest = LONG_TEXT
-        # Long fields of bytes must not be encoded with the rest.
+        # Long bytes fields must not be encoded with the rest.
         self.can_publish = not support.bytes_fields
         self._return: Timer | None = None
         self._rest: Timer | None = None  # while it runs, laps of the first ring don't matter
-        self._why_not = ""  # the ring could not grow
+        self._why_not = ""  # reason of the last failed growth
         self._is_early = False
 
     @classmethod
     def make(cls, port: Port, owner: Owner, logger: Logger) -> "ShmSender | None":
-        """The sender, or None where memory is not shared, or there is none left; then the log says so."""
+        """Make the sender. None if memory is not shared, or if none is left; the log reports the latter."""
         if port.shm_context is None:
             return None
         try:
             check_room()
             return cls(port, port.shm_context, owner)
         except OSError as error:
-            if error.errno == EMFILE:  # and all that come after it
+            if error.errno == EMFILE:  # all later publishers will fail, too
                 text = f"publishers go by socket, '{owner.topic_name}' first: {error.strerror}"
                 _log.warning(text, once=True)
                 return None
@@ -275,16 +278,16 @@ class ShmSender:
             return None
 
     def announce(self) -> Descriptor:
-        """The ring's descriptor, to be sent."""
+        """The ring's descriptor, which the caller sends to the broker."""
         self._announced = self.descriptor
         return self.descriptor
 
     # --- samples
 
     def put(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
-        """Write a sample, given in parts, with all that takes; False where lossless readers must read first.
+        """Write a sample, given in parts, and grow if necessary; False if lossless readers must read first.
 
-        Raises SharedMemoryError where the ring can't be made large enough.
+        Raises SharedMemoryError if the ring can't be made large enough.
         """
         writer = self.writer
         may_force = False
@@ -302,7 +305,7 @@ class ShmSender:
         return True
 
     def lend(self, size: int) -> memoryview | None:
-        """A place for a sample, to be filled; None where `put` gives False. Raises SharedMemoryError, too."""
+        """Lend a place for a sample; None if `put` would return False. Raises SharedMemoryError, too."""
         may_force = False
         while True:
             place = self.writer.lend(size, force=may_force)
@@ -317,7 +320,7 @@ class ShmSender:
                 may_force = self._make_larger(size, place)
 
     def publish_lent(self) -> None:
-        """Raises PayloadTooLarge where a broker that has come meanwhile takes less."""
+        """Publish the lent place. Raises PayloadTooLarge if a new broker has a lower limit."""
         status = self.writer.publish_lent()
         if status == shm.native.TOO_LARGE:
             raise self._too_large(len(self.writer.lent()))
@@ -325,10 +328,10 @@ class ShmSender:
 
     def _make_larger(self, size: int, status: int) -> bool:
         """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
-        if size > self.writer.most:  # of a broker that has come meanwhile
+        if size > self.writer.most:  # the limit of a new broker
             raise self._too_large(size)
         if status == shm.native.SHORT and self._watches_laps:
-            # The depth is kept as it is: a larger ring would only reuse records later.
+            # The ring already keeps the depth: a larger ring would only reuse records later.
             if laps_slowly(self.writer, self._port.now_ns()) or not self._grow(size, must=False):
                 self._rest = self._port.later(LAP_S, self._watch_laps)
                 self._set_hold()
@@ -345,15 +348,15 @@ class ShmSender:
         return PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
 
     def _make_way(self) -> bool:
-        """Readers hold records that they have not read. Returns whether to try again now."""
+        """Deal with readers that hold unread records. Returns whether to try again now."""
         writer = self.writer
         if self._move_known():
             return True
         if self.gates.is_lossless:
-            # Not without a broker: readers would not learn of the new ring, and the one they have would stay
-            # full.
+            # Don't grow without a broker: readers would not learn of the new ring, and the present one would
+            # stay full.
             return bool(self._owner.id) and is_filled_by_few(writer) and self._grow(0, must=False)
-        # Keep last, and a subscription that keeps all: take more memory, and where that ends, lose samples.
+        # Keep last, and a subscription that keeps all: take more memory, and lose samples if none is left.
         if self._grow(0, must=False):
             return True
         self.gates.make_all_lossy()
@@ -361,7 +364,7 @@ class ShmSender:
         return True
 
     def _move_known(self) -> bool:
-        """Stop holding for matches yet unknown, up to `latest`. Returns whether that changed anything."""
+        """Stop holding records for unknown matches, up to `latest`. Returns whether that changed anything."""
         latest = self.writer.latest
         if not self.gates.is_lossless or self.gates.known_seq == latest or not self._port.is_quiet():
             return False
@@ -371,13 +374,17 @@ class ShmSender:
         return True
 
     def wait_for_room(self, on_room: Callable[[], None]) -> bool:
-        """After `put` gave False: call `on_room` when there may be room. Returns False where the caller
-        should try again after a turn of the loop, which reads what the broker has sent."""
-        # Not while unknown matches hold: no reader that has taken all there is would ring once that ends.
+        """After `put` returned False: call `on_room` when there may be room.
+
+        Returns False if the caller should try again after a turn of the loop, which reads the broker's
+        messages.
+        """
+        # Don't wait while records are held for unknown matches: when that ends, no reader that has taken
+        # everything would ring.
         if not self._port.is_quiet() or self._move_known():
             return False
         if not self.writer.wait_for_room():
-            self._shm_context.wake_waiting(self)  # others that wait are not rung for any more
+            self._shm_context.wake_waiting(self)  # other waiting writers get no ring any more
             return False
 
         def on_wake() -> None:
@@ -391,22 +398,22 @@ class ShmSender:
     # --- readers
 
     def expect(self, matched: m.Matched) -> None:
-        """A match by this route: hold what its reader must find, until it names its slot."""
+        """Add a match by this route, and hold the records for its reader until it names its slot."""
         is_small = self._watches_laps and not self.writer.is_lent
         if is_small and ShmSender._early < EARLY and self._grow(0, must=True):
-            # Growing now holds nothing up. Later, busd may be slow or gone, and readers would wait for it.
+            # Growth now delays nothing. Later, busd may be slow or gone, and readers would wait for it.
             self._is_early = True
             ShmSender._early += 1
         self.gates.add(matched)
         self._set_hold()
 
     def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
-        """The reader of a match names its slot.
+        """Attach the reader of a match, which names its slot.
 
-        Raises OSError or ValueError, saying what is wrong with that.
+        Raises OSError or ValueError with the fault of its descriptors.
         """
         if self.gates.find(gid, attached.subscription) is None:
-            return  # the match is gone again, or another one has its gid now
+            return  # the match is gone again, or another match has its gid now
         if len(descriptors) != attached.descriptors:
             raise OSError(MISSING)
         segment, doorbell = descriptors
@@ -415,7 +422,7 @@ class ShmSender:
         self._set_hold()
 
     def unmatched(self, gid: bytes, other: int = 0, *, is_lost: bool = False) -> None:
-        """The match is gone, where it is the one with `other` (0: any).
+        """Remove a match, if its other end has the number `other` (0: any).
 
         `is_lost`: its reader may live, and read and pin until its process ends.
         """
@@ -425,7 +432,7 @@ class ShmSender:
         self._set_hold()
 
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
-        """Whether to wait for a lossless match; not while its process is silent."""
+        """Set whether to wait for a lossless match; the broker turns it off while its process is silent."""
         self.gates.set_lossless(gid, is_on=is_on)
         self._set_hold()
 
@@ -440,14 +447,14 @@ class ShmSender:
         return samples[max(0, first_new - depth) :]
 
     def disconnected(self) -> None:
-        """The broker is gone. Readers read on, and the next broker matches them again."""
+        """Note that the broker is gone. Readers continue, and the next broker matches them again."""
         if self._return is not None:
             self._return.cancel()
         self.gates.disconnect()
         self._set_hold()
 
     def declared(self, answer: m.Created) -> None:
-        """A broker knows the publisher now; a reader that is not back after RETURN_S counts as gone."""
+        """Note the broker's answer to the declaration. A reader not back after RETURN_S counts as gone."""
         self.gates.depth = answer.depth or 1
         self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
@@ -458,15 +465,14 @@ class ShmSender:
             self._return = self._port.later(RETURN_S, self._drop_stale)
 
     def drop_dead_readers(self) -> bool:
-        """Stop waiting for processes that have ended and no broker reports; returns whether there were
-        any."""
+        """Stop waiting for ended processes that no broker reports; returns whether there were any."""
         gone = self.gates.dead()
         for gid in gone:
             self.unmatched(gid)
         return bool(gone)
 
     def close(self) -> None:
-        """Let go of the ring; readers read it to its end."""
+        """Give up the ring; readers read it to its end."""
         self.gates.clear()
         ShmSender._early -= self._is_early
         self._shm_context.stop_waiting(self)
@@ -479,7 +485,7 @@ class ShmSender:
     def _written(self, status: bool | int) -> None:
         if status is not True:  # for the first time since the counters were reported
             self._port.report(self._owner)
-        # The broker does not see what goes by ring.
+        # The broker does not see samples in the ring.
         if self._owner.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner.id))
 
@@ -494,9 +500,9 @@ class ShmSender:
 
     @property
     def _watches_laps(self) -> bool:
-        """Whether this is the first ring, to be exchanged when its records go round.
+        """Whether this is the first ring, to be replaced when its records go round quickly.
 
-        Not without a broker: readers would not learn of another ring.
+        False without a broker: readers would not learn of another ring.
         """
         return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner.id)
 
@@ -505,9 +511,9 @@ class ShmSender:
         self._set_hold()
 
     def _grow(self, size: int, *, must: bool) -> bool:
-        """Go on in a larger ring, with room for a message of `size` bytes; returns whether there is one.
+        """Continue in a larger ring, with room for a message of `size` bytes; returns whether it was made.
 
-        `must`: also beyond the limit, which is for depth.
+        `must`: the ring may exceed the limit, which only applies to growth for depth.
         """
         writer = self.writer
         sizes = self._size.larger(writer, size, self.gates.keep, must=must)

@@ -1,11 +1,11 @@
-"""The way of a publisher's samples through the broker: numbered, gathered into runs, queued.
+"""Sends a publisher's samples through the broker: numbers them, gathers them into runs, queues these.
 
 A sample is sent at once, unless the previous one was sent a moment ago. Then it is gathered with later
 samples into a run, sent when it is full or when the turn of the event loop ends. So a paced publisher has the
 latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
 
-`bus.delivery.window` decides how much may be sent, `bus.delivery.recipients` which subscriptions must not
-miss anything.
+`bus.delivery.window` bounds the samples that may be sent. `bus.delivery.recipients` has the subscriptions
+that must not miss any.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # few publishers are lossless
     from bus.delivery.window import CreditWindow
 
 _GATHER_NS = 100_000
-"""A message that follows the last one so soon is gathered with others."""
+"""A message that follows the last one within this time is gathered with others."""
 
 Sample: TypeAlias = tuple[int, int, bytes]
 """Number, stamp in ns, payload."""
@@ -43,25 +43,27 @@ _pack_record = RECORD_HEAD.pack
 
 
 class Use(Enum):
-    """What the route is needed for."""
+    """The purpose of the socket route."""
 
     NONE = "none"
-    """Nothing goes this way: all subscriptions read the ring."""
+    """Nothing uses this route: all subscriptions read the ring."""
     HISTORY = "history"
-    """Only the broker's history. That can wait until the turn of the loop ends, so that what follows goes
-    with it."""
+    """Only the broker's history.
+
+    It can wait until the turn of the loop ends, and takes all samples of that turn along.
+    """
     READERS = "readers"
     """Subscriptions get samples this way, or may do so again."""
 
 
 _READERS = Use.READERS
-"""At hand for each run: to find it in its class takes longer."""
+"""A global, because each run needs it, and an attribute of the class takes longer to find."""
 
 
 class SocketSender:
     """Numbers the samples, unless `resume` sets the number.
 
-    `owner` is the publisher that the port knows, `threads` has what other threads publish.
+    `owner` is the publisher that the port knows, `threads` has the samples of other threads.
     """
 
     def __init__(self, port: Port, owner: Owner, threads: ThreadQueue) -> None:
@@ -71,7 +73,7 @@ class SocketSender:
         self._owner = owner
         self.use = Use.READERS
         self.is_report_due = False
-        """Else `hand_over` has the counters reported."""
+        """If False, `hand_over` requests a report of the counters."""
         self.on_replaced: Callable[[int], object] = int
         """Called with the number of samples that the depth has replaced here."""
         self.queue = RunQueue(depth, Account(STEP_BYTES))
@@ -89,7 +91,7 @@ class SocketSender:
             self.run.is_mine = port.owns_thread
         self.run.most = depth or UNBOUNDED
         support = owner.support
-        if not support.bytes_fields:  # a long one must not be encoded with the rest
+        if not support.bytes_fields:  # a long field must not be encoded with the rest
             self.run.prepare(*support.steps)
         self._window = _make_window(self.run, threads) if qos.is_lossless else None
         self.run.begin_by(self._begun, None if self._window is None else self._window.can_take)
@@ -101,21 +103,21 @@ class SocketSender:
     def can_take(self, size: int) -> bool:
         """Whether there is room for a sample of `size` bytes, before a keep-all subscription takes more.
 
-        May be asked from any thread.
+        May be called from any thread.
         """
         return self._window is None or self._window.can_take(size)
 
     def set_use(self, *, is_read: bool) -> None:
-        """Whether subscriptions read what goes this way, or may do so again."""
+        """Set whether subscriptions read this route, or may do so again."""
         use = Use.NONE if self._history is None else Use.HISTORY
-        if is_read or (self._history is not None and self._window is not None):  # whose room is bounded
+        if is_read or (self._history is not None and self._window is not None):  # the window bounds its room
             use = Use.READERS
         if use is self.use:
             return
         if use is Use.NONE:
             self.hand_over()
         self.use = use
-        if self._window is None:  # else that has bounded the open run
+        if self._window is None:  # else the window has bounded the open run
             self.run.most = UNBOUNDED if use is Use.HISTORY else self.queue.depth or UNBOUNDED
 
     def put(self, payload: Buffer, stamp_ns: int) -> None:
@@ -125,7 +127,7 @@ class SocketSender:
         self._begun(stamp_ns)
 
     def _begun(self, stamp_ns: int) -> None:
-        """A run has its first sample, with this stamp: send it now, or gather it with those that follow."""
+        """Handle a run that has its first sample, with this stamp: send it now, or gather later samples."""
         port = self._port
         if self.use is not _READERS or stamp_ns - port.last_sent_ns < _GATHER_NS:
             budget = min(RUN_BYTES, self.max_bytes)
@@ -140,10 +142,10 @@ class SocketSender:
             except MemoryError:
                 if not self.run.samples:
                     raise
-                port.gather(self._owner)  # taken: it leaves with those that follow, or when the turn ends
+                port.gather(self._owner)  # taken: it leaves with later samples, or when the turn ends
 
     def skip(self, count: int) -> None:
-        """Samples were replaced before they came here: leave a gap in the numbers for them."""
+        """Leave a gap in the numbers for samples that were replaced before they came here."""
         if not count:
             return
         self.hand_over()
@@ -152,7 +154,7 @@ class SocketSender:
         self.replaced += count
 
     def resume(self, seq: int) -> None:
-        """Take samples from number `seq` on, after those before went another way."""
+        """Take samples from number `seq` on, after earlier ones used another route."""
         self.hand_over()
         if seq > self.next_seq:
             self._number_from(seq)
@@ -160,10 +162,10 @@ class SocketSender:
             self.recipients.credit(seq - 1)
 
     def catch_up(self, subscription: int, samples: list[Sample], *, since_ns: int) -> None:
-        """Send samples to one subscription alone, which then gets what is sent to all.
+        """Send missed samples to a single subscription, which then gets the samples for all.
 
-        Those stamped before `since_ns` are history. Some may be on their way to all as well: the subscription
-        recognizes them by their numbers.
+        Samples stamped before `since_ns` are history. Some may be on their way to all as well: the
+        subscription recognizes them by their numbers.
         """
         owner, parts, size = self._owner, list[bytes](), 0
         for at, (seq, stamp_ns, payload) in enumerate(samples):
@@ -181,7 +183,7 @@ class SocketSender:
         self._port.send_about(owner, m.CaughtUp(publisher=owner.id, subscription=subscription))
 
     def hand_over(self) -> None:
-        """End the open run and send it, or queue it where the broker does not take it now."""
+        """End the open run and send it, or queue it if the broker does not accept it now."""
         run, first_seq = self.run, self.next_seq
         samples, size = run.samples, run.size
         if not samples:
@@ -198,7 +200,7 @@ class SocketSender:
             not owner.id
             or self.queue.runs
             or self.recipients.awaited
-            # Nothing waits: past the queues, most of what one message costs at a moderate rate.
+            # If nothing waits, a direct send avoids the queues: most of a message's cost at a moderate rate.
             or not self._port.send_now(frame)
         ):
             body = memoryview(frame)[DATA_HEAD_BYTES:]
@@ -208,7 +210,7 @@ class SocketSender:
             self._port.report(owner)
 
     def _keep(self, run: Run) -> None:
-        """Keep of what is handed over what may be needed again."""
+        """Keep a run that is handed over, if it may be needed again."""
         window, history = self._window, self._history
         if window is not None:
             window.hand_over(self.next_seq - 1, len(run.body))
@@ -220,7 +222,7 @@ class SocketSender:
             self.recipients.keep(run)
 
     def declared(self, answer: m.Created) -> None:
-        """A broker knows the publisher now: send what waits."""
+        """Send the queued runs, because a broker knows the publisher now."""
         self.max_bytes = answer.max_message_bytes
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         # A run for the history alone is bounded by the turn of the loop, not by the depth.
@@ -229,7 +231,7 @@ class SocketSender:
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id
         if self._history is not None:
-            # What waits is the end of the history, so the history is all that a new broker needs.
+            # Queued runs are the end of the history, so a new broker only needs the history.
             self.queue.clear()
             for run in self._history.newest(0, 0):
                 run.is_replay = False
@@ -248,24 +250,24 @@ class SocketSender:
         return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self.next_seq
 
     def disconnected(self) -> None:
-        self.queue.is_ready = False  # the outbox that it stood in is gone
+        self.queue.is_ready = False  # the outbox with the queue is gone
         self.recipients.disconnected()
 
     def drop_queued(self) -> int:
-        """Give up what waits; returns how many samples."""
+        """Drop the queued runs; returns the number of samples."""
         lost = self.queue.clear()
         self.replaced += lost
         return lost
 
     def end(self) -> None:
-        """Nothing more will be sent."""
+        """End: send nothing more."""
         self.forget_open()
         self.queue.clear()
         self.recipients.end()
 
     @property
     def open_samples(self) -> int:
-        """Samples of the run that is open; they are in no other count."""
+        """Samples of the open run; no other counter includes them."""
         return self.run.samples
 
     @property
@@ -278,7 +280,7 @@ class SocketSender:
         self.run.begins_below = 0
 
     def _go_on(self) -> None:
-        """Nobody is awaited any more: send what waits."""
+        """Send the queued runs, because no subscription is awaited any more."""
         if self._owner.id and self.queue.runs:
             self._port.make_ready(self.queue)
             self._port.flush()
@@ -303,7 +305,7 @@ class SocketSender:
         if replaced:
             self.replaced += replaced
             self.on_replaced(replaced)
-            runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
+            runs[0].is_resumed |= is_resumed  # most of the gap before it is of that kind
         if self._owner.id and not recipients.awaited:
             self._port.make_ready(self.queue)
             self._port.flush()

@@ -1,4 +1,4 @@
-"""What other threads publish, until the event loop collects it: bounded, counted, behind a lock."""
+"""Samples published by other threads, until the event loop collects them: bounded, counted, behind a lock."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,9 +8,10 @@ from bus.wire.layout import RECORD_HEAD_BYTES
 
 
 class ThreadQueue:
-    """`count` and `held_bytes` (records with their heads): what was put and is not yet handed over.
+    """The queue between other threads and the event loop.
 
-    `late`: payloads with their stamps, collected while there was no room for them.
+    `count` and `held_bytes` (records with their heads): samples put and not yet handed over. `late`: payloads
+    with their stamps, collected while there was no room for them.
     """
 
     def __init__(self, limit_bytes: int) -> None:
@@ -24,7 +25,7 @@ class ThreadQueue:
         self._is_announced = False
 
     def put(self, payload: bytes, stamp_ns: int, depth: int) -> bool:
-        """Queue a sample, replacing the oldest beyond `depth`; returns whether to wake the event loop.
+        """Queue a sample, replacing the oldest above `depth`; returns whether to wake the event loop.
 
         Safe from any thread.
         """
@@ -40,9 +41,9 @@ class ThreadQueue:
             return must_tell
 
     def collect(self) -> int:
-        """On the event loop: move what was put to `late`; returns how many were replaced before it.
+        """On the event loop: move queued samples to `late`; returns how many older ones were replaced.
 
-        What is in `late` still counts as held.
+        Samples in `late` still count as held.
         """
         with self._lock:
             self.late += self._samples
@@ -51,9 +52,10 @@ class ThreadQueue:
             return skipped
 
     def hand_on(self, take: Callable[[bytes, int], bool]) -> None:
-        """On the event loop: give what is `late` to `take`, the oldest first, until that has no room (False).
+        """On the event loop: pass `late` samples to `take`, the oldest first, until that returns False (no
+        room).
 
-        What is taken is not held any more: it is counted elsewhere now.
+        Taken samples are no longer held here: they are counted elsewhere.
         """
         late = self.late
         while late and take(*late[0]):
