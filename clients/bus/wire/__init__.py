@@ -10,12 +10,12 @@ one bounded queue of the bus, and `Account`, which counts bytes.
 
 Invariants:
 
-- Sans-IO: no asyncio, socket, os, threads or clock. import-linter checks this.
+- No I/O: no asyncio, socket, os, threads or clock. import-linter checks this.
 - Every input may be hostile. A forged length allocates nothing, and the first frame that breaks the layout
   ends the session.
 - Payloads are never decoded here, and a large one is not copied twice.
 - Old and new versions understand each other: a new field of a message has a default, a receiver ignores
-  fields that it does not know, and a tag keeps its meaning.
+  unknown fields, and a tag keeps its meaning.
 - `push` and `pop` of a `RunQueue` are O(1), whatever the number of samples in a run.
 
 Read first: `layout.py`, then `session.py`.

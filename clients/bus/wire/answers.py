@@ -1,4 +1,4 @@
-"""An answer of busd as the asking side wants it: a message of the expected kind, or an error."""
+"""Checks an answer of busd: returns a message of the expected kind, or raises an error."""
 
 from typing import Any, TypeVar
 
@@ -11,13 +11,13 @@ M = TypeVar("M", bound=Message)
 
 
 class RefusedForNow(ConfigurationError):
-    """The reason passes: another endpoint stands in the way, say, which may go."""
+    """A refusal with a temporary reason, for example another endpoint that may end. A retry may succeed."""
 
 
 def expect(answer: Any, kind: type[M]) -> M:
-    """`answer`, which is a `kind`.
+    """Check that `answer` is a `kind`, and return it.
 
-    Raises ConfigurationError, QuotaExceeded or AccessDenied where it is Refused, else RemoteProtocolError.
+    Raises ConfigurationError, QuotaExceeded or AccessDenied if it is Refused, else RemoteProtocolError.
     """
     if isinstance(answer, kind):
         return answer

@@ -1,4 +1,4 @@
-"""Ranges of numbers and texts in control messages, as types; the decoder holds peers to them."""
+"""Ranges of numbers and texts in control messages, as types. The decoder refuses other values."""
 
 from typing import Annotated
 
@@ -9,38 +9,38 @@ from bus.wire.layout import MAX_COUNT
 Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
 Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
 NextSeq = Annotated[int, Meta(ge=1, le=MAX_COUNT + 1)]
-"""The number of the next sample, which is one above the last there was."""
+"""The number of the next sample, which is one above that of the last sample."""
 Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
 """Samples dropped, by reason."""
 MOST_REMEMBERED = 1024
-"""How many publishers that have gone are remembered, with the last number received of each."""
+"""Number of departed publishers whose last received number is kept."""
 LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], Count], Meta(max_length=MOST_REMEMBERED)]
-"""By the gid of a publisher."""
+"""The last number received, by the gid of the publisher."""
 Missed = Annotated[
     dict[Annotated[bytes, Meta(max_length=16)], tuple[Annotated[int, Meta(ge=0, le=MAX_COUNT + 1)], Count]],
     Meta(max_length=MOST_REMEMBERED),
 ]
-"""By the gid of a publisher: from which number on its samples were for a subscription (0: it knows that from
-its ring), and the last."""
+"""By the gid of a publisher: the first number for a subscription (0: the subscription knows it from its
+ring), and the last."""
 Descriptors = Annotated[int, Meta(ge=0, le=2)]
-"""How many file descriptors come with the frame (docs/protocol.md)."""
+"""Number of file descriptors that come with the frame (docs/protocol.md)."""
 Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]
-"""Of a node or an endpoint: data frames have 32 bits for it."""
+"""The id of a node or an endpoint: data frames have 32 bits for it."""
 Pid = Annotated[int, Meta(ge=0, le=(1 << 31) - 1)]
 Lease = Annotated[float, Meta(ge=0, le=1e9)]
 ClockOffset = Annotated[int, Meta(ge=-MAX_COUNT, le=MAX_COUNT)]
-"""Between two monotonic clocks, in ns."""
+"""The difference between two monotonic clocks, in ns."""
 Slot = Annotated[int, Meta(ge=0, le=65535)]
 BusId = Annotated[str, Meta(min_length=1, max_length=100)]
-"""Of a bus, or the kind of a bridge."""
+"""The id of a bus, or the kind of a bridge."""
 Buses = Annotated[tuple[BusId, ...], Meta(max_length=16)]
 Gid = Annotated[bytes, Meta(max_length=16)]
 """16 bytes, or none."""
 MOST_PLACES = 64
-"""Subscriptions that have a place at a publisher at a time. What they are all sent again must not fill the
+"""Most subscriptions with a place at a publisher at a time. Resent messages for all of them must not fill the
 memory."""
 Places = Annotated[tuple[Annotated[bytes, Meta(max_length=16)], ...], Meta(max_length=MOST_PLACES)]
 """Gids of subscriptions."""
 Text = Annotated[str, Meta(max_length=1000)]
-"""For people to read."""
+"""A text for people."""
 Capabilities = Annotated[tuple[Annotated[str, Meta(max_length=64)], ...], Meta(max_length=64)]

@@ -1,11 +1,12 @@
-"""Frames out of a stream of bytes: incremental and bounded, and a large payload is never copied twice.
+"""Cuts a stream of bytes into frames: incrementally, within bounds, and without copying a large payload
+twice.
 
-The shell reads into `get_buffer()` and says how much came with `received(n)`. Small frames share one buffer.
-A frame that does not fit gets its own buffer, which grows as data arrives, so a forged length cannot make us
-allocate memory. The frames of one read are cut a few at a time (`cut`), so that the caller can stop in
-between without having paid for all of them.
+The caller reads into `get_buffer()` and passes the number of bytes to `received(n)`. Small frames share one
+buffer. A frame that does not fit gets its own buffer, which grows as data arrives, so a forged length cannot
+make us allocate memory. `cut` returns a few frames of a read at a time. So the caller can stop in between
+without having paid for all of them.
 
-The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
+The first frame that breaks the layout sets the reader's `fault`; earlier frames are still returned.
 """
 
 from struct import Struct
@@ -29,21 +30,21 @@ from bus.wire.runs import Account, Buffer, Run
 
 BUFFER_BYTES = 256 << 10
 MOST_CUT = 64
-"""Frames that are cut at a time: enough to make the call cheap, few enough to stop soon."""
+"""Most frames cut at a time: enough to make the call cheap, few enough to stop soon."""
 _FIRST_ROOM_BYTES = 4 << 20
-"""So much of a long frame may come before more is charged. A longer one gets its memory page by page."""
+"""Bytes of a long frame that are charged at first. A longer one gets its memory page by page."""
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
 _DATA_FLAGS = REPLAY | RESUMED
 _DATA_WORDS = tuple(DATA | flags << 8 for flags in range(_DATA_FLAGS + 1))
 _RESUMED_WORD = DATA | RESUMED << 8  # and above
 _END_COUNT = MAX_COUNT + 1
-_pack_address = Struct("<II").pack_into  # endpoint and source, which stand behind FRAME_HEAD
+_pack_address = Struct("<II").pack_into  # endpoint and source, which follow FRAME_HEAD
 _unpack_frame_head = FRAME_HEAD.unpack_from
 _unpack_data_head = DATA_HEAD.unpack_from
 
 Front: TypeAlias = tuple[int, int, int, int, int]
-"""Of a data frame: endpoint, `source` or `only_for`, first number, samples, bytes of the whole frame."""
+"""Head of a data frame: endpoint, `source` or `only_for`, first number, samples, bytes of the whole frame."""
 
 
 class FrameReader:
@@ -51,7 +52,7 @@ class FrameReader:
 
     `max_control_bytes` and `max_data_bytes` bound the body of a frame of each kind. A frame that is too
     long for the common buffer can be charged to an account (`charge_to`) until it is whole.
-    `is_broker`: a client sends them, so that a run says `only_for` where a broker's says `source`.
+    `is_broker`: the stream comes from a client, and its runs have `only_for` instead of `source`.
     """
 
     def __init__(self, *, max_control_bytes: int, max_data_bytes: int, is_broker: bool = False) -> None:
@@ -60,25 +61,25 @@ class FrameReader:
         self._is_broker = is_broker
         self._view = paged_buffer(BUFFER_BYTES)
         self._end = 0  # bytes of a part of a frame at the start of the buffer
-        self._start = self._stop = 0  # what is yet to be cut
-        self._begin = 0  # of what was readdressed
-        self._large: memoryview | None = None  # for the frame that is too long for the common buffer
-        self._large_room = 0  # so many of its bytes may come yet: they are charged
+        self._start = self._stop = 0  # range of bytes not yet cut
+        self._begin = 0  # start of the readdressed frames
+        self._large: memoryview | None = None  # for a frame that is too long for the common buffer
+        self._large_room = 0  # size of that buffer so far, which is charged
         self._large_end = 0
         self._account: Account | None = None
         self.is_unfinished = False
-        """What came last has made no frame whole; or the next one, which has begun, is a long one."""
+        """The last bytes completed no frame; or the next frame, which has begun, is a long one."""
         self.fault: RemoteProtocolError | None = None
 
     def charge_to(self, account: Account) -> None:
-        """Charge long frames to `account` from now on, also one that has begun."""
+        """Charge long frames to `account` from now on, including a frame that has begun."""
         held = self._held
         self._charge(-held)
         self._account = account
         self._charge(held)
 
     def close(self) -> None:
-        """Nothing more will come: free the memory now, even if something still holds the reader."""
+        """Free the memory now, even if a reference to the reader remains. No more bytes may come."""
         self._forget_large()
         self._view = memoryview(bytearray())
         self._end = self._start = self._stop = 0
@@ -88,18 +89,18 @@ class FrameReader:
         self._large = None
 
     def get_buffer(self) -> memoryview:
-        """The buffer for the next bytes of the stream; never empty. What came before must have been cut."""
+        """The buffer for the next bytes of the stream; never empty. All earlier frames must have been cut."""
         if self._large is None:
             return self._view[self._end :] if self._end else self._view
         return self._large[self._large_end : self._large_room]
 
     def received(self, count: int) -> list[bytes | Run]:
-        """The first frames that are complete now that `count` bytes have come; `cut` gives the next ones."""
+        """Take `count` new bytes, and return the first complete frames; `cut` returns the next ones."""
         self.came(count)
         return self.cut()
 
     def came(self, count: int) -> None:
-        """`count` bytes have come; `front` and `cut` give what they are."""
+        """Take `count` new bytes; `front` and `cut` return their frames."""
         if self._large is None:
             self._begin = self._start = 0
             self._stop, self._end = self._end + count, 0
@@ -107,9 +108,9 @@ class FrameReader:
             self._large_end += count
 
     def came_alone(self, count: int) -> Run | None:
-        """As `came`; the run, if one whole run without fault or flags is all that has come.
+        """As `came`. Returns the run, if the bytes are exactly one whole run without fault or flags.
 
-        At a moderate rate a read always is one, and this saves most of what `cut` costs.
+        At a moderate rate a read always is one run, and this saves most of the cost of `cut`.
         """
         if self._large is not None:
             self._large_end += count
@@ -127,13 +128,13 @@ class FrameReader:
 
     @property
     def is_cut(self) -> bool:
-        """Whether no whole frame is left in the buffer."""
+        """Whether the buffer has no whole frame left."""
         return self._start == self._stop
 
     def front(self) -> Front | None:
-        """The frame that comes next, if it is whole and a data frame without fault or flags.
+        """The head of the next frame, if that is a whole data frame without fault or flags.
 
-        It stays where it is until `readdress` or `cut`.
+        The frame stays in the buffer until `readdress` or `cut`.
         """
         start = self._start
         left = self._stop - start
@@ -153,20 +154,20 @@ class FrameReader:
         return endpoint, address, first_seq, number, size
 
     def readdress(self, front: Front, endpoint: int, source: int) -> None:
-        """Make the frame that `front` has just found one from `source` to `endpoint`, in place."""
+        """Change the frame of `front`, in place, to one from `source` to `endpoint`."""
         start = self._start
         _pack_address(self._view, start + FRAME_HEAD_BYTES, endpoint, source)
         self._start = start + front[4]
 
     def readdressed(self) -> memoryview:
-        """The frames that were readdressed since the last time, back to back, until something else comes."""
+        """The frames readdressed since the last call, back to back; valid until the next bytes come."""
         begin, self._begin = self._begin, self._start
         return self._view[begin : self._start]
 
     def cut(self) -> list[bytes | Run]:
-        """The next frames that are complete, MOST_CUT at most; none: more bytes must come first.
+        """The next complete frames, MOST_CUT at most; none: more bytes must come first.
 
-        Where a frame breaks the layout, those before it are given out and `fault` is set.
+        If a frame breaks the layout, the frames before it are returned and `fault` is set.
         """
         if self._large is not None:
             return self._cut_large()
@@ -184,7 +185,7 @@ class FrameReader:
                     self._start, self._stop = start, end
                     return frames
                 if end - start >= DATA_HEAD_BYTES:
-                    # The short way, for a whole frame without fault: one look and no call.
+                    # The short way, for a whole frame without fault: one check and no call.
                     length, word, endpoint, address, first_seq, number, rest = _unpack_short(view, start)
                     stop = start + LENGTH_BYTES + length
                     body = start + DATA_HEAD_BYTES
@@ -248,8 +249,8 @@ class FrameReader:
             if total > BUFFER_BYTES:
                 room = min(total, _FIRST_ROOM_BYTES)
                 self._reserve(room)
-                # Filled with zeros, a buffer costs as much as to read into it, even if no more bytes come.
-                # One by pages does not, but it is given back at once, and the next one costs the same again.
+                # A buffer filled with zeros costs as much as reading into it, even if no more bytes come. A
+                # buffer by pages does not, but it is freed at once, and the next one costs the same again.
                 try:
                     self._large = memoryview(bytearray(total)) if total == room else paged_buffer(total)
                 except MemoryError as error:

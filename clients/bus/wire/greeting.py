@@ -1,6 +1,6 @@
-"""A client's Hello, read alone: byte for byte what it needs, nothing of what comes after it.
+"""Reads only a client's Hello from the stream, and none of the bytes after it.
 
-For a broker that wants to hold no more of a connection than this yet. Bytes in, a Hello out; no I/O.
+With it, a broker holds nothing else of a new connection. Bytes in, a Hello out; no I/O.
 """
 
 from bus.errors import RemoteProtocolError
@@ -18,7 +18,7 @@ _decode = from_client.decode
 
 
 class Greeting:
-    """`wanted`: how many bytes of the stream to read next, at most; then give them to `received`."""
+    """Collects the bytes of a Hello. `wanted`: the most bytes to read next, and to pass to `received`."""
 
     __slots__ = ("_bytes", "_length", "wanted")
 
@@ -28,9 +28,9 @@ class Greeting:
         self._length = 0
 
     def received(self, more: bytes) -> Hello | None:
-        """The Hello, once it is whole.
+        """Take more bytes; returns the Hello when it is complete.
 
-        Raises RemoteProtocolError where what comes is no Hello, or one of another version.
+        Raises RemoteProtocolError if the bytes are no Hello, or a Hello of another version.
         """
         self._bytes += more
         self.wanted -= len(more)
@@ -46,7 +46,7 @@ class Greeting:
 
 
 def _body_bytes(head: bytes) -> int:
-    """The length of a control frame's body, by its head."""
+    """The length of a control frame's body, read from its head."""
     length, kind, flags, zero = _unpack_head(head)
     if kind == DATA:
         raise RemoteProtocolError("a data frame came before Hello")

@@ -18,8 +18,8 @@ Owns offsets, sizes and numbers of the wire. Everything is little-endian.
                 u32            i64
 
 A data frame carries a *run*: samples of one publisher with consecutive sequence numbers. `endpoint` is the
-publisher on the way to the broker and the subscription on the way from it. `source` is the publisher; on the
-way to the broker, `only_for` stands there: the one subscription that the run is for, or 0 for all. Stamps are
+publisher on the way to the broker and the subscription on the way from it. `source` is the publisher. On the
+way to the broker its place has `only_for`: the only subscription for the run, or 0 for all. Stamps are
 CLOCK_MONOTONIC, which all processes of a machine share.
 """
 
@@ -38,8 +38,8 @@ SILENCE: Final = "silence"
 """Capability, in the Hello of a client that understands the message Silence."""
 
 PLACES: Final = "places"
-"""Capability, in the Hello of a client whose reliable keep-all publishers keep the place of a subscription
-that was lost, and send again what it has missed."""
+"""Capability, in the Hello of a client with reliable keep-all publishers that keep the place of a lost
+subscription, and resend the messages that it missed."""
 
 BRIDGES: Final = "bridges"
 """Capability, in the Hello of a busd that knows origins, mirrors and taps."""
@@ -54,7 +54,7 @@ REPLAY: Final = 1
 """Flag of a data frame: its samples were published before the subscription was made (transient local)."""
 
 RESUMED: Final = 2
-"""Flag of a data frame: the numbers that are missing before it went by another route, and are not lost."""
+"""Flag of a data frame: samples with the missing numbers before it used another route, and are not lost."""
 
 FRAME_HEAD: Final = struct.Struct("<IBBH")
 DATA_HEAD: Final = struct.Struct("<IBBHIIQII")
@@ -66,19 +66,19 @@ DATA_HEAD_BYTES: Final = DATA_HEAD.size
 RECORD_HEAD_BYTES: Final = RECORD_HEAD.size
 
 MAX_CONTROL_BYTES: Final = 1 << 20
-"""Longest control message towards the broker; the snapshots that a broker sends are longer."""
+"""Longest control message towards the broker. A broker's snapshots are longer."""
 
 MAX_SNAPSHOT_BYTES: Final = 256 << 20
-"""Longest control message that a client takes from its broker."""
+"""Longest control message that a client accepts from its broker."""
 
 MAX_MESSAGE_BYTES: Final = 1 << 30
-"""No configuration may allow a longer encoded message."""
+"""The highest limit for encoded messages that a configuration may set."""
 
 RUN_BYTES: Final = 64 << 10
-"""A publisher ends a run that has reached this size, so a body is shorter than this and one record more."""
+"""A publisher ends a run that has reached this size. So a body is shorter than this plus one record."""
 
 MAX_RUN_SAMPLES: Final = RUN_BYTES // RECORD_HEAD_BYTES + 1
 """Most samples that a run can hold."""
 
 MAX_COUNT: Final = (1 << 62) - 1
-"""Largest sequence number and counter; the sum of any two fits into 64 bits."""
+"""Largest sequence number and counter. The sum of any two fits into 64 bits."""

@@ -1,9 +1,8 @@
-"""The control messages: msgspec Structs, told apart by a tag, as MessagePack maps.
+"""The control messages: msgspec Structs with a tag for each kind, as MessagePack maps.
 
-Fields may be added with a default in a later version; a receiver ignores those it doesn't know. The client
-chooses the number `request`, which comes back in the one answer. The broker gives the ids. Where
-`descriptors` is not 0, that many file descriptors come with the frame. Those about routes stand in
-`bus.wire.routes`.
+Later versions may add fields with a default; a receiver ignores unknown fields. The client chooses the number
+`request`, which is returned in the one answer. The broker assigns the ids. `descriptors` is the number of
+file descriptors that come with the frame. `bus.wire.routes` has the messages about routes.
 """
 
 from typing import Literal
@@ -57,10 +56,15 @@ from bus.wire.routes import Share as Share
 class Hello(Message, frozen=True, tag="hello"):
     """The first frame in either direction.
 
-    The broker sets `lease_s`: a client that is silent for longer counts as hung; `background`: a client has
-    started this broker and it ends when it is idle, so that a client may start the next one; `began_ns`: when
-    it began, which tells it from an earlier one with the same process id. `clock_ns`, from a client:
-    nanoseconds by which its monotonic clock is ahead of the machine's first time namespace.
+    The broker sets:
+
+    - `lease_s`: a client that is silent for longer counts as hung
+    - `background`: a client has started this broker, which ends when it is idle; a client may start the next
+      one
+    - `began_ns`: its start, which distinguishes it from an earlier broker with the same process id
+
+    `clock_ns`, from a client: nanoseconds by which its monotonic clock is ahead of the machine's first time
+    namespace.
     """
 
     version: int
@@ -75,7 +79,7 @@ class Hello(Message, frozen=True, tag="hello"):
 
 
 class Ping(Message, frozen=True, tag="ping"):
-    """Sign of life. One with a number is answered, after everything that was asked before."""
+    """Sign of life. A Ping with a number gets an answer, after the answers to all earlier requests."""
 
     number: int = 0
 
@@ -88,7 +92,7 @@ class Pong(Message, frozen=True, tag="pong"):
 
 
 class DeclareType(Message, frozen=True, tag="type"):
-    """Makes a message type known on this connection, before the first endpoint that uses it."""
+    """Declares a message type on this connection, before the first endpoint that uses it."""
 
     type_name: str
     type_hash: str
@@ -96,7 +100,7 @@ class DeclareType(Message, frozen=True, tag="type"):
 
 
 class CreateNode(Message, frozen=True, tag="node+"):
-    """`origin`: it stands for a node of another bus."""
+    """Creates a node. `origin`: the node mirrors a node of another bus."""
 
     request: int
     name: str
@@ -109,11 +113,12 @@ class DestroyNode(Message, frozen=True, tag="node-"):
 
 
 class CreatePublisher(Message, frozen=True, tag="pub+"):
-    """`next_seq` is the number of the first sample that will come; `gid` names the endpoint for life.
+    """Creates a publisher.
 
-    `stands_for`: the gid of a publisher of another bus, which the graph shows in place of `gid`. Brings the
-    publisher's ring where it has one. `places`: the gids of the subscriptions that were lost and have a place
-    there; each of them had its samples by socket.
+    `next_seq`: the number of its first sample; `gid` identifies the endpoint for life. `stands_for`: the gid
+    of a publisher of another bus, which the graph shows instead of `gid`. The frame carries the publisher's
+    ring, if there is one. `places`: the gids of lost subscriptions with a place at the publisher; each of
+    them used the socket route.
     """
 
     request: int
@@ -130,11 +135,12 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
 
 
 class CreateSubscription(Message, frozen=True, tag="sub+"):
-    """`last_seqs`: by publisher gid, what has been received already (after a reconnection).
+    """Creates a subscription. `last_seqs`: by publisher gid, the last number received (after a reconnection).
 
-    `takes_history`: the history of each publisher that keeps one, whatever the durability of `qos`.
-    `local_only`: it matches publishers of nodes without an origin. `role`: `mirror`, it stands for one of
-    another bus, and gets no samples; `tap`, it takes samples for mirrors, and is in no count.
+    `takes_history`: it gets the history of each publisher that keeps one, for any durability in `qos`.
+    `local_only`: it only matches publishers of nodes without an origin. `role` `mirror`: it stands for a
+    subscription of another bus, and gets no samples. `role` `tap`: it takes samples for mirrors, and counts
+    nowhere.
     """
 
     request: int
@@ -159,7 +165,7 @@ class AssertLiveliness(Message, frozen=True, tag="alive"):
 
 
 class Ack(Message, frozen=True, tag="ack"):
-    """A keep-all subscription has taken everything of `source` up to `seq`."""
+    """Acknowledges that a keep-all subscription has taken all samples of `source` up to `seq`."""
 
     subscription: int
     source: int
@@ -167,10 +173,10 @@ class Ack(Message, frozen=True, tag="ack"):
 
 
 class Report(Message, frozen=True, tag="report"):
-    """Totals that only the endpoint's process knows; sent when they change, twice a second at most.
+    """Totals that only the endpoint's process knows; sent when they change, at most twice a second.
 
-    `at_ns`: when they were counted, on the monotonic clock. The ages are no totals: of messages that a
-    subscription has taken since its last report, of so many the sum of their ages and the highest.
+    `at_ns`: the time of counting, on the monotonic clock. The ages are no totals: they are the number of
+    messages that a subscription has taken since its last report, the sum of their ages and the highest age.
     """
 
     endpoint: int
@@ -198,7 +204,7 @@ class GetType(Message, frozen=True, tag="type?"):
 
 
 class Observe(Message, frozen=True, tag="observe"):
-    """Asks for a snapshot now and for a GraphChanged at every later change (on) or for no more (off)."""
+    """Requests a snapshot now. `on`: also a GraphChanged at every later change; off: no more of them."""
 
     request: int
     on: bool = True
@@ -209,14 +215,14 @@ class GetPeers(Message, frozen=True, tag="peers?"):
 
 
 class StopBroker(Message, frozen=True, tag="stop"):
-    """`restart`: and begin anew, with what is installed now, at the same socket."""
+    """Stops the broker. `restart`: the installed version then starts at the same socket."""
 
     request: int
     restart: bool = False
 
 
 class Reload(Message, frozen=True, tag="reload"):
-    """Asks the broker to read its configuration again."""
+    """Makes the broker read its configuration again."""
 
     request: int
 
@@ -225,7 +231,7 @@ class Reload(Message, frozen=True, tag="reload"):
 
 
 class Created(Message, frozen=True, tag="created"):
-    """Answer to a Create...: the id, and the QoS and limit that hold after the broker's rules."""
+    """Answer to a Create...: the id, and the QoS and limits by the broker's rules."""
 
     request: int
     id: Id
@@ -242,9 +248,9 @@ class Done(Message, frozen=True, tag="done"):
 
 
 class Refused(Message, frozen=True, tag="refused"):
-    """A request was not carried out. `resource` is set where a quota is the reason, `denied` for access.
+    """Refuses a request. `resource` is set if a quota is the reason, `denied` if access was denied.
 
-    `again`: the reason passes, so try again.
+    `again`: the reason is temporary, so try again.
     """
 
     request: int
@@ -257,14 +263,14 @@ class Refused(Message, frozen=True, tag="refused"):
 
 
 class Fault(Message, frozen=True, tag="fault"):
-    """Last word before the connection is cut. `again`: the reason passes, so try again."""
+    """The last message before the broker closes the connection. `again`: temporary reason, so try again."""
 
     text: str
     again: bool = False
 
 
 class Leaving(Message, frozen=True, tag="leaving"):
-    """The broker ends in order: send nothing after this frame, read to the end. Only with LEAVING."""
+    """The broker ends in order. Send nothing after this frame, and read to the end. Only with LEAVING."""
 
     text: str
 
@@ -272,11 +278,12 @@ class Leaving(Message, frozen=True, tag="leaving"):
 class Matched(Message, frozen=True, tag="matched"):
     """`endpoint` (yours) and `other` now form a match, since `at_ns` of the monotonic clock.
 
-    On the route shm it brings a subscription the publisher's ring and its process's doorbell. `stands_for`:
-    the gid to be shown for `other`. `is_tap`: `other` is one. `last_seq`, to a publisher with the
-    capability PLACES: the subscription was lost and is back, and has had all up to there. Send what it has
-    missed, to it alone, and then CaughtUp. `at_ns` is of your clock; `clock_ns`, to a subscription: what the
-    clock of the publisher's process, by which its samples are stamped, is ahead of yours.
+    On the route shm, the frame carries the publisher's ring and its process's doorbell to a subscription.
+    `stands_for`: the gid to show for `other`. `is_tap`: `other` is a tap. `last_seq`, to a publisher with the
+    capability PLACES: the subscription was lost and is back, and has received all samples up to this number.
+    Send the missed samples only to it, and then CaughtUp. `at_ns` is a time of your clock. `clock_ns`, to a
+    subscription: nanoseconds by which the clock of the publisher's process, which stamps samples, is ahead of
+    yours.
     """
 
     endpoint: int
@@ -295,12 +302,12 @@ class Matched(Message, frozen=True, tag="matched"):
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
-    """`lost`: the process of `other` did not take its leave, so that it may still run. (Busd 0.1.0 said so of
-    subscriptions only.)
+    """A match has ended.
 
-    `last_seq`, to a subscription: the last number that it has had or that was routed to it. `keep_s`, to a
-    lossless publisher: keep the place of the lossless subscription for so long, because it may come back. A
-    second Unmatched, with 0, says that it will not.
+    `lost`: the process of `other` ended its connection without a goodbye, and may still run. (Busd 0.1.0 set
+    `lost` only for subscriptions.) `last_seq`, to a subscription: the last number that it has received or
+    that was routed to it. `keep_s`, to a lossless publisher: keep the place of the lossless subscription for
+    this time, because it may come back. A second Unmatched, with 0, means that it will not.
     """
 
     endpoint: int
@@ -313,7 +320,7 @@ class Unmatched(Message, frozen=True, tag="unmatched"):
 class Incompatible(Message, frozen=True, tag="incompatible"):
     """`endpoint` (yours) matches none of `node`'s, by `policy`: TYPE, ACCESS, or the last of its QoS.
 
-    `type_hash`: the other's, where both call their type the same; GetType tells how it is described.
+    `type_hash`: the other's hash, if both types have the same name; GetType returns the type's description.
     """
 
     endpoint: int
@@ -333,7 +340,7 @@ class Namesake(Message, frozen=True, tag="namesake"):
 
 
 class LivelinessChanged(Message, frozen=True, tag="liveliness"):
-    """To a subscription: a matched publisher's lease ended or was taken up again."""
+    """To a subscription: a matched publisher's lease ended or was renewed."""
 
     subscription: int
     publisher: int
@@ -347,10 +354,9 @@ class LivelinessLost(Message, frozen=True, tag="lost"):
 
 
 class Silence(Message, frozen=True, tag="silence"):
-    """To a lossless publisher: nothing has come from the process of a lossless subscription for `silent_s`.
+    """To a lossless publisher: the process of a lossless subscription has sent nothing for `silent_s`.
 
-    So don't wait for it, until another Silence says that it `is_over`. Only to peers with the capability
-    SILENCE.
+    So don't wait for it until another Silence with `is_over`. Only to peers with the capability SILENCE.
     """
 
     publisher: int
@@ -360,12 +366,12 @@ class Silence(Message, frozen=True, tag="silence"):
 
 
 class Dropped(Message, frozen=True, tag="dropped"):
-    """Totals of what the broker dropped for a subscription, by reason.
+    """Total drops of the broker for a subscription, by reason.
 
-    After a process had lost its connection and is back: `missed`, by publisher, from which number on its
-    samples were for the subscription (0: the subscription knows from a ring), and the last one (0: the
-    publisher is there, and Matched has it). Repeated, it says the same. `before`: what was dropped for the
-    subscription over its earlier connections.
+    After a process had lost its connection and is back: `missed` has, by publisher, the first number for the
+    subscription (0: the subscription knows it from a ring), and the last one (0: the publisher exists, and
+    Matched has it). A repeated message has the same values. `before`: drops for the subscription over its
+    earlier connections.
     """
 
     subscription: int
@@ -375,14 +381,14 @@ class Dropped(Message, frozen=True, tag="dropped"):
 
 
 class Credit(Message, frozen=True, tag="credit"):
-    """To a keep-all publisher: all that must acknowledge have taken everything up to `seq`."""
+    """To a keep-all publisher: all subscriptions that must acknowledge have taken the samples up to `seq`."""
 
     publisher: int
     seq: Count
 
 
 class GraphSnapshot(Message, frozen=True, tag="graph"):
-    """Snapshot of all that the broker knows, at `revision`."""
+    """Snapshot of the broker's whole graph, at `revision`."""
 
     request: int
     revision: int
@@ -393,7 +399,7 @@ class GraphSnapshot(Message, frozen=True, tag="graph"):
 
 
 class GraphChanged(Message, frozen=True, tag="graph*"):
-    """What changed from `revision` - 1 to `revision`."""
+    """The changes from `revision` - 1 to `revision`."""
 
     revision: int
     nodes_added: tuple[NodeRecord, ...] = ()
@@ -410,8 +416,10 @@ class TypeDescription(Message, frozen=True, tag="type="):
 
 
 class Peers(Message, frozen=True, tag="peers"):
-    """What each process makes busd hold, and `[limits]`. Root and busd's own user see all, others their
-    own."""
+    """The resources of busd that each process uses, and `[limits]`.
+
+    Root and busd's own user see all processes, other users only their own.
+    """
 
     request: int
     peers: tuple[PeerRecord, ...]

@@ -1,9 +1,8 @@
 """The frames queued for one connection, and their order.
 
-Control frames go first, in their order; then the ready queues of runs, each in turn, so that one flooded
-queue does not hold up the others. A control frame that carries descriptors keeps its place but is sent by a
-call of its own, because the kernel binds descriptors to what one call sends. Pure: gives out buffers, never
-sends.
+Control frames go first, in their order. Then the ready queues of runs have turns, and one flooded queue does
+not delay the others. A control frame with descriptors keeps its place but is sent by a separate call, because
+the kernel binds descriptors to the bytes of one call. Pure: it returns buffers and never sends.
 """
 
 from collections import deque
@@ -19,7 +18,7 @@ MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
 class Outbox:
     """Control frames and ready queues of one connection.
 
-    Only the bytes of control frames are charged to `account`, which so says how many wait.
+    Only the bytes of control frames are charged to `account`, so it counts the waiting ones.
     """
 
     __slots__ = ("account", "control", "ready")
@@ -30,7 +29,7 @@ class Outbox:
         self.ready: deque[RunQueue] = deque()
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """Queue a control frame and what it carries.
+        """Queue a control frame and its descriptors.
 
         The caller may drop the descriptors but not close them: a closed one could not be sent.
         """
@@ -38,13 +37,13 @@ class Outbox:
         self.account.charge(len(frame))
 
     def make_ready(self, queue: RunQueue) -> None:
-        """`queue` has something to send; it has its turns until it is empty."""
+        """Give turns to `queue`, which has runs to send, until it is empty."""
         if not queue.is_ready:
             queue.is_ready = True
             self.ready.append(queue)
 
     def take(self) -> tuple[list[Buffer], int, tuple[Descriptor, ...]]:
-        """Buffers to send now, their size, about TAKE_BYTES, and the descriptors that go with them.
+        """Buffers to send now, their size, about TAKE_BYTES, and their descriptors.
 
         Empty if nothing waits.
         """
@@ -84,11 +83,11 @@ class Outbox:
 
     @property
     def samples(self) -> int:
-        """How many samples wait."""
+        """The number of waiting samples."""
         return sum(queue.count for queue in self.ready)
 
     def clear_control(self) -> None:
-        """Forget the control frames, and let go of their descriptors."""
+        """Drop the control frames, and the references to their descriptors."""
         self.control.clear()
         self.account.charge(-self.account.used)
 

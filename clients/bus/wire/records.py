@@ -1,7 +1,7 @@
 """The records in the messages GraphSnapshot, GraphChanged and Peers.
 
-Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold. Must not
-know the messages that carry them.
+Owns the records of nodes, endpoints and matches, and of the resources of busd that processes and users use.
+Must not know the messages that carry them.
 """
 
 import msgspec
@@ -104,9 +104,9 @@ class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """The resources of busd that one process uses.
 
-    `queued_bytes` are samples that wait for it, `history_bytes` those kept for its publishers,
-    `control_bytes` control frames that wait for it. `topics` are those that its endpoints are on.
-    `refused`: how often a limit has refused it something. `silent_s`: seconds since it was last heard.
+    `queued_bytes`: samples waiting for it; `history_bytes`: samples kept for its publishers; `control_bytes`:
+    control frames waiting for it. `topics`: the topics of its endpoints. `refused`: number of refusals
+    because of a limit. `silent_s`: seconds since its last frame.
     """
 
     id: int
@@ -127,9 +127,9 @@ class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
 
 class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """What all processes of one user make busd hold; `refused` counts those that have left, too.
+    """The resources of busd that all processes of one user use; `refused` includes departed processes.
 
-    `absent`: subscriptions whose process was lost, and for which busd keeps what they have missed.
+    `absent`: subscriptions of lost processes, for which busd keeps missed messages.
     """
 
     uid: int
@@ -144,10 +144,10 @@ class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
 
 class AbsentRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """Subscriptions whose process was lost, and for which busd keeps what they have missed.
+    """Subscriptions of lost processes, for which busd keeps missed messages.
 
-    `unclaimed`: messages that waited for those that did not come back, in all. `given_up`: for how many there
-    was no room.
+    `unclaimed`: all messages that waited for subscriptions that did not come back. `given_up`: subscriptions
+    for which there was no room.
     """
 
     subscriptions: int = 0
@@ -156,11 +156,11 @@ class AbsentRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
 
 class RoutingRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """How long busd had runs in its hands: from a read off a publisher's socket until they were handed on.
+    """The time of runs in busd: from the read from a publisher's socket until they were passed on.
 
-    A histogram of reads: `counts[i]` took at most `bounds_us[i]` microseconds, and more than the bound
-    before; the last count is of those above all bounds. `total_us` is the sum of all. `runs`, `samples` and
-    `bytes` are what went through.
+    A histogram of reads: `counts[i]` reads took at most `bounds_us[i]` microseconds, and more than the bound
+    before; the last count is of reads above all bounds. `total_us` is the sum of all times. `runs`, `samples`
+    and `bytes` count the traffic.
     """
 
     runs: int = 0

@@ -1,6 +1,7 @@
-"""The control messages about routes: what a process shares, which ring is read where, and the way back.
+"""The control messages about routes: shared memory of a process, rings and their readers, changes to the
+socket.
 
-Part of `bus.wire.messages`, which says what holds for all.
+Part of `bus.wire.messages`, whose rules apply here, too.
 """
 
 from bus.wire.bounds import Count, Descriptors, Id, Pid, Slot, Text
@@ -10,13 +11,13 @@ from bus.wire.codec import Message
 
 
 class Share(Message, frozen=True, tag="share"):
-    """Brings this process's doorbell and readers' segment, before the first endpoint that shares memory."""
+    """Carries this process's doorbell and readers' segment, before the first endpoint that shares memory."""
 
     descriptors: Descriptors = 2
 
 
 class Attach(Message, frozen=True, tag="attach"):
-    """The subscription reads the ring of `source`, and tells of itself in this slot of its segment."""
+    """The subscription reads the ring of `source`, and reports its position in this slot of its segment."""
 
     subscription: int
     source: int
@@ -24,7 +25,7 @@ class Attach(Message, frozen=True, tag="attach"):
 
 
 class RefuseRoute(Message, frozen=True, tag="noshm"):
-    """This end can't share memory in the match of `endpoint` (its own) with `other`, and says why."""
+    """This end can't share memory in the match of `endpoint` (its own) with `other`; `text` is the reason."""
 
     endpoint: int
     other: int
@@ -32,7 +33,8 @@ class RefuseRoute(Message, frozen=True, tag="noshm"):
 
 
 class LeaveRing(Message, frozen=True, tag="left"):
-    """After Rerouted: the subscription reads the ring of `source` no more, and has had all up to `seq`."""
+    """After Rerouted: the subscription has left the ring of `source`, and has received all samples up to
+    `seq`."""
 
     subscription: int
     source: int
@@ -40,14 +42,17 @@ class LeaveRing(Message, frozen=True, tag="left"):
 
 
 class CaughtUp(Message, frozen=True, tag="caught"):
-    """After Rerouted: what that subscription missed was sent, to it alone. Now it gets what all get."""
+    """After Rerouted: the publisher has sent the subscription its missed samples.
+
+    Now it gets the samples for all.
+    """
 
     publisher: int
     subscription: int
 
 
 class ReplaceRing(Message, frozen=True, tag="ring"):
-    """The publisher has gone on to another ring, which comes with this."""
+    """The publisher continues in another ring, which comes with this message."""
 
     publisher: int
     descriptors: Descriptors = 1
@@ -57,10 +62,10 @@ class ReplaceRing(Message, frozen=True, tag="ring"):
 
 
 class Attached(Message, frozen=True, tag="attached"):
-    """To a publisher: the subscription reads its ring, and tells of itself in this slot.
+    """To a publisher: the subscription reads its ring, and reports its position in this slot.
 
-    Brings the readers' segment and the doorbell of its process, which `process` names on this connection and
-    `pid` on the machine.
+    Carries the readers' segment and the doorbell of the subscription's process. `process` is the number of
+    this process on the connection, `pid` its number on the machine.
     """
 
     publisher: int
@@ -72,7 +77,7 @@ class Attached(Message, frozen=True, tag="attached"):
 
 
 class RingReplaced(Message, frozen=True, tag="ring*"):
-    """To a subscription: `source` goes on in another ring, which comes with this."""
+    """To a subscription: `source` continues in another ring, which comes with this message."""
 
     subscription: int
     source: int
@@ -80,9 +85,10 @@ class RingReplaced(Message, frozen=True, tag="ring*"):
 
 
 class Rerouted(Message, frozen=True, tag="rerouted"):
-    """The match of `endpoint` (yours) with `other` now goes by `route`. `at_ns`: as in its Matched.
+    """The match of `endpoint` (yours) with `other` now uses `route`. `at_ns`: as in its Matched.
 
-    A subscription hears it first, and a publisher when that has left its ring, after number `last_seq`.
+    The broker sends it first to the subscription. It sends it to the publisher after the subscription has
+    left the ring, at number `last_seq`.
     """
 
     endpoint: int

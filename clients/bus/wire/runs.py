@@ -1,11 +1,11 @@
 """Runs of samples, and the one bounded queue of the bus.
 
-A `Run` is what a data frame carries. A `RunQueue` holds the runs that wait at one of three places: at a
-publisher (to be handed over), in the broker (to be sent to one subscription) and in a subscription (to be
-taken). It counts samples, not runs, and drops the oldest first; the caller learns how many went.
+A `Run` is the content of a data frame. A `RunQueue` holds waiting runs at one of three places: at a publisher
+(to be handed over), in the broker (to be sent to one subscription) and in a subscription (to be taken). It
+counts samples, not runs, and drops the oldest first; it returns the number of dropped samples to its caller.
 
-Cost: pushing and popping a run is O(1) whatever the number of samples in it; trimming walks the samples that
-it drops. Knows no I/O and no clock.
+Cost: pushing and popping a run is O(1) for any number of samples in it; trimming walks the samples that it
+drops. Knows no I/O and no clock.
 """
 
 from collections import deque
@@ -28,18 +28,21 @@ Buffer = bytes | bytearray | memoryview
 
 _unpack_record = RECORD_HEAD.unpack_from
 RUN_COST_BYTES = 256
-"""What it costs to hold a run besides its body, about. Charged too: small runs are mostly that."""
+"""Approximate memory of a run besides its body.
+
+It is charged, too, because small runs consist mostly of it.
+"""
 
 UNBOUNDED = 1 << 62
 _OVERHEAD_BYTES = DATA_HEAD_BYTES - LENGTH_BYTES
 
 
 class Run(msgspec.Struct, eq=False, gc=False):
-    """Samples of one publisher with consecutive sequence numbers, shared by all queues that it waits in.
+    """Samples of one publisher with consecutive sequence numbers, shared by all queues in which it waits.
 
-    `body` is `count` records back to back. A replay carries samples that were published before the
-    subscription was there; they don't count against its depth. (A msgspec Struct, because one is made for
-    each frame, and it is made in C.)
+    `body` is `count` records back to back. A replay carries samples published before the subscription
+    existed; they don't count against its depth. (A msgspec Struct, because each frame needs one, and msgspec
+    makes it in C.)
     """
 
     endpoint: int
@@ -50,20 +53,20 @@ class Run(msgspec.Struct, eq=False, gc=False):
     body: Buffer
     is_replay: bool = False
     lifespan_ns: int = 0
-    """The publisher's; 0 = for ever."""
+    """The publisher's lifespan; 0 = for ever."""
     received_ns: int = 0
-    """When the subscription's process got the run; monotonic clock."""
+    """Time of receipt in the subscription's process; monotonic clock."""
     origin: object = None
-    """The subscription's knowledge of the publisher."""
+    """The subscription's object for the publisher."""
     is_resumed: bool = False
-    """The numbers missing before it went by another route and are not lost."""
+    """Samples with the missing numbers before the run used another route and are not lost."""
     only_for: int = 0
-    """On the way to the broker: the one subscription that it is for; 0: all that are routed."""
+    """On the way to the broker: the only subscription for the run; 0: all routed subscriptions."""
     newest_ns: int | None = None
-    """The latest stamp in it; None: not read yet. All queues that it waits in share it."""
+    """The latest stamp in the run; None: not read yet. All queues of the run share it."""
 
     def after(self, seq: int) -> "Run":
-        """What is left behind number `seq`, which is one of its own and not the last."""
+        """The rest of the run after number `seq`, which is in the run and not its last."""
         known = seq + 1 - self.first_seq
         body = memoryview(self.body)[_walk(self.body, 0, known) :]
         return Run(
@@ -80,7 +83,7 @@ class Run(msgspec.Struct, eq=False, gc=False):
 
     @property
     def is_whole(self) -> bool:
-        """Whether the records fill the body, no more and no less. Costs a step for each sample."""
+        """Whether the records fill the body exactly. Costs a step for each sample."""
         offset, size = 0, len(self.body)
         for _ in range(self.count):
             if offset + RECORD_HEAD_BYTES > size:
@@ -89,7 +92,7 @@ class Run(msgspec.Struct, eq=False, gc=False):
         return offset == size
 
     def records(self) -> Iterator[tuple[memoryview, int]]:
-        """Each payload with its stamp; stops early where the body is shorter than it claims."""
+        """Each payload with its stamp; stops early if the body is shorter than it claims."""
         offset, body = 0, memoryview(self.body)
         for _ in range(self.count):
             start = offset + RECORD_HEAD_BYTES
@@ -105,13 +108,13 @@ class Run(msgspec.Struct, eq=False, gc=False):
 def data_head(
     endpoint: int, first_seq: int, count: int, body_bytes: int, *, flags: int = 0, only_for: int = 0
 ) -> bytes:
-    """The header of a data frame towards the broker; `only_for`: one subscription."""
+    """The header of a data frame towards the broker; `only_for`: a single subscription."""
     size = _OVERHEAD_BYTES + body_bytes
     return DATA_HEAD.pack(size, DATA, flags, 0, endpoint, only_for, first_seq, count, 0)
 
 
 def _walk(body: Buffer, offset: int, count: int) -> int:
-    """The offset `count` records on; the end of the body where it is shorter than it claims."""
+    """The offset behind `count` records; the end of the body if it is shorter than it claims."""
     for _ in range(count):
         if offset + RECORD_HEAD_BYTES > len(body):
             break
@@ -120,7 +123,8 @@ def _walk(body: Buffer, offset: int, count: int) -> int:
 
 
 def _newest_stamp(body: Buffer, count: int) -> int:
-    """The latest stamp of the `count` records in `body`; stops early where it is shorter than it claims."""
+    """The latest stamp of the `count` records in `body`; stops early if the body is shorter than it
+    claims."""
     newest_ns = offset = 0
     last = len(body) - RECORD_HEAD_BYTES
     for _ in range(count):
@@ -133,8 +137,10 @@ def _newest_stamp(body: Buffer, count: int) -> int:
 
 
 def _walk_expired(body: Buffer, offset: int, count: int, limit_ns: int) -> tuple[int, int]:
-    """How many of the `count` records from `offset` on are older than `limit_ns`, up to the first that is
-    not, and the offset of that one. Where the body is shorter than it claims, all of them."""
+    """Number of records older than `limit_ns` from `offset` on, up to the first newer one, and its offset.
+
+    There are `count` records. If the body is shorter than it claims, all of them count as older.
+    """
     last = len(body) - RECORD_HEAD_BYTES
     for expired in range(count):
         if offset > last:
@@ -147,9 +153,9 @@ def _walk_expired(body: Buffer, offset: int, count: int, limit_ns: int) -> tuple
 
 
 class Account:
-    """What one holder keeps of a resource, in bytes, and how much it may keep.
+    """The bytes that one holder uses of a resource, and its limit.
 
-    What is charged to it is charged to its `parent` too: what some holders may keep together.
+    Bytes charged to it are charged to its `parent`, too, which has the limit of several holders together.
     """
 
     __slots__ = ("limit", "parent", "used")
@@ -160,21 +166,21 @@ class Account:
         self.used = 0
 
     def charge(self, size: int) -> None:
-        """Add `size` bytes, or release where it is negative. Hot paths inline this."""
+        """Add `size` bytes, or release them if `size` is negative. Hot paths inline this."""
         self.used += size
         if self.parent is not None:
             self.parent.used += size
 
     @property
     def is_over(self) -> bool:
-        """More is kept than may be."""
+        """Whether the holder uses more than its limit."""
         return self.used > self.limit
 
 
 class RunQueue:
     """A first-in first-out queue of samples, bounded by `depth` samples (0: not bounded by number).
 
-    `endpoint` is what the frames made from it are addressed to. Bytes held are charged to `account`.
+    `endpoint` is the address of the frames made from it. Its bytes are charged to `account`.
     """
 
     __slots__ = (
@@ -194,14 +200,14 @@ class RunQueue:
     def __init__(self, depth: int, account: Account, endpoint: int = 0) -> None:
         self.account = account
         self.depth = depth
-        # How many samples may be held: the depth, and room for replayed ones until the queue is empty again.
+        # Most samples: the depth, and room for replayed samples until the queue is empty again.
         self.bound = depth or UNBOUNDED
         self.endpoint = endpoint
         self.runs: deque[Run] = deque()
-        self.rest: deque[Run] = deque()  # dropped, and yet to be freed
+        self.rest: deque[Run] = deque()  # dropped, and not freed yet
         self.count = 0
-        self.held_bytes = 0  # of the runs that are held, and what it costs to hold them
-        # The head run may have been used up in part: bytes and samples of it that are gone.
+        self.held_bytes = 0  # bytes of the runs, with RUN_COST_BYTES for each
+        # The head run may be partly used up: its used bytes and samples.
         self.offset = 0
         self.skipped = 0
         self.is_ready = False  # in the ready list of an Outbox
@@ -229,21 +235,21 @@ class RunQueue:
 
     @property
     def is_overfull(self) -> bool:
-        """Whether it exceeds its depth, or its account a limit."""
+        """Whether the queue exceeds its depth, or its account a limit."""
         account = self.account
         is_over = account.is_over or (account.parent is not None and account.parent.is_over)
         return is_over or self.count > self.bound
 
     def trim(self) -> int:
-        """Drop the oldest samples beyond the depth; returns how many."""
+        """Drop the oldest samples above the depth; returns their number."""
         return self.drop(self.count - self.bound) if self.count > self.bound else 0
 
     def push(self, run: Run) -> int:
-        """Append `run`; returns how many of the oldest samples were replaced because of the depth."""
+        """Append `run`; returns the number of oldest samples replaced because of the depth."""
         return self.trim() if self.append(run) else 0
 
     def drop(self, count: int) -> int:
-        """Drop the `count` oldest samples; returns how many went (less only where fewer were held)."""
+        """Drop the `count` oldest samples; returns the number dropped (less only if the queue had fewer)."""
         left = count
         while left and self.runs:
             run = self.runs[0]
@@ -257,9 +263,9 @@ class RunQueue:
         return count - left
 
     def drop_expired(self, now_ns: int, gone: list[Run] | None = None) -> int:
-        """Drop samples from the head that are older than their publisher's lifespan; returns how many.
+        """Drop samples at the head that are older than their publisher's lifespan; returns their number.
 
-        Runs of which nothing is left are added to `gone`.
+        Completely dropped runs are added to `gone`.
         """
         dropped = 0
         while expired := self.drop_expired_of_head(now_ns, gone):
@@ -267,10 +273,10 @@ class RunQueue:
         return dropped
 
     def drop_expired_of_head(self, now_ns: int, gone: list[Run] | None = None) -> int:
-        """The same for the oldest run alone: so a caller bounds the work by runs.
+        """The same only for the oldest run, so that a caller can bound the work by runs.
 
-        A run that has expired as a whole goes in one step, but for the first of the queues that it waits in,
-        which reads its stamps.
+        A run that has expired as a whole is dropped in one step. Exception: the first of its queues reads its
+        stamps.
         """
         if not self.runs:
             return 0
@@ -303,9 +309,10 @@ class RunQueue:
     ) -> int:
         """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped.
 
-        `account`: its parent may be meant instead; `slack`: how far below the limit to go. The `spare` newest
-        runs stay in any case. Those that go are added to `gone`. If `most` (0: no limit) went and that is not
-        enough, all but those go, in one step, and are left in `rest` for the caller to free.
+        `account`: its parent can be passed instead; `slack`: bytes below the limit to reach. The `spare`
+        newest runs always stay. Dropped runs are added to `gone`. If `most` runs (0: no limit) were dropped
+        and that is not enough, all others except the spare ones are dropped in one step, and left in `rest`
+        for the caller to free.
         """
         dropped = 0
         account = account or self.account
@@ -321,7 +328,7 @@ class RunQueue:
         return dropped
 
     def _drop_all(self, gone: list[Run] | None, spare: int) -> int:
-        """Drop all runs but the `spare` newest (1 or 0); returns the samples dropped."""
+        """Drop all runs except the `spare` newest (1 or 0); returns the number of samples dropped."""
         newest = self.runs.pop() if spare else None
         size = len(newest.body) + RUN_COST_BYTES if newest is not None else 0
         dropped = self.count - (newest.count if newest is not None else 0)
@@ -344,7 +351,7 @@ class RunQueue:
         return stamp_ns
 
     def pop_frame(self) -> tuple[bytes, Buffer]:
-        """Take what is left of the oldest run, as the header and the body of a frame to `endpoint`."""
+        """Take the rest of the oldest run, as the header and the body of a frame to `endpoint`."""
         run = self.runs[0]
         held = run.count - self.skipped
         body: Buffer = run.body
@@ -365,7 +372,7 @@ class RunQueue:
         return head, body
 
     def advance(self, count: int, offset: int) -> None:
-        """The first `count` samples of what is left of the oldest run are used up; `offset` is after them."""
+        """Use up `count` more samples of the oldest run; `offset` is behind them."""
         run = self.runs[0]
         if self.skipped + count == run.count:
             self.forget_head()
@@ -375,11 +382,11 @@ class RunQueue:
             self.count -= count
 
     def clear(self) -> int:
-        """Drop everything; returns how many samples went."""
+        """Drop everything; returns the number of samples dropped."""
         return self.drop(self.count)
 
     def newest(self, count: int, after_seq: int) -> Iterator[Run]:
-        """Replays of the newest `count` samples (0: of all) whose number is above `after_seq`.
+        """Replays of the newest `count` samples (0: of all) with numbers above `after_seq`.
 
         Only for a queue with the samples of one publisher.
         """
@@ -404,7 +411,7 @@ class RunQueue:
         self.count -= count
 
     def forget_head(self) -> None:
-        """The oldest run is used up or dropped."""
+        """Remove the oldest run, which is used up or dropped."""
         run = self.runs.popleft()
         self.count -= run.count - self.skipped
         size = len(run.body) + RUN_COST_BYTES

@@ -1,13 +1,13 @@
-"""The state of one connection, the same rules for both ends: Hello first, once, in a version we speak.
+"""The state of one connection, with the same rules for both ends: a Hello comes first, once, in our version.
 
     state     a Hello comes   another frame comes
     NEW       OPEN            (error)
     OPEN      (error)         OPEN
 
-Bytes in, messages and runs out; no I/O. After an error the session is CLOSED and gives nothing more.
+Bytes in, messages and runs out; no I/O. After an error the session is CLOSED and returns nothing more.
 
-Descriptors come beside the bytes, in batches, one for each frame that carries some and in the order of those
-frames. To the session they are things that can be closed.
+Descriptors come in batches, outside the stream of bytes: one batch for each frame with descriptors, in the
+order of these frames. The session can only close them.
 """
 
 from collections import deque
@@ -31,7 +31,7 @@ from bus.wire.runs import Run
 
 
 class Role(Enum):
-    """Which end of the connection we are."""
+    """This end's role in the connection."""
 
     CLIENT = auto()
     BROKER = auto()
@@ -49,15 +49,15 @@ _WHEN = {State.NEW: "before Hello", State.OPEN: "a second time", State.CLOSED: "
 
 
 MAX_BATCHES = 16
-"""So many batches of descriptors may wait for their messages; an honest peer has one on the way."""
+"""Most batches of descriptors that may wait for their messages; an honest peer has one on the way."""
 
 
 MISSING = "the descriptors did not arrive; are the limits reached?"
-"""Why a message that came without those that it claims can't be acted on."""
+"""The error for a message that came without its descriptors."""
 
 
 class Carried(NamedTuple):
-    """A message that claims descriptors, and the descriptors received with it: all or none."""
+    """A message that claims descriptors, and the received descriptors: all or none."""
 
     message: Message
     descriptors: tuple[Descriptor, ...]
@@ -66,9 +66,9 @@ class Carried(NamedTuple):
 class Session:
     """Turns the bytes of a peer into messages (`bus.wire.messages`) and runs.
 
-    A message that claims descriptors is given out as a `Carried`. Who reads puts the batch that came with a
-    read into `descriptors` before it calls `received`; there it waits for its message.
-    `max_message_bytes` bounds an encoded message; a run may have others before it (`RUN_BYTES`).
+    A message that claims descriptors is returned as a `Carried`. The caller appends the batch of a read to
+    `descriptors` before it calls `received`; there the batch waits for its message. `max_message_bytes`
+    bounds an encoded message; in a run, others may come before it (`RUN_BYTES`).
     """
 
     def __init__(self, role: Role, *, max_message_bytes: int = MAX_MESSAGE_BYTES) -> None:
@@ -84,7 +84,7 @@ class Session:
         self._decode = (from_client if role is Role.BROKER else from_broker).decode
 
     def received(self, count: int) -> Iterable[Any]:
-        """What came with the `count` bytes now in the reader's buffer, in order; one run alone in a tuple.
+        """The messages and runs in the `count` new bytes of the reader's buffer, in order.
 
         The buffer is in use until the iteration has ended: before that, nothing may be read into it.
         Iterating raises RemoteProtocolError if the peer broke a rule, after all earlier messages.
@@ -96,15 +96,15 @@ class Session:
         return self.items()
 
     def items(self) -> Iterator[Any]:
-        """As `received`, of what has come and was not taken from the reader's front."""
+        """As `received`, for all bytes that were not taken from the reader's front."""
         return self._interpret(self.reader.cut())
 
     def open(self, hello: Hello) -> None:
-        """Begin behind the peer's Hello, which was read by itself (`bus.wire.greeting`)."""
+        """Open the session with the peer's Hello, which was read before (`bus.wire.greeting`)."""
         self.state, self.peer = State.OPEN, hello
 
     def allow(self, max_message_bytes: int) -> None:
-        """Let messages be as long, if that is longer than until now."""
+        """Raise the limit of messages, if this one is higher."""
         most = RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes
         self.reader.max_data_bytes = max(self.reader.max_data_bytes, most)
 
@@ -155,7 +155,7 @@ class Session:
 
 
 def check_version(hello: Hello, role: Role) -> None:
-    """Raise RemoteProtocolError where the other side speaks another version than we do, in that `role`."""
+    """Raise RemoteProtocolError if the other side speaks another version; our `role` decides the remedy."""
     if hello.version != PROTOCOL_VERSION:
         is_theirs_older = hello.version < PROTOCOL_VERSION
         if (role is Role.CLIENT) is is_theirs_older:
