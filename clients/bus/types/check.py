@@ -1,15 +1,16 @@
 """Fast checks that the fields of a message have the right types, made for one class at a time.
 
-Owns: the source text of one function per class, compiled as dataclasses does it; and the plan by which the
-native core checks and encodes a message of plain things in one pass. Both are made only from a
-class of the program's own, never from another process's schema. Must not know: errors, schemas, topics.
+Owns: the source text of one function for each class, compiled as dataclasses does it. Also the plan by which
+the native core checks and encodes a message of plain values in one pass. Both are made only from the
+program's classes, never from another process's schema. Must not know: errors, schemas, topics.
 
-A check that says True is sure; False only means "look closer": a scalar of numpy, a tuple for a list, or a
-type that no code is made for. Text with lone surrogates passes here and fails in the encoder.
+If a check returns True, the types are right. False only means that the exact check must decide: the value is
+a scalar of numpy, a tuple instead of a list, or of a type for which no code is made. Text with lone
+surrogates passes here and fails in the encoder.
 
-Lists of numbers are judged by their encoding, which takes 3 ns per element instead of 17: a double is 0xcb
-and 8 bytes, so a list of n doubles has 0xcb at every ninth place, and one that has it at the first n of these
-places can't be anything else. In the same way a small integer is its own single byte.
+Lists of numbers are checked by their encoding, which takes 3 ns per element instead of 17. A double is 0xcb
+and 8 bytes, so a list of n doubles has 0xcb at every ninth place. An encoding with 0xcb at the first n of
+these places can't be anything else. In the same way, a small integer is its own single byte.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,7 +40,7 @@ _encode: Final = msgspec.msgpack.Encoder().encode
 
 
 def predicate(cls: type[msgspec.Struct]) -> Callable[[Any], bool]:
-    """A function that is True for instances of `cls` whose fields surely have the right types."""
+    """Make a function that returns True if an instance of `cls` surely has fields of the right types."""
     source = _Source()
     try:
         source.fields(inspect.type_info(cls), "m")
@@ -54,11 +55,11 @@ def predicate(cls: type[msgspec.Struct]) -> Callable[[Any], bool]:
 
 
 def plan(cls: type[msgspec.Struct], kinds: Mapping[type, type] | None = None) -> Any:
-    """A `_core.Plan` for messages of `cls`; None for a class of other things, and without the native core.
+    """Make a `_core.Plan` for messages of `cls`; None for unsupported classes, and without the native core.
 
-    What it encodes is right, and the bytes are those of msgspec's encoder. What it does not encode may be
-    right all the same. `kinds`: the messages are not of `cls` and the classes within it, but of the classes
-    that stand for these, which keep the field `x` in the slot `_x`.
+    If the plan encodes a message, the message is right, and the bytes equal msgspec's encoding. Other
+    messages may be right, too. `kinds`: the messages do not belong to `cls` and its nested classes, but to
+    the classes that stand for them, which keep the field `x` in the slot `_x`.
     """
     return _Planner(kinds).plan(inspect.type_info(cls)) if shm.has_core() else None
 
@@ -73,7 +74,7 @@ class _Planner:
         cls, fields, known = info.cls, [], self._known
         if cls in known:
             return known[cls]
-        known[cls] = None  # also of a class in itself
+        known[cls] = None  # in case the class contains itself
         if info.tag is not None or cls.__struct_config__.omit_defaults or getattr(cls, "__foreign__", False):
             return None
         kind, prefix = (cls, "") if self._kinds is None else (self._kinds[cls], "_")
@@ -87,8 +88,7 @@ class _Planner:
         return made
 
     def _value(self, info: inspect.Type) -> tuple[int, int, int, Any] | None:
-        """How a value is encoded, the least and the most that it or its length may be, and of what it
-        consists."""
+        """The encoding of a value, its lowest and highest value or length, and the plan of its parts."""
         while isinstance(info, inspect.Metadata):
             info = info.type
         match info:
@@ -105,7 +105,7 @@ class _Planner:
             case inspect.StructType() if isinstance(info.cls, type):
                 inner = self.plan(info)
                 return None if inner is None else (shm.native.AS_STRUCT, 0, 0, inner)
-            # Those that stand for others have other objects for what follows.
+            # Classes that stand for others have other objects for the following types.
             case inspect.BytesType() if self._kinds is None:
                 return shm.native.AS_BYTES, *_lengths(info), None
             case inspect.ListType() if self._kinds is None:
@@ -132,7 +132,7 @@ def _is_buffer(value: object) -> bool:
 
 
 def _are_numbers(values: Any) -> bool:
-    # Only for what has been encoded, so no integer has more than 64 bits.
+    # Only for values that were encoded, so no integer has more than 64 bits.
     return _NUMBERS.issuperset(map(type, values))
 
 
@@ -161,7 +161,7 @@ class _NoCode(Exception):
 
 
 class _Source:
-    """Lines that return False where a value is not as it should be, and the names that they use."""
+    """Generates the lines of a check, which return False for a wrong value, and the names that they use."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -178,7 +178,7 @@ class _Source:
 
     def fields(self, info: inspect.Type, value: str) -> None:
         assert isinstance(info, inspect.StructType)
-        # No code is made from names that another process chose.
+        # Names from another process must not get into the code.
         if info.cls in self._open or getattr(info.cls, "__foreign__", False):
             raise _NoCode
         self._open.append(info.cls)

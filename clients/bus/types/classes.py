@@ -1,7 +1,7 @@
-"""The native classes of messages and services by name: those of bus.msg and bus.srv, or made of definitions.
+"""The native classes of messages and services by name: from bus.msg and bus.srv, or made of definitions.
 
-Owns: one class for each name, and what stands for a field of a definition in a class. Must not know: where
-definitions are (bus.types.definitions), hashes, topics.
+Owns: one class for each name, and the Python type of each field of a definition. Must not know: the places of
+definitions (bus.types.definitions), hashes, topics.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["described_service", "find_class", "message_class", "service_class"]
 
 _OF_EACH_NODE: Final = ("rcl_interfaces", "type_description_interfaces")
-"""Packages of what every node of rclpy has: some of it is described already."""
+"""Packages of the messages that every node of rclpy has; descriptions of some are precomputed."""
 
 _lock: Final = RLock()
 _classes: Final[dict[str, type[Struct]]] = {}
@@ -35,10 +35,10 @@ _open: Final[list[str]] = []
 
 
 def message_class(name: str) -> type[Struct]:
-    """The native class of a message (or a part of a service or action): one in a process.
+    """The native class of a message, or of a part of a service or action: a single one in a process.
 
-    That of bus.msg or bus.srv where there is one, else made of the definition. Raises ConfigurationError as
-    `find_definition` does, for nested types too.
+    It is a class of bus.msg or bus.srv if there is one, else made of the definition. Raises
+    ConfigurationError as `find_definition` does, for nested types too.
     """
     with _lock:
         if name not in _classes:
@@ -56,7 +56,7 @@ def message_class(name: str) -> type[Struct]:
 
 @cache
 def service_class(name: str) -> type[Service]:
-    """The native class of a service, as `message_class` finds those of messages; errors as there."""
+    """The native class of a service, found like a message's by `message_class`, with the same errors."""
     from bus import srv
 
     package, _, short = name.partition("/srv/")
@@ -69,7 +69,7 @@ def service_class(name: str) -> type[Service]:
 
 
 def described_service(name: str) -> tuple[tuple[str, bytes], tuple[str, bytes]] | None:
-    """Hash and description of the requests of a service and of its answers, where they are known already."""
+    """Hash and description of a service's requests and answers; None if they are not precomputed."""
     package = name.partition("/")[0]
     if package not in _OF_EACH_NODE or not is_shipped(package):
         return None
@@ -150,7 +150,7 @@ def _annotation_and_default(owner: str, field: Field) -> tuple[Any, Any]:
     if not least:
         return annotation, msgspec.field(default_factory=list)
     if "/" in base:
-        # bus.types.schema knows that this factory always gives the same.
+        # bus.types.schema relies on a constant result of this factory.
         fill = partial(zero, ["list", base, least, least], {base: inner})
         return annotation, msgspec.field(default_factory=fill)
     return annotation, msgspec.field(default_factory=partial(list, (zero(base, {}),) * least))

@@ -1,8 +1,8 @@
-"""Interface definitions by name: the files in which they stand, and what they say.
+"""Finds interface definitions by name: their files, and their contents.
 
-Owns: where definitions are looked for. Must not know: the grammar (`idl`), classes made of definitions.
+Owns: the places of definitions. Must not know: the grammar (`idl`), classes made of definitions.
 
-A definition is `<package>/{msg,srv,action}/<Name>.{msg,srv,action}`. It is looked for in
+A definition is `<package>/{msg,srv,action}/<Name>.{msg,srv,action}`. It is searched in
 
     the share folders of $AMENT_PREFIX_PATH
     the colcon workspace (or the package) around the current directory, then around the program's folder
@@ -10,7 +10,7 @@ A definition is `<package>/{msg,srv,action}/<Name>.{msg,srv,action}`. It is look
     the definitions of ROS 2 that come with this package
 """
 
-# Paths are texts: pathlib takes several times as long for each, and to import it takes milliseconds.
+# Paths are texts: pathlib takes several times as long for each, and its import takes milliseconds.
 # ruff: noqa: PTH109, PTH112, PTH113, PTH118, PTH119, PTH120, PTH123, PTH208
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _NO_WORKSPACES: Final = frozenset(("/", "/usr", "/usr/local"))
 _MAX_FIXED: Final = 2**24
 _MAX_DEPTH: Final = 5
 _MAX_FOLDERS: Final = 5000
-"""How far `src` is searched: it may not be a workspace's at all."""
+"""Most folders searched below `src`, which may not belong to a workspace at all."""
 
 
 def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
@@ -67,8 +67,8 @@ def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
 def find_message(name: str) -> idl.Message:
     """The definition of a message, or of a part of a service or an action: `std_srvs/srv/SetBool_Request`.
 
-    So are those that carry an action's parts, `example_interfaces/action/Fibonacci_FeedbackMessage`, and the
-    one that tells of a service, `std_srvs/srv/SetBool_Event`. Raises ConfigurationError as `find_definition`.
+    It also finds messages with an action's parts, `example_interfaces/action/Fibonacci_FeedbackMessage`, and
+    the event of a service, `std_srvs/srv/SetBool_Event`. Raises ConfigurationError as `find_definition`.
     """
     from bus.types.idl import CARRIERS, PARTS, Action, Message, Service, carriers, event_of
 
@@ -93,20 +93,20 @@ def find_message(name: str) -> idl.Message:
 
 
 def definition_path(name: str) -> Path:
-    """The file of a definition; raises ConfigurationError where there is none."""
+    """The file of a definition. Raises ConfigurationError if there is none."""
     from pathlib import Path
 
     return Path(_found(name))
 
 
 def check_size(owner: str, field: idl.Field) -> None:
-    """Raises ConfigurationError for an array of a fixed size that no message should begin with."""
+    """Raise ConfigurationError for an array with a fixed size too large for a default value."""
     if field.type.array == "fixed" and field.type.size > _MAX_FIXED:
         raise ConfigurationError(f"{owner}: '{field.name}' is too large for an array of a fixed size")
 
 
 def full_name(name: str) -> str:
-    """`std_msgs/String` as `std_msgs/msg/String`: the first kind of which there is one, else a message."""
+    """`std_msgs/String` as `std_msgs/msg/String`: the first kind with that name, else a message."""
     package, _, rest = name.partition("/")
     if not rest or "/" in rest:
         return name
@@ -115,7 +115,7 @@ def full_name(name: str) -> str:
 
 
 def is_shipped(package: str) -> bool:
-    """Whether the definitions of a package are those that come with busd: no others are found before them."""
+    """Whether the definitions of a package come with busd, and no other definitions are found before them."""
     return next(_existing(package), None) == os.path.join(_SHIPPED, package)
 
 
@@ -190,12 +190,12 @@ def _meant_by_type(base: str, short: str) -> str:
 def _meant(name: str) -> str:
     from bus.base.suggest import did_you_mean
 
-    # Its own name is among them where it can't be read: a folder, a broken link.
+    # A definition that can't be read (a folder, a broken link) is in `names`, too.
     return did_you_mean(name, (one for one in names() if one != name), 0.75)
 
 
 def find_path(name: str) -> str | None:
-    """The file of a definition; None where there is none."""
+    """The file of a definition; None if there is none."""
     if not is_type_name(name):
         return None
     package, kind, short = name.split("/")
@@ -207,7 +207,7 @@ def find_path(name: str) -> str | None:
 
 
 def _folders(package: str | None) -> Iterator[tuple[str, str]]:
-    """The folders that may hold definitions of this package (of each package), the first to be used first."""
+    """The folders that may hold definitions of this package (None: of any), in order of precedence."""
     environ = os.environ
     program = os.path.dirname(os.path.realpath(sys.argv[0])) if sys.argv and sys.argv[0] else ""
     try:
@@ -226,7 +226,7 @@ def _folders(package: str | None) -> Iterator[tuple[str, str]]:
 
 @cache
 def _sources(here: str, program: str, prefixes: str, folders: str) -> list[str | dict[str, str]]:
-    """Folders of packages; and for workspaces the folder of each of their packages."""
+    """Folders with packages; for a workspace, a dict with the folder of each of its packages."""
     ament = [os.path.join(prefix, "share") for prefix in prefixes.split(os.pathsep) if prefix]
     around = [_around(folder) for folder in dict.fromkeys((here, program)) if folder]
     own = [folder for folder in folders.split(os.pathsep) if folder]
@@ -234,7 +234,7 @@ def _sources(here: str, program: str, prefixes: str, folders: str) -> list[str |
 
 
 def _around(folder: str) -> dict[str, str]:
-    """The packages of the innermost workspace around a folder, or the package in which it is."""
+    """The packages of the innermost workspace around a folder, or the package that contains the folder."""
     found: dict[str, str] = {}
     parent, below = folder, ""
     while parent != below:
@@ -250,7 +250,7 @@ def _around(folder: str) -> dict[str, str]:
 
 def _search(source: str) -> Iterator[tuple[str, str]]:
     folders = [(source, 0)]
-    for visited, (folder, depth) in enumerate(folders):  # which grows meanwhile
+    for visited, (folder, depth) in enumerate(folders):  # the list grows meanwhile
         try:
             entries = {entry.name: entry for entry in os.scandir(folder)}
         except OSError:

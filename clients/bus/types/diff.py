@@ -1,7 +1,7 @@
-"""Where two descriptions of one type differ, in words for its authors.
+"""Describes the difference between two descriptions of one type, in words for its authors.
 
-Owns: the comparison and its text. Must not know: classes, topics, what it is for. Both descriptions may come
-from other processes, so nothing in them is trusted.
+Owns: the comparison and its text. Must not know: classes, topics, the use of the text. Both descriptions may
+come from other processes, so nothing in them is trusted.
 """
 
 from itertools import zip_longest
@@ -15,19 +15,19 @@ from bus.types.schema_form import Field, Form, Node, Type
 __all__ = ["difference"]
 
 _LONGEST: Final = 200
-"""Characters of a field's path or type that are shown."""
+"""Most characters shown of a field's path or type."""
 
 _LONGEST_TEXT: Final = 1000
-"""Characters of the whole text."""
+"""Most characters of the whole text."""
 
 _DIGEST: Final = 17
-"""Characters behind the name of a service's message, see `bus.types.service`."""
+"""Characters after the name of a service's message, see `bus.types.service`."""
 
 
 def difference(publisher: bytes, subscription: bytes, ends: tuple[str, str] | None = None) -> str | None:
     """The first field that differs: `field 'pose.x' is float64 at the publisher and float32 at ...`.
 
-    Both are descriptions as they travel (`schema`, in MessagePack), and `ends` what their owners are called.
+    Both are encoded descriptions (`schema`, in MessagePack); `ends` are the names of their owners.
     None if one of them is broken, or nothing relevant differs.
     """
     try:
@@ -37,14 +37,14 @@ def difference(publisher: bytes, subscription: bytes, ends: tuple[str, str] | No
     except (ValueError, LookupError, TypeError, RecursionError):
         return None
     if found is None and starts[0] != starts[1] and starts != (one.root, other.root):
-        # Both halves of a service have a digest of both.
+        # The name of each half of a service contains a digest of both halves.
         half = "response" if one.root.endswith("_Request") else "request"
         found = f"the definitions of the {half} differ"
     return None if found is None else printable(found[:_LONGEST_TEXT], keep="")
 
 
 class _Comparison:
-    """Of one pair; each pair of types in it is looked at once."""
+    """The comparison of two descriptions; each pair of their types is compared once."""
 
     def __init__(self, one: Form, other: Form, ends: tuple[str, str]) -> None:
         self._ends = ends
@@ -66,7 +66,7 @@ class _Comparison:
             if its is not None and its.name not in names[0]:
                 return f"only {self._ends[1]} has a field {_shown(its, path)}"
             if mine is None or its is None:
-                return None  # a name stands twice there
+                return None  # a name occurs twice there
             if mine.name != its.name:
                 names_here = f"'{mine.name}'", f"'{its.name}'"
                 return self._differs(f"number {number} of the fields", path, *names_here)
@@ -98,7 +98,7 @@ class _Comparison:
 
 
 def _start(form: Form) -> str:
-    """The message that the user knows: of a service that within the envelope."""
+    """The message that the user knows: for a service, the message in the envelope."""
     inner = [name for name in form.types if name[:-_DIGEST] == form.root]
     return inner[0] if "/srv/" in form.root and len(inner) == 1 else form.root
 
@@ -113,7 +113,7 @@ def _ends(publisher: Form) -> tuple[str, str]:
 
 
 def _is_alike(one: list[Any], other: list[Any]) -> bool:
-    """Whether two types that are not the same can differ in what is within them only."""
+    """Whether two different types are of one kind, so that they can only differ in their parts."""
     return (
         len(one) == len(other)
         and one[0] != "literal"
@@ -138,7 +138,7 @@ def _shown(field: Field, path: str) -> str:
 
 
 def _text(node: Any) -> str:
-    """A type as its author may have written it."""
+    """A type in the form that its author may have used."""
     match node:
         case ["list", item]:
             text = f"{_text(item)}[]"
@@ -155,7 +155,7 @@ def _text(node: Any) -> str:
         case [kind, *parts]:
             text = f"{kind}[{', '.join(map(_text, parts))}]"
         case "uint8[]":
-            text = "bytes"  # a list of uint8 is another thing on the wire
+            text = "bytes"  # a list of uint8 has another form on the wire
         case _:
             text = str(node)
     return f"{text:.{_LONGEST}}"

@@ -1,10 +1,10 @@
-"""The hash that tells two message types of one name apart.
+"""The hash that distinguishes message types with the same name.
 
 Owns: ROS 2's type hash (RIHS01, from rosidl's type description) for types that ROS 2 can describe, and a hash
 of our own (BUS01) for all others. Must not know: classes, topics.
 
-`RIHS01_<sha256>` is over the JSON text of a type_description_interfaces/msg/TypeDescription without defaults:
-a type that a real ROS 2 system has too gets the hash that it has there.
+`RIHS01_<sha256>` is over the JSON text of a type_description_interfaces/msg/TypeDescription without defaults.
+A type has the same hash here and in a real ROS 2 system.
 """
 
 import re
@@ -47,7 +47,7 @@ class _NotROS(Exception):
 
 
 def schema_hash(schema: Schema) -> str:
-    """`RIHS01_...` where ROS 2 can describe the type, else `BUS01_...`. Defaults don't count."""
+    """`RIHS01_...` if ROS 2 can describe the type, else `BUS01_...`. Defaults don't count."""
     # Both are slow to import, and most programs that import this module hash nothing.
     import hashlib
     import json
@@ -90,7 +90,7 @@ def _ros_type(name: str, type_: dict[str, Any]) -> dict[str, Any]:
     fields = [(field["name"], _ros_field_type(field["type"])) for field in type_["fields"]]
     if not all(_FIELD_NAME.fullmatch(field) for field, _ in fields):
         raise _NotROS
-    # IDL has no empty struct; rosidl puts this field in.
+    # IDL has no empty struct; rosidl adds this field.
     fields = fields or [("structure_needs_at_least_one_member", _ros_field_type("uint8"))]
     return {"type_name": name, "fields": [{"name": field, "type": type_} for field, type_ in fields]}
 

@@ -1,7 +1,7 @@
-"""The language of interface definitions: the text of a .msg, .srv or .action file as values.
+"""Parses interface definitions: the text of a .msg, .srv or .action file becomes values.
 
-Owns: the grammar, as rosidl has it, and the texts of its errors. Must not know: where files are, whether a
-type that a definition names exists, Python classes.
+Owns: the grammar, as in rosidl, and the texts of its errors. Must not know: the places of files, whether a
+type in a definition exists, Python classes.
 
     # a comment                           a field is a type and a name, and may have a default
     int32 LIMIT=10                        a constant has an upper-case name and a value
@@ -10,7 +10,7 @@ type that a definition names exists, Python classes.
     geometry_msgs/Point32[] corners       or `geometry_msgs/msg/Point32`, or `Corner` of the same package
     Header header                         std_msgs/msg/Header
 
-`---` on a line of its own parts the request of a service from its response, and an action's three messages.
+A line `---` separates the request of a service from its response, and an action's three messages.
 """
 
 import re
@@ -44,12 +44,12 @@ INTEGERS: Final = {
     **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
-"""The least and the greatest value of each type of integers."""
+"""The lowest and the highest value of each integer type."""
 
 PRIMITIVES: Final = frozenset((*INTEGERS, "bool", "float32", "float64", "string", "wstring"))
 
 PARTS: Final = {"srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
-"""What the messages of a service or an action are called: `SetBool` has `SetBool_Request`."""
+"""Suffixes of the messages of a service or an action: `SetBool` has `SetBool_Request`."""
 
 CARRIERS: Final = {
     "SendGoal_Request": (("goal_id", "unique_identifier_msgs/msg/UUID"), ("goal", "Goal")),
@@ -58,7 +58,7 @@ CARRIERS: Final = {
     "GetResult_Response": (("status", "int8"), ("result", "Result")),
     "FeedbackMessage": (("goal_id", "unique_identifier_msgs/msg/UUID"), ("feedback", "Feedback")),
 }
-"""The messages that carry an action's parts: what ROS 2 adds to each action, with their fields."""
+"""The messages that ROS 2 adds to each action, with their fields. They carry the action's parts."""
 
 _EVENT: Final = ("info", "request", "response")
 
@@ -74,7 +74,7 @@ _PART: Final = re.compile(r"[A-Z][A-Za-z0-9]*_[A-Z][A-Za-z0-9_]*")
 _TYPE: Final = re.compile(r"([A-Za-z][\w/]*)(?:<=(\d+))?(?:\[(<=)?(\d*)\])?", re.ASCII)
 _QUOTED: Final = r'"(?:\\.|[^"\\])*"|' + r"'(?:\\.|[^'\\])*'"
 _CODE: Final = re.compile(rf"(?:(?<=[\s=,\[])(?:{_QUOTED})|[^#])*")
-"""A line up to its comment: a `#` inside a quoted text begins none."""
+"""A line up to its comment. A `#` inside a quoted text begins no comment."""
 _ELEMENT: Final = re.compile(rf"\s*({_QUOTED}|[^,\"'\[\]]+?)\s*(?:,|$)")
 _MAX_SIZE: Final = 2**31 - 1
 _MAX_DIGITS: Final = 10
@@ -89,25 +89,25 @@ class Type(NamedTuple):
     array: str = ""
     """Empty, `fixed`, `bounded` or `unbounded`."""
     size: int = 0
-    """How many elements: exactly (`fixed`) or at most (`bounded`)."""
+    """Number of elements: exactly (`fixed`) or at most (`bounded`)."""
 
 
 class Field(NamedTuple):
     """One field of a message.
 
-    The default is None where the definition has none; else as Python has the type: a `byte` is `bytes` of
-    length 1, an array a tuple.
+    The default is None if the definition has none, else a Python value: a `byte` is `bytes` of length 1, an
+    array a tuple.
     """
 
     name: str
     type: Type
     default: Any = None
     line: int = 0
-    """Where it stands in its file."""
+    """The line in its file."""
 
 
 class Constant(NamedTuple):
-    """A constant of a message; the value is as that of a default."""
+    """A constant of a message; its value has the form of a default."""
 
     name: str
     type: Type
@@ -115,7 +115,7 @@ class Constant(NamedTuple):
 
 
 class Message(NamedTuple):
-    """`std_msgs/msg/String`, or a part of something else: `std_srvs/srv/SetBool_Request`."""
+    """A message, `std_msgs/msg/String`, or a part of a service or action, `std_srvs/srv/SetBool_Request`."""
 
     name: str
     fields: tuple[Field, ...] = ()
@@ -123,7 +123,7 @@ class Message(NamedTuple):
 
 
 class Service(NamedTuple):
-    """`std_srvs/srv/SetBool`."""
+    """A service, for example `std_srvs/srv/SetBool`."""
 
     name: str
     request: Message
@@ -131,7 +131,7 @@ class Service(NamedTuple):
 
 
 class Action(NamedTuple):
-    """`example_interfaces/action/Fibonacci`."""
+    """An action, for example `example_interfaces/action/Fibonacci`."""
 
     name: str
     goal: Message
@@ -140,27 +140,27 @@ class Action(NamedTuple):
 
 
 def parse_message(text: str, name: str) -> Message:
-    """The text of a .msg file; `name` is `std_msgs/msg/String`.
+    """Parse the text of a .msg file; `name` is like `std_msgs/msg/String`.
 
-    Raises ConfigurationError, which says in which line what is wrong.
+    Raises ConfigurationError with the line and its fault.
     """
     return _parse(text, name, "msg", ("",))[0]
 
 
 def parse_service(text: str, name: str) -> Service:
-    """The text of a .srv file; errors as those of `parse_message`."""
+    """Parse the text of a .srv file; the errors are like those of `parse_message`."""
     request, response = _parse(text, name, "srv", PARTS["srv"])
     return Service(name, request, response)
 
 
 def parse_action(text: str, name: str) -> Action:
-    """The text of an .action file; errors as those of `parse_message`."""
+    """Parse the text of an .action file; the errors are like those of `parse_message`."""
     goal, result, feedback = _parse(text, name, "action", PARTS["action"])
     return Action(name, goal, result, feedback)
 
 
 def event_of(service: Service) -> Message:
-    """The message that tells of a request or an answer, where introspection is on."""
+    """The message that reports a request or an answer, if introspection is on."""
     parts = (
         (field, Type(f"{service.name}_{field.capitalize()}", None, "bounded", 1)) for field in _EVENT[1:]
     )
@@ -169,7 +169,7 @@ def event_of(service: Service) -> Message:
 
 
 def carriers(action: Action) -> dict[str, Message]:
-    """The messages that carry the parts of `action`, by what stands in CARRIERS."""
+    """The messages that carry the parts of `action`, by their names in CARRIERS."""
     return {
         name: Message(
             f"{action.name}_{name}",
@@ -183,16 +183,16 @@ def carriers(action: Action) -> dict[str, Message]:
 
 
 def parse_part(text: str, name: str) -> Message:
-    """One type of a text that holds a type and all that it needs, as bag files do.
+    """Parse one type of a text with a type and all types that it needs, as in bag files.
 
-    It may be a part of a service or an action, `std_srvs/srv/SetBool_Event`, and so may those that it names.
-    Errors as those of `parse_message`.
+    It may be a part of a service or an action, `std_srvs/srv/SetBool_Event`, and so may the types of its
+    fields. The errors are like those of `parse_message`.
     """
     return _parse_parts(text, name, name.split("/")[1], ("",))[0]
 
 
 class _Wrong(Exception):
-    """What is wrong with a line."""
+    """The fault of a line."""
 
 
 def _parse(text: str, name: str, kind: str, parts: tuple[str, ...]) -> list[Message]:

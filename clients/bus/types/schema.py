@@ -11,19 +11,19 @@ A schema is plain data:
          {"name": "pose", "type": "geometry_msgs/msg/Pose"},
          {"name": "speeds", "type": ["list", "float64", 4, 4]}]}, ...}}
 
-Of a type: `array` (a MessagePack array of the fields; else a map), `tag` and `tag_field` as in msgspec. Of a
-field: `key` (its name in the map, where that differs), `required`, and `default` where it is not the zero of
-its type. A type is a name with two slashes (a reference), a primitive, or a list:
+A type has `array` (a MessagePack array of the fields; else a map), `tag` and `tag_field` as in msgspec. A
+field has `key` (its name in the map, if that differs), `required`, and `default` if that is not the zero of
+its type. The type of a field is a name with two slashes (a reference), a primitive, or a list:
 
     bool int8 ... uint64 float32 float64 string char byte uint8[] byte[]    as in ROS 2
     int any none unset                                       64 bits; anything; null; left out of the map
     ["list", T]  ["list", T, least, most]  ["tuple", T, ...]  ["dict", K, V]  ["bytes", least, most]
     ["union", T, ...]  ["literal", value, ...]               enums are literals of their values
-    ["bytes", least, most, "byte"]                           where it is `byte` in ROS 2, and not uint8
+    ["bytes", least, most, "byte"]                           if it is `byte` in ROS 2, and not uint8
     ["string", most]  ["wstring"]  ["wstring", most]         a bounded string of ROS 2; its wide strings
 
-It says what is on the wire and no more: a set is a list, a dataclass a dict; a datetime, a class that msgspec
-doesn't know and a type inside itself are `any`. Constraints other than lengths stay with their class.
+It only describes the bytes on the wire: a set is a list, a dataclass a dict; a datetime, a class unknown to
+msgspec and a type inside itself are `any`. Constraints other than lengths are not in it.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,17 +45,17 @@ __all__ = ["Node", "Schema", "build", "describe", "type_name"]
 MAX_NODES: Final = 20_000
 MAX_DEPTH: Final = 64
 MAX_ELEMENTS: Final = 1_000_000
-"""Limit of `build` on the values that a default instance may hold."""
+"""Most values in a default instance that `build` accepts."""
 
 _MAX_DEFAULT_BYTES: Final = 4096
 _ANNOTATIONS: Final[dict[str, Any]] = {**PRIMITIVES, "int": int, "any": Any, "none": None, "unset": UnsetType}
 
 
 def describe(cls: type[Struct]) -> Schema:
-    """The schema of a message class. `describe(build(schema)) == schema` for what `describe` made.
+    """The schema of a message class. `describe(build(schema)) == schema` is true for results of `describe`.
 
-    Raises MessageTypeError for what is no message class, or none that msgspec supports, and
-    ConfigurationError for a bad type name or two classes of one name.
+    Raises MessageTypeError if `cls` is no message class, or one that msgspec does not support. Raises
+    ConfigurationError for a bad type name or two classes with one name.
     """
     if not isinstance(cls, type) or not issubclass(cls, Struct):
         from bus.process.mistakes import no_message_class
@@ -75,7 +75,7 @@ def describe(cls: type[Struct]) -> Schema:
 
 
 def build(schema: Mapping[str, Any]) -> type[Struct]:
-    """A message class that decodes what the class described by `schema` encodes.
+    """Make a message class that decodes the messages of the class described by `schema`.
 
     Its fields are keyword-only, and it is marked `__foreign__`. Safe on hostile input: raises
     ConfigurationError for anything malformed or too large. `type_support(cls).decode` refuses a message that
@@ -95,7 +95,7 @@ def build(schema: Mapping[str, Any]) -> type[Struct]:
 
 
 def _plain(value: object) -> Any:
-    """What a decoder without types makes of a value; raises where that can't be, or is too large to send."""
+    """A value as decoded without types. Raises an error if it can't be decoded, or is too large to send."""
     data = msgspec.msgpack.encode(value)
     if len(data) > _MAX_DEFAULT_BYTES:
         raise ValueError("too large")
@@ -103,7 +103,7 @@ def _plain(value: object) -> Any:
 
 
 class _Undecodable(Exception):
-    """A type of which there are values on the way out only."""
+    """A type with values that can be encoded, but not decoded."""
 
 
 class _Describer:
@@ -114,7 +114,7 @@ class _Describer:
 
     def struct(self, info: inspect.StructType) -> Node:
         if not isinstance(info.cls, type):
-            return "any"  # a generic class with parameters, which has no name of its own
+            return "any"  # a generic class with parameters, which has no name
         name = type_name(info.cls)
         other = self._classes.setdefault(name, info.cls)
         if other is not info.cls:
@@ -152,7 +152,7 @@ class _Describer:
         elif isinstance(factory, type) or (isinstance(factory, partial) and factory.func in _PURE):
             self._set_default(field, factory)
         else:
-            field.required = True  # a factory may give anything, so no other process can know the value
+            field.required = True  # a factory may return any value, so no other process can know it
         return field
 
     def _set_default(self, field: Field, factory: Callable[[], object]) -> None:
@@ -215,7 +215,7 @@ class _Describer:
             case inspect.EnumType():
                 return "int"
             case inspect.CustomType(cls=cls) if hasattr(cls, "tolist"):
-                raise _Undecodable(cls)  # it could be sent, as a list, but a list is what comes out
+                raise _Undecodable(cls)  # it could be sent as a list, but would be received as a list
             case inspect.LiteralType():
                 return ["literal", *sorted(info.values, key=repr)]
             case inspect.UnionType():
@@ -228,7 +228,7 @@ _PURE: Final = (list, zero, msgspec.msgpack.decode)
 
 
 def _needed(root: str, types: dict[str, Type]) -> set[str]:
-    """The types that are reached from the root; one beside `any` in a union is not."""
+    """The types reachable from the root; a union with `any` reaches none."""
     needed = {root}
     todo: list[Any] = [field.type for field in types[root].fields]
     while todo:
@@ -253,7 +253,7 @@ def _union(nodes: list[Node]) -> Node:
 
 
 class _Builder:
-    """Makes one class per type, counting everything that it was asked to make."""
+    """Makes one class for each type, and counts everything that it makes."""
 
     def __init__(self, types: dict[str, Type]) -> None:
         self._types = types
@@ -297,11 +297,11 @@ class _Builder:
         return cls
 
     def unsent(self, name: str) -> Unsent:
-        """What messages of a type that was made may leave out."""
+        """The bound for left-out values in messages of a type that was made."""
         return Unsent(self._types, self._elements, name)
 
     def _values_of_default(self, field: Field) -> int:
-        """Values in a default that has items, those included that the items leave out."""
+        """Number of values in a default with items, including values that the items leave out."""
         if not isinstance(field.default, list | dict):
             return 0
         data = msgspec.msgpack.encode(field.default)
@@ -322,7 +322,7 @@ class _Builder:
         return msgspec.field(default_factory=partial(msgspec.msgpack.decode, data, type=annotation))
 
     def _node(self, node: Any, depth: int) -> tuple[Any, int]:
-        """The annotation, and how many values its zero holds."""
+        """The annotation of a type, and the number of values in its zero."""
         self._nodes = _limited("types", self._nodes + 1, MAX_NODES)
         _limited("depth", depth, MAX_DEPTH)
         inner: Any
@@ -371,7 +371,7 @@ def _of(generic: Any, arguments: Any) -> Any:
 
 
 def _check_union(union: Any) -> None:
-    """Refuse what makes msgspec (0.22 at least) read memory that isn't its own, until the process crashes."""
+    """Refuse unions that make msgspec (at least 0.22) read foreign memory until the process crashes."""
     members = get_args(union) if get_origin(union) is Union else ()
     limits = (
         getattr(meta, name)

@@ -1,6 +1,7 @@
 """The form of a schema: its parts, the names of types, and the value of a field that was not set.
 
-Owns: what a schema may hold; `bus.types.schema` says what it means. Must not know: how one is made or used.
+Owns: the possible contents of a schema; `bus.types.schema` describes their meaning. Must not know: how a
+schema is made or used.
 """
 
 import re
@@ -15,7 +16,7 @@ __all__ = ["Field", "Form", "Node", "Schema", "Type", "is_key", "is_type_name", 
 
 Schema: TypeAlias = dict[str, Any]
 Node: TypeAlias = str | list[Any]
-"""A type in a schema: a reference, a primitive or a list, as the module says."""
+"""A type in a schema: a reference, a primitive or a list; see `bus.types.schema`."""
 
 MAX_TYPES: Final = 256
 MAX_FIELDS: Final = 1024
@@ -61,8 +62,8 @@ class Form(Struct):
 def type_name(cls: type[Struct]) -> str:
     """The ROS 2 name of a message class, such as `std_msgs/msg/String`.
 
-    A class says it by `__type_name__: ClassVar[str] = "demo/msg/Wheel"`, which is not inherited. One that
-    doesn't is `local/msg/<its name>`. Raises ConfigurationError for a name without the three parts.
+    A class sets it by `__type_name__: ClassVar[str] = "demo/msg/Wheel"`, which is not inherited. Without
+    that, it is `local/msg/<its name>`. Raises ConfigurationError for a name without the three parts.
     """
     name = vars(cls).get("__type_name__", f"local/msg/{cls.__name__}")
     if not isinstance(name, str) or not is_type_name(name):
@@ -88,7 +89,7 @@ def is_type_name(name: str) -> bool:
 
 
 def zero(node: Node, classes: Mapping[str, type[Struct]]) -> Any:
-    """The value of a field of this type that was not set, as ROS 2 has it."""
+    """The value of a field of this type that was not set, as in ROS 2."""
     if isinstance(node, str):
         return classes[node]() if "/" in node else _ZEROS.get(node, 0)
     kind, *rest = node

@@ -1,13 +1,13 @@
 """Messages between a client and a service: a request or a reply in an envelope with the call's client and
 number.
 
-Owns: the two envelopes, and how their types are described on the bus. On the wire an envelope is an array
-with the message's own encoding as its last element, so that any class with a TypeSupport will do. Must not
+Owns: the two envelopes, and the descriptions of their types on the bus. On the wire, an envelope is an array
+with the message's own encoding as its last element. So any class with a TypeSupport can be used. Must not
 know: topics, endpoints.
 
-The type of a service's topic `_request` is `<pkg>/srv/<Name>_Request`, that of `_reply`
-`<pkg>/srv/<Name>_Response`. In both, the name of the message within ends in a digest of both definitions:
-where one differs, neither topic matches, and no call is sent that no server could answer.
+The topic `_request` of a service has the type `<pkg>/srv/<Name>_Request`, the topic `_reply` has
+`<pkg>/srv/<Name>_Response`. In both, the name of the inner message ends in a digest of both definitions. If
+one definition differs, neither topic matches, so no client sends a call that no server could answer.
 """
 
 from collections.abc import Callable
@@ -46,21 +46,20 @@ class Request(Struct, array_like=True):
     client: bytes
     number: int
     body: Any
-    """The message, once it is decoded. None: the client asks whether this call is still at work."""
+    """The decoded message. None: the client asks whether the server still works on this call."""
 
 
 class Reply(Struct, array_like=True):
-    """The answer to a call; where `error` says something, there is no body."""
+    """The answer to a call; if `error` is not empty, there is no body."""
 
     client: bytes
     number: int
     error: str
     body: Any
-    """None without an error: the server has no such call at work, and has sent the answer, if there was one,
-    before."""
+    """None without an error: the server does not work on this call, and has sent any answer to it before."""
 
 
-# A server sends them back to all clients: what is longer is not taken.
+# A server sends gids back to all clients, so a longer one is refused.
 _Gid: TypeAlias = Annotated[bytes, Meta(min_length=GID_BYTES, max_length=GID_BYTES)]
 _Number: TypeAlias = Annotated[int, Meta(ge=0)]
 
@@ -82,7 +81,7 @@ E = TypeVar("E", bound=Struct)
 
 
 class EnvelopeSupport(TypeSupport[E], Generic[E]):
-    """The TypeSupport of an envelope: it decodes, and tells the bus the type. It encodes nothing."""
+    """The TypeSupport of an envelope: it decodes, and describes the type for the bus. It encodes nothing."""
 
     def __init__(
         self, cls: type[E], name: str, described: tuple[str, bytes], decode: Callable[[Any], E]
@@ -97,16 +96,17 @@ class EnvelopeSupport(TypeSupport[E], Generic[E]):
 
 
 class ServiceSupport:
-    """Everything about one service, as both sides need it; get it from `service_support(service_type)`.
+    """The types of one service, for both sides; made by `service_support(service_type)`.
 
-    Raises MessageTypeError for what is no definition of a service, ConfigurationError for a bad type name.
+    Raises MessageTypeError if `service_type` is no definition of a service, ConfigurationError for a bad type
+    name.
     """
 
     def __init__(self, service_type: Any) -> None:
         self._type = service_type
         described = getattr(service_type, "__described__", None)
         if described is None:
-            self.request, self.response  # noqa: B018 - first of all it must have these
+            self.request, self.response  # noqa: B018 - raises an error if one is missing
         self.name: str = getattr(service_type, "__type_name__", "") or self.request.name.removesuffix(
             "_Request"
         )
@@ -122,7 +122,7 @@ class ServiceSupport:
         self._read_request = msgspec.msgpack.Decoder(_RawRequest).decode
         self._read_reply = msgspec.msgpack.Decoder(_RawReply).decode
 
-    # A node has services that nobody ever asks: what their messages are like is looked up for the first.
+    # Many services of a node are never called, so the first call looks up the support of their messages.
 
     @cached_property
     def request(self) -> TypeSupport[Any]:
@@ -142,8 +142,8 @@ class ServiceSupport:
         return type_support(message)
 
     def _describe(self, *names: str) -> tuple[tuple[str, bytes], tuple[str, bytes]]:
-        """Hash and description of requests and of answers, which have these names."""
-        # Under what name the messages are known in this process is nothing to others.
+        """Hash and description of requests and of answers, which get these names."""
+        # The names of the messages' classes in this process don't matter to other processes.
         bodies = _renamed(self.request.schema, names[0]), _renamed(self.response.schema, names[1])
         digest = _digest(*map(schema_hash, bodies))
         asked = _envelope(names[0], digest, bodies[0], is_answer=False)
@@ -151,13 +151,13 @@ class ServiceSupport:
         return _described(asked), _described(answered)
 
     def replies(self, client: bytes) -> EnvelopeSupport[Reply]:
-        """For the client with that gid: the bodies of what is for others are not decoded, and None."""
+        """The envelope of replies for the client with that gid: bodies for other clients stay None."""
         read = self._read_reply
 
         def decode(payload: Any) -> Reply:
             raw = read(payload)
             is_answer = raw.client == client and not raw.error
-            # The bytes are those of a ring: they can't be kept undecoded.
+            # The bytes lie in a ring, so they can't be kept undecoded.
             view = memoryview(raw.body)
             body = self.response.decode(view) if is_answer and view[0] != _NIL else None
             return Reply(raw.client, raw.number, raw.error, body)
@@ -167,24 +167,24 @@ class ServiceSupport:
         return support
 
     def encode_request(self, client: bytes, number: int, request: object) -> bytes:
-        """Raises MessageTypeError where `request` is not of its class, or a field is wrong."""
+        """Encode a request. Raises MessageTypeError for an object of another class, or a wrong field."""
         return _encode(_RawRequest(client, number, Raw(self.request.encode_checked(request))))
 
     def encode_response(self, client: bytes, number: int, response: object) -> bytes:
-        """Raises MessageTypeError where `response` is not of its class, or a field is wrong."""
+        """Encode a response. Raises MessageTypeError for an object of another class, or a wrong field."""
         return _encode(_RawReply(client, number, "", Raw(self.response.encode_checked(response))))
 
     def encode_question(self, client: bytes, number: int) -> bytes:
-        """Whether the call is still at work."""
+        """Encode the question whether the server still works on a call."""
         return _encode(_RawRequest(client, number, _NOTHING))
 
     def encode_denial(self, client: bytes, number: int) -> bytes:
-        """It is not."""
+        """Encode the answer that the server does not work on a call."""
         return _encode(_RawReply(client, number, "", _NOTHING))
 
     def encode_error(self, client: bytes, number: int, text: str) -> bytes:
-        """An answer that says why there is none."""
-        # Whatever an exception's text holds, it must be text on the wire.
+        """Encode an answer with an error text instead of a response."""
+        # The text of an exception may contain anything, but must be valid text on the wire.
         error = text[:_MOST_TEXT].encode("utf-8", "replace").decode() or "no reason is given"
         return _encode(_RawReply(client, number, error, _NOTHING))
 
@@ -202,14 +202,15 @@ def service_support(service_type: Any) -> ServiceSupport:
 
 
 def keeping_all(qos: QoSProfile) -> QoSProfile:
-    """For the subscriptions: a depth bounds what one sender has on its way, but here come those of all."""
+    """The QoS of a service's subscriptions: keep all, because a depth would bound the messages of all senders
+    together."""
     return msgspec.structs.replace(qos, history=History.KEEP_ALL)
 
 
 def message_of(envelope: type[Struct]) -> type[Struct]:
-    """The class of the message within, out of a class that was made of an envelope's schema.
+    """The class of the inner message, from a class made of an envelope's schema.
 
-    Raises ConfigurationError if it is the schema of another kind of type.
+    Raises ConfigurationError if the schema describes another kind of type.
     """
     schema = describe(envelope)
     root, types = schema["root"], schema["types"]
@@ -236,7 +237,7 @@ def _described(schema: Schema) -> tuple[str, bytes]:
 
 
 def _renamed(schema: Schema, root: str) -> Schema:
-    """The same schema with another name for its root, to which nothing in it refers."""
+    """The same schema with another name for its root, to which no type in it refers."""
     old = schema["root"]
     return {
         "root": root,

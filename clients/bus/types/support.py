@@ -1,7 +1,7 @@
-"""What the bus needs to know of a message class: name, hash and schema, how to encode, decode and check it.
+"""The bus's knowledge about a message class: name, hash, schema, encoder, decoder and check.
 
-Owns: `TypeSupport`, one per class, and the texts of type errors. Must not know: topics, the wire. It doesn't
-import the ready-made classes of bus.msg, nor bus.types.classes, before `find_type` asks for one.
+Owns: `TypeSupport`, one for each class, and the texts of type errors. Must not know: topics, the wire. It
+doesn't import the ready-made classes of bus.msg, and not bus.types.classes, before `find_type` needs one.
 """
 
 import re
@@ -32,8 +32,11 @@ M = TypeVar("M", bound=Struct)
 
 
 def _as_plain(value: object) -> object:
-    """What the encoder takes for a value of a type that it doesn't know: subclasses of the plain types,
-    arrays of bytes, and whatever is a list on request, as numpy's scalars and arrays are."""
+    """A plain value for a value of a type that the encoder doesn't know.
+
+    These are subclasses of the plain types, arrays of bytes, and objects with a method `tolist`, such as
+    numpy's scalars and arrays.
+    """
     if isinstance(value, float):
         return float(value)
     if isinstance(value, int):
@@ -51,18 +54,18 @@ def _as_plain(value: object) -> object:
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_as_plain)
 ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
-"""What encoders raise for contents that no check has seen; `TypeSupport.explain` says it better."""
+"""Errors of encoders for unchecked contents; `TypeSupport.explain` has a better text."""
 
 _PATH = r"(?<=`)\$[^`]*(?=`)"
 _STEP = r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)"
 
 
 class TypeSupport(Generic[M]):
-    """Everything about one message class; get it from `type_support(cls)`.
+    """Everything about one message class; made by `type_support(cls)`.
 
-    To publish: check `type(message) is cls` (else `wrong_class`), then `is_valid(message)`. Where that is
-    False, `explain(message)` gives the error to raise, or None because the message is right after all. And
-    `encode` itself may raise (ValueError for text with lone surrogates); then `explain` has the path as well.
+    To publish: check `type(message) is cls` (else `wrong_class`), then `is_valid(message)`. If that is False,
+    `explain(message)` returns the error to raise, or None if the message is right after all. `encode` itself
+    may raise, too (ValueError for text with lone surrogates); then `explain` also has the path.
     """
 
     cls: type[M]
@@ -70,10 +73,10 @@ class TypeSupport(Generic[M]):
     """`std_msgs/msg/String`"""
     hash: str
     description: bytes
-    """`schema` as it travels, in MessagePack."""
+    """`schema` in MessagePack, for other processes."""
     encode: Callable[[M], bytes]
     decode: Callable[[bytes | bytearray | memoryview], M]
-    """Raises ValueError (msgspec.DecodeError, or UnicodeDecodeError) for bytes that are no such message."""
+    """Decodes a message. Raises ValueError (msgspec.DecodeError or UnicodeDecodeError) for other bytes."""
 
     def __init__(self, cls: type[M]) -> None:
         self.hash, self.description = hash_and_description(cls)
@@ -82,53 +85,53 @@ class TypeSupport(Generic[M]):
         self.encode = _encoder.encode
         try:
             self.decode = msgspec.msgpack.Decoder(cls).decode
-            if (unsent := cls.__dict__.get("__unsent__")) is not None:  # the class of another process's type
+            if (unsent := cls.__dict__.get("__unsent__")) is not None:  # the class of a foreign type
                 self.decode = unsent.bounded(self.decode)
         except TypeError as error:
             raise MessageTypeError(f"{self.name}: {error}") from error
 
-    # Made when first used: only publishers need a plan, and a check only messages that are not as planned.
+    # Made at the first use: only publishers need a plan, and only messages that differ from it need a check.
 
     @cached_property
     def is_valid(self) -> Callable[[M], bool]:
-        """True: the fields are surely right. False: ask `explain`."""
+        """A function. True: the fields are surely right. False: `explain` decides."""
         return predicate(self.cls)
 
     @cached_property
     def plan(self) -> Any:
-        """By which the native core checks and encodes what is surely right (`_core.Plan`); or None."""
+        """The plan of the native core to check and encode messages (`_core.Plan`); or None."""
         return plan(self.cls)
 
     @cached_property
     def schema(self) -> Schema:
-        """What `description` says."""
+        """The decoded `description`."""
         return cast(Schema, msgspec.msgpack.decode(self.description))
 
     @cached_property
     def bytes_fields(self) -> tuple[str, ...]:
-        """Names of the fields that are bytes."""
+        """Names of the bytes fields."""
         return bytes_fields(self.cls)
 
     @cached_property
     def text_fields(self) -> tuple[str, ...]:
-        """Names of the fields that are text."""
+        """Names of the text fields."""
         return text_fields(self.cls)
 
     @property
     def steps(self) -> tuple[type[M], Callable[[M], bool], Callable[[M], bytes], Any]:
-        """What the native core must know to publish: the class, its check, its encoder, its plan or None."""
+        """The native core's tools to publish: the class, its check, its encoder, its plan or None."""
         plan = self.plan
         return self.cls, self.is_valid if plan is None else self._check, self.encode, plan
 
     def _check(self, message: M) -> bool:
-        """`is_valid`, which is made only now: with a plan it is hardly asked for."""
+        """`is_valid`, which is made only at the first call: with a plan it is rarely needed."""
         return self.is_valid(message)
 
     def __repr__(self) -> str:
         return f"TypeSupport({self.name})"
 
     def encode_checked(self, message: M) -> bytes:
-        """Check and encode, for callers off the hot path. Raises MessageTypeError."""
+        """Check and encode a message, for callers outside the hot path. Raises MessageTypeError."""
         if (message.__class__ is not self.cls or not self.is_valid(message)) and (
             error := self.explain(message)
         ):
@@ -194,18 +197,18 @@ _supports: dict[type[Struct], TypeSupport[Any]] = {}
 def type_support(cls: type[M]) -> TypeSupport[M]:
     """The TypeSupport of a message class, made once.
 
-    Raises MessageTypeError for what is no message class, ConfigurationError for a bad type name.
+    Raises MessageTypeError if `cls` is no message class, ConfigurationError for a bad type name.
     """
     if not isinstance(cls, type) or getattr(cls, "__foreign__", False):
-        return TypeSupport(cls)  # raises, or is for a class that isn't here for long
+        return TypeSupport(cls)  # raises an error, or is for a short-lived class
     if (known := _supports.get(cls)) is not None:
         return known
-    own = getattr(cls, "__type_support__", None)  # of a class that is no Struct, as those of bus_ros.rosidl
+    own = getattr(cls, "__type_support__", None)  # of a class that is no Struct, such as in bus_ros.rosidl
     return _supports.setdefault(cls, TypeSupport(cls) if own is None else own())
 
 
 def type_hash(cls: type[Struct]) -> str:
-    """ROS 2's hash of the type (`RIHS01_...`) where ROS 2 can describe it, else our own (`BUS01_...`)."""
+    """ROS 2's hash of the type (`RIHS01_...`) if ROS 2 can describe it, else our own (`BUS01_...`)."""
     return hash_and_description(cls)[0]
 
 
@@ -219,10 +222,10 @@ def hash_and_description(cls: type[Struct]) -> tuple[str, bytes]:
 
         known = DESCRIBED.get(type_name(cls))
     else:
-        known = getattr(cls, "__dict__", {}).get("__described__")  # of its own, not of a class above it
+        known = getattr(cls, "__dict__", {}).get("__described__")  # not inherited
     if known is not None:
         return known
-    # Most programs have messages of bus.msg alone.
+    # Most programs only have messages of bus.msg.
     from bus.types.hash import schema_hash
     from bus.types.schema import describe
 
@@ -231,7 +234,7 @@ def hash_and_description(cls: type[Struct]) -> tuple[str, bytes]:
 
 
 def wrong_class(cls: type[Any], message: object) -> MessageTypeError:
-    """The error for publishing an object of another class."""
+    """The error for the publication of an object with a wrong class."""
     if cls is bytes:
         return MessageTypeError(f"expected an encoded message as bytes, got {_full_name(type(message))}")
     expected = f"{type_name(cls)}: expected a {_full_name(cls)}, got "
@@ -245,9 +248,9 @@ def wrong_class(cls: type[Any], message: object) -> MessageTypeError:
 
 
 def find_type(name: str) -> type[Struct] | None:
-    """The class called `std_msgs/msg/String` (or `std_msgs/String`): ready-made, or made of its definition.
+    """The class of `std_msgs/msg/String` (or `std_msgs/String`): ready-made, or made of its definition.
 
-    None where there is neither. Raises ConfigurationError if the definition is malformed.
+    None if there is neither. Raises ConfigurationError if the definition is malformed.
     """
     from bus.types.classes import find_class
 
@@ -259,7 +262,7 @@ def _full_name(cls: type) -> str:
 
 
 def _path_of(error: Exception, value: object) -> str:
-    """Path of the innermost part of `value` that can't be encoded; `error` is what the encoder said."""
+    """Path of the innermost part of `value` that can't be encoded; `error` is the encoder's error."""
     path = "$"
     # A value that contains itself has no innermost part.
     while not isinstance(error, RecursionError):
@@ -288,7 +291,7 @@ def _parts(value: object) -> Iterator[tuple[str, object]]:
 
 
 def _mistaken(value: object, decoded: object, path: str = "$") -> Iterator[tuple[str, type, type[Struct]]]:
-    """Where a part isn't of the class it was decoded as: a Point for a Vector3 is the same on the wire."""
+    """Parts that have another class than the decoded one: a Point and a Vector3 are the same on the wire."""
     if isinstance(decoded, Struct) and not isinstance(value, type(decoded)):
         yield path, type(value), type(decoded)
     elif isinstance(decoded, Struct | list | tuple | dict):

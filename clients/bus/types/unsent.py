@@ -1,11 +1,11 @@
-"""Values that a message holds although its sender has not sent them: fields left out get their defaults.
+"""Bounds the values that a message gets without having sent them: left-out fields get their defaults.
 
-A list of thousand empty structs of thousand fields has thousand bytes and a million values. For the type of
-another process that is bounded before anything is decoded. Owns: how many such values a message would have.
-Must not know: where types come from, topics, the wire.
+A list of thousand empty structs of thousand fields has thousand bytes and a million values. For another
+process's type, the number is bounded before anything is decoded. Owns: the number of such values in a
+message. Must not know: the origin of types, topics, the wire.
 
-Each value that was sent has a byte or more, so that only left-out fields of structs in containers count here.
-A struct counts for its fields less its bytes: an honest message comes to nothing, however long it is.
+Each sent value has at least one byte, so only left-out fields of structs in containers count here. A struct
+counts as its number of fields less its bytes, so an honest message of any length counts as 0.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +19,7 @@ from bus.types.schema_form import Node, Type
 __all__ = ["MOST_UNSENT", "Unsent"]
 
 MOST_UNSENT: Final = 1_000_000
-"""Limit on the values of one message that its sender has left out."""
+"""Most values of one message that its sender may leave out."""
 
 _NIL: Final = 0xC0
 _LEFT_OUT: Final = f"more than {MOST_UNSENT:,} values are left out in it, which would be filled in"
@@ -28,11 +28,14 @@ M = TypeVar("M")
 
 
 class _TooManyError(Exception):
-    """There is no room for so many."""
+    """The message has more left-out values than allowed."""
 
 
 class Unsent:
-    """Of messages of one type. `values`: by the name of each type, how many values an empty one has."""
+    """Counts left-out values in messages of one type.
+
+    `values`: by the name of each type, the number of values in an empty struct.
+    """
 
     def __init__(self, types: Mapping[str, Type], values: Mapping[str, int], root: str) -> None:
         self._types = types
@@ -41,10 +44,10 @@ class Unsent:
         self._weights: dict[str, int] = {}
         self._shadows: dict[str, msgspec.msgpack.Decoder[Any]] = {}
         self.most_per_byte: Final = self._weight(root)
-        """No message has more of them for each of its bytes. 0: there are none."""
+        """Most left-out values for each byte of a message. 0: there are none."""
 
     def bounded(self, decode: Callable[[Any], M]) -> Callable[[Any], M]:
-        """`decode`, which raises msgspec.ValidationError for a message with more than MOST_UNSENT of them."""
+        """`decode` with a bound: raises msgspec.ValidationError for more than MOST_UNSENT left-out values."""
         if not self.most_per_byte:
             return decode
         fits_surely = MOST_UNSENT // self.most_per_byte
@@ -57,21 +60,21 @@ class Unsent:
         return decode_bounded
 
     def check(self, data: Any) -> None:
-        """Raise msgspec.ValidationError if `data` has more than MOST_UNSENT of them."""
+        """Raise msgspec.ValidationError if `data` has more than MOST_UNSENT left-out values."""
         try:
             self._count(self._root, data, MOST_UNSENT)
         except _TooManyError:
             raise msgspec.ValidationError(_LEFT_OUT) from None
 
     def count(self, node: Node, data: bytes) -> int | None:
-        """At least how many there are in a value of the type `node`; None: more than MOST_UNSENT."""
+        """A lower bound of the left-out values in a value of type `node`; None: more than MOST_UNSENT."""
         try:
             return self._count(node, data, MOST_UNSENT)
         except _TooManyError:
             return None
 
     def _count(self, node: Node, data: Any, room: int) -> int:
-        """As `count`, for `room` of them. Of what does not decode there are none: it is refused anyway."""
+        """As `count`, with the limit `room`. Undecodable data counts as 0, because it is refused anyway."""
         weight, length = self._weight(node), _size(data)
         if weight * length <= room:
             return weight * length
@@ -100,7 +103,7 @@ class Unsent:
         return 0
 
     def _items(self, item: Node, parts: list[Raw], room: int) -> int:
-        """Of the items of a container."""
+        """The count for the items of a container."""
         values = self._values_of(item)
         short = [part for part in parts if _size(part) < values]
         if isinstance(item, list) and item[0] == "union":
@@ -120,7 +123,7 @@ class Unsent:
         return total
 
     def _values_in(self, union: list[Any], part: Raw) -> int:
-        """As `_values_of`, for the members that the item may be."""
+        """As `_values_of`, for the possible members of the union."""
         most = 1
         for member in union[1:]:
             if isinstance(member, str) and member in self._types:
@@ -132,7 +135,7 @@ class Unsent:
         return most
 
     def _values_of(self, node: Node) -> int:
-        """The most values of one item that has only a byte."""
+        """The most values of one item with a single byte."""
         match node:
             case str():
                 return self._values.get(node, 1)
@@ -141,7 +144,7 @@ class Unsent:
         return 1
 
     def _weight(self, node: Node) -> int:
-        """The most values that a byte of it may stand for and that were left out."""
+        """The most left-out values for one byte of a value of this type."""
         match node:
             case str() if node in self._types:
                 if node not in self._weights:
@@ -155,7 +158,7 @@ class Unsent:
         return 0
 
     def _shadow(self, name: str) -> msgspec.msgpack.Decoder[Any]:
-        """Decodes a struct of that type with its fields as they are; those left out are None."""
+        """A decoder for a struct of that type that leaves its fields undecoded; left-out fields are None."""
         if name not in self._shadows:
             described = self._types[name]
             cls: type[Struct] = msgspec.defstruct(
