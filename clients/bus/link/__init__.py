@@ -1,4 +1,4 @@
-"""The connection of an event loop to busd: declarations, requests, reconnection, news for endpoints.
+"""The connection of an event loop to busd: declarations, requests, reconnection, messages for endpoints.
 
     endpoints, nodes
         |
@@ -14,10 +14,10 @@
 
 Invariants:
 
-- Nodes of one event loop that use the same socket share one `Link`. A `Link` lives on if busd dies; a
+- Nodes of one event loop that use the same socket share one `Link`. A `Link` survives the end of busd. A
   `Connection` does not: it ends with the first loss, and a new one replaces it.
 - Ids come from busd and are new after a reconnection. The gid of an endpoint never changes.
-- After a reconnection everything is declared again before samples flow. Programs notice nothing but a pause.
+- After a reconnection everything is declared again before samples flow. Programs only notice a pause.
 - A request has one answer or one error. busd counts as hung if an answer is due and it has sent nothing at
   all for some time.
 - An exception in a user's callback does not stop the delivery of other messages of the same read.

@@ -1,7 +1,7 @@
 """Starts a busd in the background, for a program that found none.
 
-Any number of processes may do this at once: each starts one, the daemon's lock lets one of them live, and
-all connect to that one. Its readiness comes as sd_notify's READY=1.
+Any number of processes may do this at once. Each starts a busd, the daemon's lock lets one of them run, and
+all connect to that one. busd reports its readiness by sd_notify's READY=1.
 """
 
 import asyncio
@@ -17,30 +17,30 @@ from bus.link.socket_owner import prepare_folder
 from bus.logger import get_logger
 from bus.process.address import is_default_folder
 
-if TYPE_CHECKING:  # for a program that starts one
+if TYPE_CHECKING:  # only programs that start a busd need it
     from pathlib import Path
 
 BUSD = (sys.executable, "-P", "-m", "busd")
-"""Starts the busd that is installed, whatever lies in the current folder."""
+"""The command of the installed busd; -P ignores modules in the current folder."""
 
 IDLE_EXIT_S = 30
-"""A busd that was started in the background ends after so long without a connection."""
+"""A busd in the background ends after this time without a connection."""
 
 _START_S = 10.0
 _TAIL_BYTES = 4096
 _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 _started: set[int] = set()
-"""Process ids of the busds that this process started and that it has not seen end."""
+"""Process ids of busds that this process started, and whose end it has not noticed yet."""
 
 
 async def start(
     path: str | os.PathLike[str], options: Sequence[str] = ("--idle-exit", str(IDLE_EXIT_S))
 ) -> None:
-    """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first.
+    """Start a busd at `path` in a new session; returns when it is ready, or another busd was first.
 
-    Its log goes beside the socket. Raises BrokerUnavailable with the reason if it ends or hangs.
-    Cancellation: it goes on.
+    Its log is beside the socket. Raises BrokerUnavailable with the reason if busd ends or hangs.
+    Cancellation: the started busd continues.
     """
     from pathlib import Path
 
@@ -64,7 +64,7 @@ async def start(
 
 
 async def _start(path: "Path", log: "_Log", options: Sequence[str]) -> int | None:
-    """Returns its exit status, None while it runs."""
+    """Start busd and wait until it is ready. Returns its exit status, None while it runs."""
     loop = asyncio.get_running_loop()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
         ready.bind("")  # an abstract address that the kernel chooses
@@ -77,7 +77,7 @@ async def _start(path: "Path", log: "_Log", options: Sequence[str]) -> int | Non
             }
             try:
                 done, _ = await asyncio.wait(waits, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
-            finally:  # no thread may read from the descriptors any more when they are closed
+            finally:  # before the descriptors are closed, no thread may read from them any more
                 for task in waits:
                     task.cancel()
                 await asyncio.gather(*waits, return_exceptions=True)
@@ -94,7 +94,7 @@ async def _start(path: "Path", log: "_Log", options: Sequence[str]) -> int | Non
 
 
 def reap() -> None:
-    """Let go of the busds that this process started and that have ended; else they stay as zombies."""
+    """Wait for ended busds that this process started; otherwise they stay as zombies."""
     for pid in tuple(_started):
         try:
             has_ended = os.waitpid(pid, os.WNOHANG)[0] == pid
@@ -105,7 +105,7 @@ def reap() -> None:
 
 
 class _Log:
-    """The stderr of a busd that is to be started: its log file, or memory where there can be none."""
+    """The stderr of a new busd: its log file, or memory if it can't have one."""
 
     def __init__(self, path: "Path") -> None:
         from bus.process.logfile import open_in_memory, open_log
@@ -120,7 +120,7 @@ class _Log:
         self._begin = os.fstat(self.fd).st_size
 
     def last_line(self) -> str:
-        """The last lines since it was opened."""
+        """The last line written since the log was opened."""
         end = os.fstat(self.fd).st_size
         begin = max(self._begin, end - _TAIL_BYTES)
         lines = os.pread(self.fd, end - begin, begin).decode(errors="replace").strip().splitlines()
@@ -130,7 +130,7 @@ class _Log:
 def _prepare_folder(folder: "Path") -> None:
     is_default = is_default_folder(folder)
     try:
-        # busd has the configuration, which says whether others may read it.
+        # busd reads the configuration, which decides whether other users may enter.
         prepare_folder(folder, is_default=is_default, may_enter=0o055)
     except ConfigurationError as error:
         hint = "; remove it, or set BUSD_SOCKET" if is_default and os.path.lexists(folder) else ""
@@ -140,7 +140,7 @@ def _prepare_folder(folder: "Path") -> None:
 def _spawn(path: "Path", log_fd: int, notify: str, options: Sequence[str]) -> int:
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
     arguments = [*BUSD, "--socket", str(path), *options]
-    # The child opens nothing on its way to exec: an open that hangs would hold this process up, too.
+    # The child opens only /dev/null before exec: an open that hangs would delay this process, too.
     return os.posix_spawn(
         sys.executable,
         arguments,
@@ -150,7 +150,7 @@ def _spawn(path: "Path", log_fd: int, notify: str, options: Sequence[str]) -> in
                 os.POSIX_SPAWN_DUP2,
                 log_fd,
                 2,
-            ),  # first: without a stdin or stdout of ours it may be one of these
+            ),  # first: if our stdin or stdout is closed, the log may have that number
             (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
             (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
         ],
@@ -176,7 +176,7 @@ class _PidFile:
             loop.remove_reader(self._fd)
 
     def exit_status(self) -> int | None:
-        """None while it runs."""
+        """The exit status; None while the child runs."""
         if self._status is None:
             with contextlib.suppress(ChildProcessError):
                 pid, status = os.waitpid(self._pid, os.WNOHANG)

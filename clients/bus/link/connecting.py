@@ -1,4 +1,4 @@
-"""Connects a link to its broker, and again whenever the broker was lost: then all is declared once more."""
+"""Connects a link to its broker. If the broker is lost, it reconnects and declares everything again."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable
@@ -26,7 +26,7 @@ _log = get_logger("bus")
 
 
 class _Link(Protocol):
-    """The link that is connected."""
+    """The link to connect."""
 
     path: str
     loop: asyncio.AbstractEventLoop
@@ -51,9 +51,9 @@ class Connecting:
         self, link: _Link, declarations: Declarations, on_received: Callable[[Iterable[Any]], None]
     ) -> None:
         self.hello = m.Hello(version=PROTOCOL_VERSION, background=True)
-        """The present broker's, or the last one's."""
+        """The Hello of the present broker, or of the last one."""
         self.opening: asyncio.Task[None] | None = None
-        """While there is no connection that all is declared by."""
+        """The task that connects, until everything is declared on the connection."""
         self._link = link
         self._declarations = declarations
         self._on_received = on_received
@@ -113,7 +113,7 @@ class Connecting:
             while True:
                 pause_s = next(pauses, pause_s)
                 await asyncio.sleep(pause_s)
-                # A user who started the daemon by hand starts it again, with its options: leave time for
+                # A user who started the daemon by hand may start it again, with its options. Leave time for
                 # that.
                 may_start = self.hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
                 try:
@@ -127,7 +127,7 @@ class Connecting:
                         self._link.connection = None
                         self._declarations.disconnected()
                     continue
-                if self._link.connection is not None:  # else lost again, a moment ago
+                if self._link.connection is not None:  # else it was lost again
                     _log.info(f"busd is back (pid {self.hello.pid})")
                     return
         finally:
@@ -136,13 +136,13 @@ class Connecting:
     async def when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
         while True:
             while self.opening is not None and self._link.failure is None:
-                await asyncio.wait([self.opening])  # whatever becomes of it
+                await asyncio.wait([self.opening])  # with any result
             if self._link.failure is not None:
                 raise again(self._link.failure)
             if (connection := self._link.connection) is None:
                 raise ConnectionClosed("the connection to busd is closed")
             if self._link.gathered or connection.outbox:
-                self._link.hand_over()  # what was published before must not seem to come after
+                self._link.hand_over()  # samples published before the action must leave before it
             try:
                 return await action(connection)
             except ConnectionClosed:
@@ -160,7 +160,7 @@ class Connecting:
         self._link.declared_again()
 
     async def _report_progress(self) -> None:
-        """Say, after a while, that it takes long. To be cancelled when all is declared."""
+        """Log progress if the declarations take long. The caller cancels it when everything is declared."""
         while True:
             await asyncio.sleep(_REPORT_S)
             done, total = self._declarations.progress()

@@ -1,7 +1,6 @@
-"""One connection to a broker, from Hello to the end: requests and answers, heartbeats, what is sent.
+"""One connection to a broker, from Hello to the end: requests and answers, heartbeats, sending.
 
-It ends with the first loss; coming back is the link's work. It hands samples and news of endpoints to its
-owner.
+It ends with the first loss; the link reconnects. It passes samples and messages for endpoints to its owner.
 """
 
 import os
@@ -52,14 +51,14 @@ _log = get_logger("bus")
 
 
 class _PassingFault(RemoteProtocolError):
-    """The broker refuses this process for a reason that passes."""
+    """The broker refuses this process for a temporary reason."""
 
 
 class Connection:
-    """Made by `Connection.open`.
+    """One connection; `open` connects it.
 
-    `on_received(items)` gets the runs and messages of one read, and gives those that are answers to
-    `resolve`; `on_lost(reason)` is called once, unless `close` came first.
+    `on_received(items)` gets the runs and messages of one read, and passes answers to `resolve`.
+    `on_lost(reason)` is called once, unless `close` came first.
     """
 
     def __init__(
@@ -73,32 +72,32 @@ class Connection:
         self.outbox = Outbox()
         self.path = ""
         self.hello = m.Hello(version=PROTOCOL_VERSION)
-        """The broker's, once the connection is open."""
+        """The broker's Hello, after the connection is open."""
         self._on_received = on_received
         self._on_lost = on_lost
         self._on_wrote = on_wrote
         self._stream: Stream | None = None
         self._unshared = shm_context
-        """How other processes wake this one; None once the broker has it, or if no memory is shared."""
+        """Shared memory not yet announced to the broker; None afterwards, and if no memory is shared."""
         self._loss: Exception | None = None
-        """The cause of the connection's end; None, too, if the broker closed it without a word."""
+        """The cause of the connection's end; None also if the broker closed it without a message."""
         self._farewell = ""
         self.heard_ns = 0
-        """When anything last came from the broker; the owner sets it."""
+        """Time of the last data from the broker; the owner sets it."""
         self.turn_ns = 0
-        """When the event loop last had a turn; every callback of ours sets it."""
+        """Time of the last known turn of the event loop; every callback of ours sets it."""
         self.late_ns = _NEVER_NS
-        """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
+        """A turn after this time is late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
         self.numbers = count(1)
-        """For requests, one each; number 0 is Hello."""
+        """Numbers of requests; number 0 is Hello."""
         self._requests = Requests(self)
         self._heartbeat = Heartbeat(self._beat)
         self._types: set[tuple[str, str]] = set()
 
     async def open(self, path: str, patience: Patience, *, may_start: bool = True) -> None:
-        """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
+        """Connect to the broker at `path` (or start one, if allowed by `may_start`) and exchange Hellos.
 
-        Raises BrokerUnavailable; its subclass NotNow if another attempt may help. Cancellation: closed.
+        Raises BrokerUnavailable, or its subclass NotNow if a retry may help. Cancellation: closed.
         """
         self.path = path
         sock = await open_socket(path, patience, may_start=may_start)
@@ -130,19 +129,18 @@ class Connection:
             self._requests.waiting.pop(0, None)
             if not greeted.done() or greeted.cancelled() or greeted.exception():
                 self.close()
-        if self._stream is None:  # its last word came right behind its Hello
+        if self._stream is None:  # its last message came right after its Hello
             raise self._refusal()
 
     def _refusal(self) -> BrokerUnavailable:
         """The error for a connection that has ended before it could be used."""
-        if not isinstance(self._loss, RemoteProtocolError):  # so does a broker that ends with a backlog
+        if not isinstance(self._loss, RemoteProtocolError):  # for example a broker that ends with a backlog
             return NotNow(f"busd at {self.path} closed the connection without a word")
         kind = NotNow if isinstance(self._loss, _PassingFault) else BrokerUnavailable
         return kind(f"busd at {self.path} refused this process: {self._loss}")
 
     def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """Send a control message, or a frame in turn with these; does nothing once the connection has
-        ended."""
+        """Send a control message, or a frame in order with these. Does nothing after the connection's end."""
         if self._stream is not None:
             self.outbox.put(message if isinstance(message, bytes) else m.encode_frame(message), descriptors)
             self._stream.flush()
@@ -153,14 +151,14 @@ class Connection:
         return self._stream is None or self._stream.is_quiet
 
     def share(self) -> None:
-        """Before an endpoint is declared: send how to wake this process, once for each connection."""
+        """Send this process's doorbell and segment, once for each connection, before the first endpoint."""
         if (context := self._unshared) is not None:
             self._unshared = None
             self.send(m.Share(), (context.doorbell, context.segment))
 
     @property
     def is_writing(self) -> bool:
-        """Whether the socket has yet to take some of what was chosen for it."""
+        """Whether the socket has not accepted all data chosen for it."""
         return self._stream is not None and self._stream.writing is not WriteState.OPEN
 
     def flush(self) -> None:
@@ -175,7 +173,7 @@ class Connection:
     async def request(
         self, number: int, message: m.Message, kind: type[A], descriptors: tuple[Descriptor, ...] = ()
     ) -> A:
-        """Send `message`, the request `number` (of `numbers`); returns the answer, which is a `kind`.
+        """Send `message`, the request `number` (from `numbers`); returns the answer, which is a `kind`.
 
         Raises:
 
@@ -194,9 +192,9 @@ class Connection:
             self._requests.waiting.pop(number, None)
 
     def declare_type(self, support: TypeSupport[Any]) -> None:
-        """Make a message type known, once for each connection.
+        """Declare a message type, once for each connection.
 
-        Raises ConfigurationError where its schema is longer than any busd would read.
+        Raises ConfigurationError if its schema is longer than any busd would read.
         """
         if (support.name, support.hash) in self._types:
             return
@@ -211,13 +209,13 @@ class Connection:
         self.send(frame)
 
     def forget_type(self, support: TypeSupport[Any]) -> None:
-        """Perhaps busd has not taken it: say it again with the next endpoint."""
+        """Declare the type again with the next endpoint, because busd may have refused it."""
         self._types.discard((support.name, support.hash))
 
     def resolve(self, message: Any) -> bool:
-        """Handle what concerns the connection itself; returns whether it did.
+        """Handle a message about the connection itself; returns False for other messages.
 
-        Raises RemoteProtocolError for the broker's last word.
+        Raises RemoteProtocolError for the broker's last message.
         """
         match message:
             case m.Ping(number=number):
@@ -244,22 +242,25 @@ class Connection:
             self.late_ns = self._heartbeat.start(interval_s)
 
     def note_standstill(self, now_ns: int) -> None:
-        """The event loop stood still. If for longer than the lease, warn here: the fault is this
-        program's."""
+        """Note that the event loop stood still.
+
+        If this was longer than the lease, warn: the program caused it.
+        """
         self.late_ns = _NEVER_NS
         turn_ns = max(self.turn_ns, self.heard_ns)
         if time := self._heartbeat.standstill(now_ns, turn_ns, self.hello.lease_s):
             _log.warning(f"this program's event loop stood still for {time}: what waited for it has gone on")
 
     def close(self) -> None:
-        """Send what the socket still takes, and end."""
+        """Send the data that the socket still accepts, and end."""
         stream, self._stream = self._stream, None
         if stream is not None:
             stream.close()
         self._finish(ConnectionClosed("the connection to busd is closed"))
 
     def abandon(self) -> None:
-        """In the child of a fork: let go of what is the parent's, so that its end ends the connection."""
+        """In the child of a fork: drop everything that is the parent's, whose end then ends the
+        connection."""
         stream, self._stream = self._stream, None
         if stream is not None:
             stream.abandon()

@@ -1,6 +1,6 @@
-"""What a process has declared at its broker: nodes and endpoints, the ids they got, and declaring them anew.
+"""The declarations of a process at its broker: nodes, endpoints, their ids, and repeated declarations.
 
-Knows endpoints only by what `LinkEndpoint` names.
+Knows endpoints only by the protocol `LinkEndpoint`.
 """
 
 import asyncio
@@ -32,29 +32,29 @@ from bus.wire.layout import BRIDGES
 from bus.wire.runs import Run
 
 _FINAL = (ConfigurationError, AccessDenied)
-"""Refusals for good. One by a limit is not: there may be room later."""
+"""Permanent refusals. A refusal by a limit is temporary: there may be room later."""
 
 AGAIN_S = 2.0
-"""How long until a broker is asked again that refused by a limit."""
+"""Time until the next try after a refusal by a limit."""
 
 _ABOUT: dict[Any, str] = (
     dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
     | dict.fromkeys((m.Dropped, m.LivelinessChanged, m.RingReplaced), "subscription")
     | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached, m.Silence), "publisher")
 )
-"""The field that says which endpoint the news is for."""
+"""For each message, the field with the number of its endpoint."""
 
 _log = get_logger("bus")
 
 
 class Known(Protocol):
-    """What the broker may know by an id; 0 while it does not."""
+    """An object with an id at the broker; 0 while the broker does not know it."""
 
     id: int
 
 
 class Declared(Known, Protocol):
-    """A node or an endpoint: the broker gives it an id."""
+    """A node or an endpoint, to which the broker assigns an id."""
 
     def declaration(self, request: int, node: int) -> m.Message: ...
 
@@ -62,7 +62,7 @@ class Declared(Known, Protocol):
 
 
 class LinkNode:
-    """A node, as its link and the broker know it. `made_at`: file and line of the call that made it."""
+    """A node's data for its link and the broker. `made_at`: file and line of the call that made the node."""
 
     def __init__(self, name: str, namespace: str, origin: m.Origin | None, made_at: tuple[str, int]) -> None:
         self.id = 0
@@ -97,7 +97,7 @@ class LinkEndpoint(Declared, Counted, Protocol):
     qos: QoSProfile
     support: TypeSupport[Any]
     lease_s: float | None
-    """Within what time the broker wants a sign of life of it, or None if it wants none."""
+    """Time within which the broker needs a sign of life of the endpoint, or None if it needs none."""
 
     def disconnected(self) -> None: ...
 
@@ -118,8 +118,10 @@ class LinkEndpoint(Declared, Counted, Protocol):
 
 
 class _Admission(msgspec.Struct):
-    """When the answer to the declaration of `what` comes: `act`, or `undo` if no call waits for it any
-    more."""
+    """The pending declaration of `what`.
+
+    Its answer calls `act`, or `undo` if no call waits for it any more.
+    """
 
     what: Declared
     act: Callable[[m.Created], None]
@@ -127,14 +129,16 @@ class _Admission(msgspec.Struct):
 
 
 def gone() -> None:
-    """The default of a look-up in `Declarations.by_id`: like a weak reference to an endpoint that is gone."""
+    """The default for look-ups in `Declarations.by_id`: like a weak reference to an endpoint that is gone."""
 
 
 class Declarations:
-    """`by_id` are the endpoints that the broker knows at the moment. `on_lease`: one with a lease was added.
+    """The nodes and endpoints of a link.
 
-    References to nodes and endpoints are weak: the event loop holds the link, and the collector must find a
-    node that a program has dropped without closing it. A node and its endpoints hold each other.
+    `by_id` has the endpoints that the broker knows at the moment. `on_lease` is called when an endpoint with
+    a lease was added. References to nodes and endpoints are weak: the event loop keeps the link, and the
+    collector must find a node that a program has dropped without closing it. A node and its endpoints refer
+    to each other.
     """
 
     def __init__(self, on_lease: Callable[[], object]) -> None:
@@ -143,27 +147,27 @@ class Declarations:
         self._admissions: dict[int, _Admission] = {}
         self._waiting: dict[Declared, QuotaExceeded | RefusedForNow] = {}
         self._namesakes: set[str] = set()
-        """Names of nodes that the log has said others have too."""
+        """Names of nodes with a logged warning that another node has the same name."""
         self._retry: asyncio.Task[None] | None = None
         self._on_lease = on_lease
         self._held: dict[LinkNode, object] = {}
-        """Owners of nodes that the collector must not take, whoever refers to them."""
+        """Owners of nodes that the collector must keep, even without other references."""
 
     def __iter__(self) -> Iterator[LinkEndpoint]:
-        """Every endpoint, in the order in which they were made."""
+        """All endpoints, in the order of their creation."""
         return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
 
     @property
     def nodes(self) -> list[LinkNode]:
-        """Every node, in the order in which they were made; for other threads too."""
+        """All nodes, in the order of their creation. May be called from other threads."""
         return [node for known in self._nodes.keyrefs() if (node := known()) is not None]
 
     def hold(self, node: LinkNode, owner: object) -> None:
-        """Keep the collector from the `owner` of `node` until `remove_node`."""
+        """Keep the `owner` of `node` alive until `remove_node`."""
         self._held[node] = owner
 
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
-        """Make `node` known to the broker. Raises what the broker refuses it with."""
+        """Declare `node` to the broker. Raises the broker's refusal."""
         hello = connection.hello
         if node.origin is not None and BRIDGES not in hello.capabilities:
             raise ConfigurationError(
@@ -184,9 +188,9 @@ class Declarations:
         )
 
     async def add(self, connection: Connection, node: LinkNode, endpoint: LinkEndpoint) -> None:
-        """Make an endpoint of `node` known to the broker.
+        """Declare an endpoint of `node` to the broker.
 
-        Raises what the broker refuses it with, ConnectionClosed where the node is closed meanwhile.
+        Raises the broker's refusal, and ConnectionClosed if the node is closed meanwhile.
         """
 
         def admit(answer: m.Created) -> None:
@@ -200,7 +204,7 @@ class Declarations:
                 self._on_lease()
 
         def undo(answer: m.Created) -> None:
-            if node in self._nodes:  # else the broker took the endpoint away with its node
+            if node in self._nodes:  # else the broker has removed the endpoint with its node
                 connection.send(m.DestroyEndpoint(endpoint=answer.id))
 
         self._check(node)
@@ -209,15 +213,15 @@ class Declarations:
         try:
             await self._declare(connection, endpoint, node.id, admit, undo, endpoint.shared)
         except (ConfigurationError, QuotaExceeded):
-            connection.forget_type(endpoint.support)  # it may be what was refused
+            connection.forget_type(endpoint.support)  # perhaps busd refused the type
             raise
         self._check(node)
 
     async def declare_again(self, connection: Connection) -> None:
-        """Tell a broker everything that it does not know.
+        """Declare everything that a broker does not know.
 
-        What it refuses is ended, and the log says why. What it refuses by a limit, or because a gid is taken,
-        is declared again later: there may be room then.
+        Refused endpoints end, and the log has the reason. After a refusal by a limit, or because a gid is in
+        use, the declaration is repeated later: there may be room then.
         """
         nodes = [node for node in self.nodes if not node.id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
@@ -233,22 +237,22 @@ class Declarations:
             self._ask_again_later(connection)
 
     def progress(self) -> tuple[int, int]:
-        """How many endpoints the broker knows, and of how many."""
+        """The number of endpoints that the broker knows, and the number of all."""
         return sum(bool(endpoint.id) for endpoint in self), sum(map(len, self._nodes.values()))
 
     def admit(self, answer: m.Created) -> None:
-        """The broker has made something. To be called before any later message is handled."""
+        """Handle the answer to a declaration. Must be called before any later message is handled."""
         admission = self._admissions.pop(answer.request, None)
         if admission is not None:
             admission.act(answer)
 
     def concerned(self, news: Any) -> LinkEndpoint | None:
-        """The endpoint that a message is about; None if it is about no endpoint, or a closed one."""
+        """The endpoint of a message; None if the message is about no endpoint, or about a closed one."""
         field = _ABOUT.get(type(news))
         return None if field is None else self.by_id.get(getattr(news, field), gone)()
 
     def warn_of_namesake(self, news: m.Namesake) -> None:
-        """Another node has the name of one of ours. The log says so once, also where brokers come and go."""
+        """Warn that another node has the name of one of ours: once, even if the broker changes."""
         node = next((node for node in self.nodes if node.id == news.node), None)
         if node is not None and node.full_name not in self._namesakes:
             self._namesakes.add(node.full_name)
@@ -277,7 +281,7 @@ class Declarations:
         self._nodes.pop(node, None)
 
     def disconnected(self) -> None:
-        """The broker is gone, and with it all ids."""
+        """Note that the broker is gone, and with it all ids."""
         self._admissions.clear()
         self._waiting.clear()
         self.by_id.clear()
@@ -310,7 +314,7 @@ class Declarations:
             await self.declare_again(connection)
             connection.flush()
         except ConnectionClosed:
-            pass  # then it is the next connection's turn
+            pass  # the next connection declares everything
         except (TimeoutError, RemoteProtocolError):
             self._ask_again_later(connection)
 
@@ -324,13 +328,13 @@ class Declarations:
             _log.info(f"busd has room for the {name} again")
 
     def _revoke(self, what: Declared) -> None:
-        """The call that waited for the answer to its declaration is gone: undo what the broker makes."""
+        """Undo a declaration, because the call that waited for its answer is gone."""
         for admission in self._admissions.values():
             if admission.what is what:
                 admission.act = admission.undo
 
     async def _try_node_again(self, connection: Connection, node: LinkNode) -> None:
-        if node not in self._nodes:  # closed a moment ago
+        if node not in self._nodes:  # closed meanwhile
             return
         name = f"node {node.full_name}"
         try:
@@ -346,7 +350,7 @@ class Declarations:
                 endpoint.end(error)
 
     async def _try_again(self, connection: Connection, node: LinkNode, endpoint: LinkEndpoint) -> None:
-        if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
+        if endpoint not in self._nodes.get(node, {}):  # closed meanwhile
             return
         name = f"{endpoint.kind} on '{endpoint.topic_name}'"
         try:

@@ -1,6 +1,6 @@
-"""The graph as this process knows it: a snapshot, and every change that busd has sent since.
+"""A copy of the graph: a snapshot, and all changes that busd has sent since.
 
-Owns the copy, and the `Graph` that it makes of it when asked. Must not know who watches.
+Owns the copy, and the `Graph` made from it at request. Must not know its observers.
 """
 
 from bus.errors import BusError, RemoteProtocolError
@@ -9,7 +9,7 @@ from bus.wire import messages as m
 
 
 class GraphMirror:
-    """`failure` is why there is none, where busd did not give a snapshot."""
+    """The copy of the graph. `failure` is the reason if busd did not send a snapshot."""
 
     def __init__(self) -> None:
         self.failure: BusError | TimeoutError | None = None
@@ -26,7 +26,7 @@ class GraphMirror:
         """Changes that came in the same read as the snapshot."""
 
     def begin(self, snapshot: m.GraphSnapshot) -> None:
-        """Raises RemoteProtocolError if busd contradicts itself."""
+        """Begin with a snapshot. Raises RemoteProtocolError if busd contradicts itself."""
         graph = graph_of(snapshot)
         self._nodes = {one.id: one for one in graph.nodes}
         self._publishers = {one.id: one for one in graph.publishers}
@@ -40,13 +40,13 @@ class GraphMirror:
             self.change(change)
 
     def change(self, change: m.GraphChanged) -> None:
-        """Raises RemoteProtocolError if busd contradicts itself."""
+        """Apply a change. Raises RemoteProtocolError if busd contradicts itself."""
         if not self._is_begun:
             self._early.append(change)
             return
         if change.revision <= self._revision:
             return
-        # What was added and removed within one change is in both lists.
+        # A node added and removed within one change is in both lists.
         self._nodes.update((one.id, node_of(one)) for one in change.nodes_added)
         tables = {"publisher": self._publishers, "subscription": self._subscriptions, "tap": self._taps}
         for one in change.endpoints_added:
@@ -70,7 +70,7 @@ class GraphMirror:
 
     @property
     def graph(self) -> Graph | None:
-        """The graph now, the same object until it changes; None before the first snapshot."""
+        """The present graph, the same object until it changes; None before the first snapshot."""
         if self._graph is None and self._is_begun:
             self._graph = Graph(
                 revision=self._revision,

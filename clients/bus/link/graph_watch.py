@@ -1,4 +1,4 @@
-"""Watches of the graph: each is given the newest, however long it took over the one before."""
+"""Watches of the graph: each gets the newest graph when it is ready for the next one."""
 
 import asyncio
 from collections.abc import AsyncGenerator
@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from bus.link.link import Link
 
-if TYPE_CHECKING:  # most programs never look
+if TYPE_CHECKING:  # most programs never watch the graph
     from bus.graph import Graph
 
 _REST, _LONGEST_REST_S = 16, 0.2
-"""The pause between two looks at a changing graph, in times of what it takes to put it together."""
+"""The pause between two graphs while they change: a multiple of the time to build one, and its limit."""
 
 
 class GraphWatches:
@@ -21,13 +21,13 @@ class GraphWatches:
         self._running: set[asyncio.Event] = set()
 
     def end(self) -> None:
-        """The node is closed: end them."""
+        """End all watches, because the node is closed."""
         running, self._running = self._running, set()
         for changed in running:
             changed.set()
 
     async def graphs(self, link: Link) -> "AsyncGenerator[Graph, None]":
-        """The graph now, and after every change. Raises what busd refuses it with."""
+        """The present graph, and then one after every change. Raises busd's refusal."""
         changed = asyncio.Event()
         observers = link.watch()
         observers.add(changed.set)

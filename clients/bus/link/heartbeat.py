@@ -1,7 +1,7 @@
-"""Signs of life for the broker, and how a program learns that its event loop stood still.
+"""Signs of life for the broker, and a check whether the event loop stood still.
 
-A late heartbeat shows a standstill. It may be noticed first by the timer here, or by a callback that has its
-turn before the timer.
+A late heartbeat shows a standstill. The timer here may notice it first, or a callback that has its turn
+before the timer.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ from bus.process.shared_loop import GuardedLoop
 __all__ = ["LATE_NS", "Heartbeat"]
 
 LATE_NS = 1_000_000_000
-"""A timer that is so late shows that this event loop stood still."""
+"""If a timer is this late, the event loop stood still."""
 
 
 class Heartbeat:
@@ -23,10 +23,13 @@ class Heartbeat:
         self._on_due = on_due
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
-        self._began_ns = self._due_ns = 0  # since and until when the next one is waited for
+        self._began_ns = self._due_ns = 0  # begin and end of the wait for the next heartbeat
 
     def start(self, interval_s: float) -> int:
-        """Call `on_due(interval_s)` then; returns from when on that is late, in ns of the monotonic clock."""
+        """Call `on_due(interval_s)` after that time.
+
+        Returns the time, in ns, after which the call is late.
+        """
         self.stop()
         self._began_ns = monotonic_ns()
         self._due_ns = self._began_ns + int(interval_s * 1e9)
@@ -38,9 +41,9 @@ class Heartbeat:
             self._timer.cancel()
 
     def standstill(self, now_ns: int, turn_ns: int, lease_s: float) -> str:
-        """How long the event loop stood still until now, as a text; "" if that was shorter than the lease.
+        """The length of a standstill of the event loop until now, as a text; "" if shorter than the lease.
 
-        `turn_ns`: when it last had a turn that is known of.
+        `turn_ns`: the time of the loop's last known turn.
         """
         most_s = (now_ns - self._began_ns) / 1e9
         if most_s < lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):

@@ -1,4 +1,4 @@
-"""What a link receives: runs go to subscriptions, control messages to the endpoints that they are about."""
+"""Distributes received data of a link: runs to subscriptions, control messages to their endpoints."""
 
 import asyncio
 from collections.abc import Collection, Iterable
@@ -30,17 +30,17 @@ class _Link(Protocol):
 
 
 class Incoming:
-    """One failure in a callback does not take the rest of a read along."""
+    """Distributes the items of each read. An error in a callback does not affect the rest of the read."""
 
     def __init__(self, link: _Link, declarations: Declarations, reports: Reports) -> None:
         self.is_receiving = False
-        """Whether some of a read was not handled yet."""
+        """Whether a part of a read was not handled yet."""
         self._link = link
         self._declarations = declarations
         self._reports = reports
 
     def received(self, items: Iterable[Any]) -> None:
-        """The runs and messages of one read."""
+        """Handle the runs and messages of one read."""
         received_ns = monotonic_ns()
         if (connection := self._link.connection) is not None:
             if received_ns > connection.late_ns:
@@ -56,7 +56,7 @@ class Incoming:
                 try:
                     if item.__class__ is Run:
                         subscription = endpoints.get(item.endpoint, gone)()
-                        if subscription is not None:  # else it was closed a moment ago
+                        if subscription is not None:  # else it was just closed
                             item.received_ns = received_ns
                             touched.add(subscription)
                             subscription.receive_run(item)
@@ -65,11 +65,11 @@ class Incoming:
                 except RemoteProtocolError:
                     raise
                 except Exception as error:
-                    self._report_error(error)  # the rest of the read is for others
+                    self._report_error(error)  # the rest of the read is for other endpoints
                 except BaseException as error:
                     if self._link.failure is not None:
                         raise
-                    # It ends this turn, perhaps the loop: the rest is taken up now and delivered later.
+                    # It ends this turn, perhaps the loop: the rest is queued now and delivered later.
                     ending = error
         finally:
             self.is_receiving = False
@@ -80,7 +80,7 @@ class Incoming:
             raise ending
 
     def _deliver_lone(self, items: Any, received_ns: int) -> bool:
-        """A read has brought one run and nothing else: call back for it, with nothing in between."""
+        """Call back at once for the only run of a read; returns whether the case was that simple."""
         run = items[0]
         endpoint = self._declarations.by_id.get(run.endpoint, gone)()
         if endpoint is None:
@@ -96,14 +96,14 @@ class Incoming:
         return is_done
 
     def deliver(self, endpoints: Collection[LinkEndpoint]) -> None:
-        """Something has come for these. Callbacks go first: for them the delay counts."""
+        """Deliver to endpoints with new data. Callbacks go first, because the delay matters for them."""
         left = iter(endpoints)
         for endpoint in left:
             try:
                 endpoint.wake()
             except Exception as error:
                 self._report_error(error)
-            except BaseException:  # of this turn, perhaps of the loop: the others' is the next
+            except BaseException:  # it ends this turn, perhaps the loop: the others get the next turn
                 self._link.loop.call_soon(self.deliver, list(left))
                 raise
         if endpoints:
@@ -119,7 +119,7 @@ class Incoming:
         if isinstance(message, Carried):
             message, descriptors = message
         if isinstance(message, m.Created):
-            # At once, not when the request's task runs: its news and samples may be in the same read.
+            # At once, not when the request's task runs: the endpoint's messages may be in the same read.
             self._declarations.admit(message)
         connection = self._link.connection
         if connection is None or connection.resolve(message):

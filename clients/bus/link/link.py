@@ -1,4 +1,4 @@
-"""The link of a process to its broker: samples and news both ways, and recovery.
+"""The link of a process to its broker: samples and control messages both ways, and recovery.
 
 Nodes of one event loop that use the same socket share a link. When the broker comes back, the link
 connects and declares everything again.
@@ -35,7 +35,7 @@ _SHORTEST_BEAT_S = 0.01
 
 
 class LoopCalls:
-    """The running event loop as delivery uses it (`bus.delivery.port.Port`)."""
+    """The running event loop, with the methods that delivery needs (`bus.delivery.port.Port`)."""
 
     def __init__(self) -> None:
         self.loop = asyncio.get_running_loop()
@@ -48,16 +48,16 @@ class LoopCalls:
         self.later = self.loop.call_later
 
     async def turn(self) -> None:
-        """Let the loop have a turn."""
+        """Give the loop a turn."""
         await asyncio.sleep(0)
 
     def waiters(self) -> Waiters:
         return Waiters(self.loop)
 
     def start(self, work: Coroutine[Any, Any, None], name: str) -> Callable[[], None]:
-        """Run `work` as a task; returns what cancels it, unless the task itself calls that."""
+        """Run `work` as a task. Returns a function that cancels it, but not if the task itself calls that."""
         task = self.loop.create_task(work, name=name)
-        # asyncio reports a pending task that the collector finds; here the node is reported, and only that.
+        # asyncio reports pending tasks that the collector finds. Here only the node is reported.
         task._log_destroy_pending = False  # type: ignore[attr-defined]
 
         def cancel() -> None:
@@ -68,16 +68,16 @@ class LoopCalls:
 
 
 class Link(LoopCalls):
-    """Got by `Link.acquire`, given back with `release`."""
+    """A link to a broker; `Link.acquire` returns one, `release` gives it back."""
 
     _links: ClassVar["weakref.WeakValueDictionary[int, Link]"] = weakref.WeakValueDictionary()
-    """By their ids."""
+    """All links, by the ids of the objects."""
 
     def __init__(self, path: str) -> None:
         super().__init__()
         self.path = path
         self.wall_offset_ns = time_ns() - monotonic_ns()
-        self.last_sent_ns = 0  # when a publisher last sent past the gathering
+        self.last_sent_ns = 0  # time of the last frame sent at once, without gathering
         self.failure: BusError | None = None
         self._users = 0
         self.connection: Connection | None = None
@@ -93,14 +93,14 @@ class Link(LoopCalls):
         self.shm_context = ShmContext.make(self._incoming.deliver)
         self._drains = Waiters(self.loop)
         self.observers: GraphObservers | None = None
-        """Since the graph was watched here for the first time."""
+        """None before the first watch of the graph."""
         Link._links[id(self)] = self
 
     # --- making and ending
 
     @classmethod
     def all(cls) -> list["Link"]:
-        """Every link of this process, while other threads may make theirs."""
+        """All links of this process; safe while other threads make links."""
         return [link for known in cls._links.valuerefs() if (link := known()) is not None]
 
     @classmethod
@@ -126,8 +126,10 @@ class Link(LoopCalls):
         return link
 
     def abandon(self, reason: BusError) -> None:
-        """In the child of a fork, whose loop is the parent's, or with a closed loop: close the connection
-        without touching a task, a future or a timer."""
+        """Close the connection without touching a task, a future or a timer.
+
+        For the child of a fork, whose loop is the parent's, and for a closed loop.
+        """
         self.failure = reason
         if self.connection is not None:
             self.connection.abandon()
@@ -137,9 +139,9 @@ class Link(LoopCalls):
             endpoint.abandon(reason)
 
     def namesake(self, node: LinkNode) -> LinkNode | None:
-        """A node of the same name that this process has open by another link; busd reports one by this link.
+        """A node of the same name that this process has open on another link, after a report of busd.
 
-        busd itself can't tell such a link from an earlier connection of this process.
+        busd itself can't distinguish such a link from an earlier connection of this process.
         """
         for link in Link.all():
             if link is not self and link.path == self.path and link.failure is None:
@@ -149,15 +151,15 @@ class Link(LoopCalls):
         return None
 
     def connection_now(self) -> object:
-        """A key for the present connection, by which the broker's ids are valid."""
+        """A key for the present connection: the broker's ids are valid only on it."""
         return self.connection
 
     def release(self) -> None:
-        """One user less; the last one closes the connection."""
+        """Give the link back; the last user closes the connection."""
         self._users -= 1
         if self._users or self.failure is not None:
             return
-        if self.loop.is_closed():  # then it has no work left, and none may be scheduled
+        if self.loop.is_closed():  # it has no work left, and none may be scheduled
             self.abandon(ConnectionClosed("the event loop of this connection to busd is closed"))
             return
         self.failure = ConnectionClosed("the connection to busd is closed")
@@ -172,10 +174,10 @@ class Link(LoopCalls):
         if self.observers is not None:
             self.observers.stop()
 
-    # --- for the one that connects
+    # --- called by Connecting
 
     def connected(self, connection: Connection) -> None:
-        """Another broker has said Hello, or the same one again."""
+        """Use a new connection: to another broker, or to the same one again."""
         self.broker = connection.hello.pid, connection.hello.began_ns
         self._set_heartbeat()
 
@@ -186,26 +188,25 @@ class Link(LoopCalls):
         self.flush()
         self._drains.release()
 
-    # --- what is declared
+    # --- declarations
 
     async def declare_node(self, node: LinkNode) -> None:
-        """Make `node` known to the broker, now and after each reconnection."""
+        """Declare `node` to the broker, now and after each reconnection."""
         await self._connecting.when_connected(partial(self._declarations.add_node, node=node))
 
     def hold(self, node: LinkNode, owner: object) -> None:
-        """Keep the collector from the `owner` of `node` until `forget_node`, as long as the event loop is not
-        closed."""
+        """Keep the `owner` of `node` alive until `forget_node`, while the event loop is open."""
         self._declarations.hold(node, owner)
 
     def declare(self, node: LinkNode, endpoint: LinkEndpoint) -> Coroutine[Any, Any, None]:
-        """Make an endpoint of `node` known to the broker, now and after each reconnection.
+        """Declare an endpoint of `node` to the broker, now and after each reconnection.
 
-        Raises what the broker refuses it with (`Connection.request`). Cancellation: not declared.
+        Raises the broker's refusal (`Connection.request`). Cancellation: not declared.
         """
         return self._connecting.when_connected(partial(self._declarations.add, node=node, endpoint=endpoint))
 
     def forget(self, endpoint: LinkEndpoint) -> None:
-        """Take an endpoint out of the graph."""
+        """Remove an endpoint from the graph."""
         self.gathered.discard(endpoint)
         self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
@@ -215,7 +216,7 @@ class Link(LoopCalls):
             self._set_heartbeat()
 
     def forget_node(self, node: LinkNode) -> None:
-        """Take a node out of the graph; its endpoints must have been closed."""
+        """Remove a node from the graph; its endpoints must have been closed."""
         self._declarations.remove_node(node)
         self.send_about(node, m.DestroyNode(node=node.id))
         node.id = 0
@@ -223,23 +224,23 @@ class Link(LoopCalls):
     def send_about(
         self, what: Known, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
-        """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
+        """Send a message (or frame) about `what`; does nothing if the broker does not know it at the
+        moment."""
         if what.id and message and self.connection is not None:
             self.connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:
-        """Whether everything that the broker has sent was read; True also if there is none."""
+        """Whether everything that the broker has sent was read; True also without a broker."""
         return not self._incoming.is_receiving and (self.connection is None or self.connection.is_quiet)
 
     async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
-        """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
+        """Send a request to the broker; see `Connection.request`. Waits for a broker that is away."""
         return await self._connecting.when_connected(
             lambda connection: connection.request(number := next(connection.numbers), make(number), kind)
         )
 
     async def description(self, type_name: str, type_hash: str) -> bytes:
-        """The description of a type on the bus, as its endpoints gave it (`bus.types.schema`, in
-        MessagePack).
+        """The description of a type on the bus, from its endpoints (`bus.types.schema`, in MessagePack).
 
         Raises ConfigurationError if no endpoint has it.
         """
@@ -260,7 +261,7 @@ class Link(LoopCalls):
     # --- samples out
 
     def gather(self, publisher: Counted) -> None:
-        """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
+        """Send the new run of `publisher` together with others when the turn of the loop ends."""
         if not self.gathered:
             self.soon(self.hand_over)
         self.gathered.add(publisher)
@@ -270,7 +271,7 @@ class Link(LoopCalls):
         return self.connection is not None and self.connection.send_now(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
-        """`queue` has runs for the broker."""
+        """Schedule a `queue` that has runs for the broker."""
         if self.connection is not None:
             self.connection.outbox.make_ready(queue)
 
@@ -288,24 +289,24 @@ class Link(LoopCalls):
         while not is_chosen:
             if self.failure is not None:
                 raise again(self.failure)
-            is_chosen = not queue.runs  # and written when the socket has taken all that was
+            is_chosen = not queue.runs  # written when the socket has accepted all chosen data
             if not is_chosen or self.is_writing:
                 await self._drains.wait()
 
     def report(self, endpoint: Counted) -> None:
-        self._reports.add(endpoint)  # soon the broker gets them
+        self._reports.add(endpoint)  # sent to the broker soon
 
     def report_now(self) -> None:
-        """Report all that is due, for a loop that perhaps never runs again."""
+        """Send all due reports now, for a loop that may never run again."""
         self._reports.flush()
 
     @property
     def is_writing(self) -> bool:
-        """Whether the socket has yet to take some of what was chosen for it."""
+        """Whether the socket has not accepted all data chosen for it."""
         return self.connection is not None and self.connection.is_writing
 
     def hand_over(self) -> None:
-        """Send what was gathered, and what waits, as far as the socket takes it."""
+        """Send gathered and queued data, as far as the socket accepts it."""
         gathered, self.gathered = self.gathered, set()
         for publisher in gathered:
             publisher.hand_over()
@@ -313,9 +314,9 @@ class Link(LoopCalls):
             self.connection.flush()
 
     def wrote(self) -> None:
-        """The socket takes bytes again: what waited was sent, or can be now."""
+        """Note that the socket accepts bytes again: queued data was sent, or can be sent now."""
         if self._drains:
-            self.loop.call_soon(self._drains.release)  # they look again after the next choice
+            self.loop.call_soon(self._drains.release)  # they check again after the next choice
 
     def _report(self, endpoint: Counted, frames: bytes) -> None:
         now_ns = monotonic_ns()

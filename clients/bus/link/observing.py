@@ -15,7 +15,7 @@ A = TypeVar("A", bound=m.Message)
 
 
 class _Link(Protocol):
-    """The link that the graph comes by."""
+    """The link over which the graph comes."""
 
     loop: asyncio.AbstractEventLoop
     connection: Connection | None
@@ -24,11 +24,14 @@ class _Link(Protocol):
 
 
 class GraphObservers:
-    """Calls all observers when `mirror` has changed. The broker sends changes while there are observers."""
+    """Calls all observers when `mirror` has changed.
+
+    The broker sends changes only while there are observers.
+    """
 
     def __init__(self, link: _Link) -> None:
         self.mirror = GraphMirror()
-        """The graph since the last observer was the first."""
+        """The copy of the graph, begun with the first observer."""
         self._link = link
         self._observers: list[Callable[[], None]] = []
         self._asking: asyncio.Task[None] | None = None
@@ -39,7 +42,7 @@ class GraphObservers:
     def add(self, notify: Callable[[], None]) -> None:
         """Call `notify` after each change, until `remove`."""
         self._observers.append(notify)
-        if len(self._observers) == 1 or self.mirror.failure is not None:  # who asks again is answered
+        if len(self._observers) == 1 or self.mirror.failure is not None:  # a new observer starts a retry
             self.ask()
 
     def remove(self, notify: Callable[[], None]) -> None:
@@ -50,25 +53,25 @@ class GraphObservers:
                 self._link.connection.send(m.Observe(request=0, on=False))
 
     def ask(self) -> None:
-        """Begin with a new copy: ask the present broker for its graph."""
+        """Begin a new copy: request the graph of the present broker."""
         self.stop()
         self.mirror = GraphMirror()
         self._asking = self._link.loop.create_task(self._ask(self.mirror), name="watch the graph")
 
     def stop(self) -> None:
-        """Wait for no graph any more."""
+        """Stop waiting for a graph."""
         if self._asking is not None:
             self._asking.cancel()
             self._asking = None
 
     def change(self, change: m.GraphChanged) -> None:
-        """The broker reports a change."""
-        if self._observers:  # else it was on its way
+        """Apply a change reported by the broker."""
+        if self._observers:  # else it was already on its way
             self.mirror.change(change)
             self._notify()
 
     async def _ask(self, mirror: GraphMirror) -> None:
-        """Ask until busd answers; the log says if it is silent."""
+        """Request the graph until busd answers; the log reports a silent busd."""
         while mirror.graph is None and mirror.failure is None:
             try:
                 snapshot = await self._link.request(lambda number: m.Observe(request=number), m.GraphSnapshot)

@@ -1,8 +1,8 @@
-"""Reaches a broker's socket: one try, and how long to go on trying. The same for all clients.
+"""Connects to a broker's socket: one try, and the rules for retries. The same for all clients.
 
-Where the backlog of a UNIX socket is full, a connect() that must not block gives EAGAIN, and no event tells
-when there is room. So a client tries again, soon at first and then less often. It does the same where a
-broker turns it away for something that passes, or ends while it connects.
+If the backlog of a UNIX socket is full, a non-blocking connect() returns EAGAIN, and no event reports later
+room. So a client retries, soon at first and then less often. It also retries if a broker refuses it for a
+temporary reason, or ends while it connects.
 """
 
 import os
@@ -27,17 +27,17 @@ __all__ = [
 ]
 
 CONNECT_S = 10.0
-"""How long a client goes on trying, counted from when it last got further."""
+"""Time for which a client retries, counted from its last progress."""
 
 TELL_S = 5.0
-"""After so long without a word of the broker a client that waits for an answer says so."""
+"""A waiting client logs that the broker has been silent for this time."""
 
 _FIRST_PAUSE_S = 0.001
 _LONGEST_PAUSE_S = 0.05
 
 
 class _Socket(socket.socket):
-    """Closed by the collector without a warning of its own: the unclosed node has one already."""
+    """A socket that the collector closes without a warning, because the unclosed node has its own warning."""
 
     __slots__ = ()
 
@@ -46,19 +46,19 @@ class _Socket(socket.socket):
 
 
 class NotNow(BrokerUnavailable):
-    """Not now: try again, with pauses that grow up to `longest_s`."""
+    """A temporary failure: retry, with pauses that grow up to `longest_s`."""
 
     longest_pause_s = _LONGEST_PAUSE_S
 
 
 class BacklogFull(NotNow):
-    """The broker does not notice: trying again very soon costs it nothing."""
+    """The backlog is full. The broker does not notice retries, so these may follow quickly."""
 
     longest_pause_s = 0.005
 
 
 class Patience:
-    """For `seconds` from its making, and anew from each `renew`."""
+    """The time for retries: `seconds` from its creation, and again from each `renew`."""
 
     def __init__(self, seconds: float = CONNECT_S, clock: Callable[[], float] = monotonic) -> None:
         self._seconds = seconds
@@ -66,14 +66,14 @@ class Patience:
         self.renew()
 
     def renew(self) -> None:
-        """The client has got further."""
+        """Start the time again, because the client made progress."""
         self._end_s = self._clock() + self._seconds
         self._pause_s = _FIRST_PAUSE_S
 
     def pause_s(self, why: str, longest_s: float = _LONGEST_PAUSE_S) -> float:
-        """How long to wait before the next try; each time longer, up to `longest_s`.
+        """The pause before the next try; each time longer, up to `longest_s`.
 
-        Raises BrokerUnavailable, with `why` and how long it was tried, where there is to be none.
+        When the time is over, raises BrokerUnavailable with `why` and the duration of the tries.
         """
         left_s = self._end_s - self._clock()
         if left_s <= 0:
@@ -84,17 +84,17 @@ class Patience:
 
 
 def no_answer(path: str | os.PathLike[str], seconds: float) -> str:
-    """The text for a broker at `path` that took the connection and has said nothing for so long."""
+    """The text for a broker at `path` that accepted the connection and has been silent for this time."""
     return f"busd at {os.fspath(path)} does not answer: it has said nothing for {seconds:g} s"
 
 
 def no_answer_yet(path: str | os.PathLike[str]) -> str:
-    """The text after TELL_S, while the client goes on waiting."""
+    """The text after TELL_S, while the client still waits."""
     return f"busd at {os.fspath(path)} has said nothing for {TELL_S:g} s; still waiting for its answer"
 
 
 def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:
-    """A non-blocking socket, connected to the broker at `path`.
+    """Make a non-blocking socket, connected to the broker at `path`.
 
     Raises FileNotFoundError or ConnectionRefusedError if no process listens there, BacklogFull if too many
     connections wait to be accepted, and BrokerUnavailable if the socket can't be connected to or is not
@@ -128,9 +128,10 @@ def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
 async def open_socket(
     path: str | os.PathLike[str], patience: Patience, *, may_start: bool = True
 ) -> socket.socket:
-    """A non-blocking socket connected to the broker at `path`; one is started, if it `may_start`.
+    """Make a non-blocking socket connected to the broker at `path`; start a broker if `may_start`.
 
-    Raises BrokerUnavailable where none answers and none may be or could be started, or where `patience` ends.
+    Raises BrokerUnavailable if no broker answers and none may be or could be started, or when `patience`
+    ends.
     """
     try:
         return await _connect(path, patience)

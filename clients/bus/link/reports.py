@@ -1,7 +1,8 @@
-"""Reports the counters of endpoints to the broker when they have changed, twice a second at most.
+"""Reports the counters of endpoints to the broker when they have changed, at most twice a second.
 
-Some at a time: a thousand at once would hold up messages for milliseconds, here and at the broker, and twice
-a second each would cost more than their messages. So of a thousand each is reported every two seconds.
+It reports a few endpoints at a time. A thousand at once would delay messages for milliseconds, here and at
+the broker, and a thousand reports twice a second would cost more than the messages. So each of a thousand
+endpoints is reported every two seconds.
 """
 
 import asyncio
@@ -16,21 +17,22 @@ _SOME = 64
 
 
 class Reports:
-    """`send(endpoint, frames)` sends the reports of some endpoints, one of which is `endpoint`.
+    """The due reports of a link.
 
-    There are no frames where the broker knows none of them at the moment.
+    `send(endpoint, frames)` sends the reports of some endpoints, `endpoint` among them. There are no frames
+    if the broker knows none of them at the moment.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, send: Callable[[Counted, bytes], None]) -> None:
         self._loop = loop
         self._send = send
         self._due: set[Counted] = set()
-        self._going: set[Counted] = set()  # their turn has come
+        self._going: set[Counted] = set()  # endpoints of the present round
         self._timer: asyncio.TimerHandle | None = None
         self._has_ended = False
 
     def add(self, endpoint: Counted) -> None:
-        """Its counters have changed: report them soon."""
+        """Report the changed counters of an endpoint soon."""
         self._due.add(endpoint)
         if self._timer is None:
             self._arm()
@@ -41,14 +43,14 @@ class Reports:
             self._arm()
 
     def send_last(self, endpoint: Counted) -> None:
-        """The endpoint goes: report now what is not reported yet."""
+        """Send the last report of an endpoint that ends."""
         if endpoint in self._due or endpoint in self._going:
             self._send_totals([endpoint])
             self._due.discard(endpoint)
             self._going.discard(endpoint)
 
     def flush(self) -> None:
-        """Report now what is due: until then endpoints are held here."""
+        """Send all due reports now, which also drops the references to their endpoints."""
         if self._timer is not None and not self._has_ended:
             self._timer.cancel()
             self._timer = None
@@ -60,7 +62,7 @@ class Reports:
                 self._arm()
 
     def end(self) -> None:
-        """Report what is not reported yet, and nothing after it."""
+        """Send all due reports, and none after that."""
         self._has_ended = True
         if self._timer is not None:
             self._timer.cancel()
@@ -81,7 +83,7 @@ class Reports:
         try:
             self._send_totals(some)
         except BaseException:
-            self._due.update(some)  # those reported already are reported once more, the same
+            self._due.update(some)  # reports already sent are repeated with the same values
             raise
         finally:
             self._timer = None
@@ -96,9 +98,9 @@ class Reports:
         told = [(endpoint, endpoint.totals()) for endpoint in endpoints]
         for endpoint, totals in told:
             if totals.queued and endpoint.refusal is None:
-                self._due.add(endpoint)  # no event says when they are taken
-        # The broker may not know some at the moment; and counting may call a user's code, which may close
-        # others.
+                self._due.add(endpoint)  # no event reports when they are taken
+        # The broker may not know some endpoints at the moment. Counting may call a user's code, which may
+        # close others.
         known = [
             (endpoint, totals) for endpoint, totals in told if endpoint.id and endpoint.id == totals.endpoint
         ]

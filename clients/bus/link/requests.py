@@ -1,7 +1,7 @@
-"""Requests that the broker has not answered yet, and how long they wait.
+"""Requests that the broker has not answered yet, and the limit of their waits.
 
-A broker that owes an answer and has said nothing at all for ANSWER_S counts as hung. One that is only busy
-says something meanwhile, and is waited for. Independent of the content of requests and answers.
+If an answer is due and the broker has sent nothing at all for ANSWER_S, it counts as hung. A busy broker
+keeps sending, so requests wait for it. Independent of the content of requests and answers.
 """
 
 import asyncio
@@ -18,20 +18,20 @@ from bus.logger import get_logger
 __all__ = ["ANSWER_S", "Request", "Requests"]
 
 ANSWER_S = 10.0
-"""How long a broker that owes an answer may say nothing at all before it counts as hung."""
+"""Silence after which a broker counts as hung, if an answer is due."""
 
 _UNREAD_S = 0.05
-"""How long until the next check if this process has not read yet what has come."""
+"""Time until the next check if this process has unread data."""
 
 _log = get_logger("bus")
 
 
 class Source(Protocol):
-    """Where answers come from: the connection."""
+    """The source of answers: the connection."""
 
     path: str
     heard_ns: int
-    """When anything last came from the broker."""
+    """Time of the last data from the broker."""
 
     @property
     def is_quiet(self) -> bool:
@@ -39,30 +39,30 @@ class Source(Protocol):
 
 
 class Request(msgspec.Struct):
-    """One that waits for its answer."""
+    """A request that waits for its answer."""
 
     answer: asyncio.Future[Any]
     since_ns: int
 
 
 class Requests:
-    """All share one timer: most answers come long before it."""
+    """The waiting requests. They share one timer, because most answers come long before it."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
         self._loop = asyncio.get_running_loop()
         self.waiting: dict[int, Request] = {}
-        """By number. The connection takes them out itself: that saves a call for each."""
+        """Requests by number. The connection removes them itself, which saves a call for each."""
         self._timer: asyncio.TimerHandle | None = None
-        self._due_ns = 0  # when the timer is due
-        self._stood_still_ns = 0  # until then requests may not have left, nor answers been read
+        self._due_ns = 0  # time of the timer
+        self._stood_still_ns = 0  # until this time, requests may not have left, and answers may be unread
         self._warned_ns = 0
-        """When the log last said that the broker is silent; 0: never."""
+        """Time of the last log line about a silent broker; 0: none."""
 
     def begin(self, number: int) -> asyncio.Future[Any]:
-        """The answer to the request `number`: send it now, and take it out of `waiting` at the end.
+        """A future for the answer to request `number`. Send it now, and remove it from `waiting` at the end.
 
-        Fails with TimeoutError if the broker says nothing at all for ANSWER_S.
+        The future fails with TimeoutError if the broker sends nothing at all for ANSWER_S.
         """
         answer = self._loop.create_future()
         self.waiting[number] = Request(answer, monotonic_ns())
@@ -71,15 +71,14 @@ class Requests:
         return answer
 
     def end(self, reason: BusError) -> None:
-        """No answers will come any more: fail all requests with `reason`."""
+        """Fail all requests with `reason`, because no more answers will come."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         for request in self.waiting.values():
             if not request.answer.done():
                 request.answer.set_exception(reason)
-            # Perhaps no call waits any more: asyncio must not report the error as one that was never
-            # retrieved.
+            # Perhaps no call waits any more: asyncio must not report that the error was never retrieved.
             if not request.answer.cancelled():
                 request.answer.exception()
         self.waiting.clear()
@@ -89,9 +88,9 @@ class Requests:
         self._timer = self._loop.call_later(time_s, self._check)
 
     def _check(self) -> None:
-        """End the waits for answers if the broker has said nothing at all for ANSWER_S.
+        """End the waits for answers if the broker has sent nothing at all for ANSWER_S.
 
-        After TELL_S the log says that this process waits.
+        After TELL_S, log that this process waits.
         """
         self._timer = None
         now_ns = monotonic_ns()

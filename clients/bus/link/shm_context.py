@@ -1,7 +1,7 @@
-"""What a link shares with other processes: its doorbell, by which they wake it, and its readers' segment.
+"""The shared memory of a link: its doorbell, by which other processes wake it, and its readers' segment.
 
-One of each, whatever the number of endpoints. Owns the slots of the segment, and the processes on the other
-side. Must not know what is in the rings.
+There is one of each, for any number of endpoints. Owns the slots of the segment, and the processes on the
+other side. Must not know the contents of rings.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from bus.process.shared_loop import GuardedLoop
 from bus.shm import is_available, segments
 
 SLOTS = 1020
-"""Matches of one process by shared memory; those beyond go by socket."""
+"""Most matches of one process by shared memory; further ones use the socket."""
 
 _SPIN_NS = 5_000
 _POLL_NS = 20_000
@@ -29,7 +29,7 @@ _log = get_logger("bus")
 
 
 class ReaderProcess:
-    """A process that reads rings of this one, and how to wake it. `is_here`: it is this event loop itself."""
+    """A process that reads rings of this one, and its doorbell. `is_here`: it is this event loop itself."""
 
     __slots__ = ("__weakref__", "bell", "doorbell", "is_here", "pid")
 
@@ -40,7 +40,7 @@ class ReaderProcess:
         self.bell = shm.native.Bell(segments.map_readers(segment), doorbell.number)
 
     def is_alive(self) -> bool:
-        """Whether the process still runs; True also if that can't be found out."""
+        """Whether the process still runs; True also if that is unknown."""
         try:
             process = Descriptor(os.pidfd_open(self.pid))
         except ProcessLookupError:
@@ -53,9 +53,9 @@ class ReaderProcess:
 
 
 class ShmContext:
-    """`on_news(owners)` gets the owners of the readers for whom something has come, and must not raise.
+    """The shared memory of one link. Raises OSError if the machine has no memory or descriptors left.
 
-    Raises OSError if the machine has no memory or descriptors left.
+    `on_news(owners)` gets the owners of readers with new samples, and must not raise.
     """
 
     def __init__(self, on_news: Callable[[Collection[Any]], None]) -> None:
@@ -65,7 +65,7 @@ class ShmContext:
         self._loop = asyncio.get_running_loop()
         self._on_news = on_news
         self._waiting: dict[object, Callable[[], None]] = {}
-        # Longest free first: a publisher may still have a gate on a slot that was freed a moment ago.
+        # Longest free first: a publisher may still have a gate on a slot that was just freed.
         self._slots = deque(range(SLOTS))
         self._pinned_slots: list[int] = []
         self._processes: WeakValueDictionary[tuple[int, int], ReaderProcess] = WeakValueDictionary()
@@ -76,7 +76,8 @@ class ShmContext:
         self._is_polling = False
         self._is_poll_due = False
         self._is_closed = False
-        # On a loop that threads share, the thread that waits for the news goes on before the rest is done.
+        # On a loop that threads share, the thread that waits for the samples continues before the rest is
+        # done.
         self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
         self._poll_all = self._rung if self._deferred is None else self._rung_among_threads
         self._loop.add_reader(self.doorbell.number, self._poll_all)
@@ -84,7 +85,7 @@ class ShmContext:
 
     @classmethod
     def make(cls, on_news: Callable[[Collection[Any]], None]) -> "ShmContext | None":
-        """The context of a link, or None where memory may not or can't be shared: all goes by socket then."""
+        """Make the context of a link. None if memory may not or can't be shared: then all use the socket."""
         if not is_available():
             return None
         try:
@@ -94,7 +95,7 @@ class ShmContext:
             return None
 
     def close(self) -> None:
-        """Stop listening to the doorbell. What is pinned stays readable."""
+        """Stop listening to the doorbell. Pinned records stay readable."""
         if not self._is_closed:
             self._is_closed = True
             self.readers.close()
@@ -104,7 +105,7 @@ class ShmContext:
             self.segment.close()
 
     def abandon(self) -> None:
-        """In the child of a fork: leave alone the event loop, and what is the parent's."""
+        """End in the child of a fork, without touching the event loop or anything else of the parent."""
         self._is_closed = True
         self.readers.close()
         self._waiting.clear()
@@ -112,9 +113,9 @@ class ShmContext:
     # --- the other side
 
     def reader_process(self, segment: Descriptor, doorbell: Descriptor, pid: int) -> ReaderProcess:
-        """The process that has this readers' segment; one object for all its matches.
+        """The process with this readers' segment; one object for all its matches.
 
-        Raises OSError or ValueError, saying what is wrong with it.
+        Raises OSError or ValueError with the fault of the descriptors.
         """
         key = segments.identity(segment)
         process = self._processes.get(key)
@@ -124,7 +125,7 @@ class ShmContext:
         return process
 
     def writer_doorbell(self, doorbell: Descriptor) -> Descriptor:
-        """One descriptor for all that came of the same doorbell."""
+        """One descriptor for all received descriptors of the same doorbell."""
         with open(f"/proc/self/fdinfo/{doorbell.number}") as file:  # noqa: PTH123
             info = file.read()
         key = next((line for line in info.splitlines() if line.startswith("eventfd-id")), "")
@@ -140,7 +141,10 @@ class ShmContext:
         return self._slots.popleft() if self._slots else None
 
     def give_back(self, slot: int) -> None:
-        """The match is gone. While views of its messages still pin records, the slot is not used again."""
+        """Free the slot of a match that is gone.
+
+        While views of messages pin records, it is not used again.
+        """
         (self._slots if self.readers.is_free(slot) else self._pinned_slots).append(slot)
 
     # --- waking up
@@ -160,13 +164,13 @@ class ShmContext:
         self.readers.has_writers = bool(self._waiting)
 
     def poll_soon(self) -> None:
-        """Look once for all new rings: samples written before we attached sent no notification."""
+        """Check all new rings once: samples written before they were attached rang no doorbell."""
         if not self._is_poll_due:
             self._is_poll_due = True
             self._loop.call_soon(self._poll_added)
 
     def poll(self, owner: object, time_ns: int) -> None:
-        """For `owner`, look without sleeping for up to `time_ns` after each message; 0: not any more."""
+        """For `owner`, poll without sleeping for up to `time_ns` after each message; 0: stop that."""
         self._polls[owner] = time_ns
         if not time_ns:
             del self._polls[owner]
@@ -179,12 +183,12 @@ class ShmContext:
         self._poll_all()
 
     def _rung(self) -> None:
-        # Few steps from here to the callback: right after a sleep each one is slow.
+        # There are few steps from here to the callback, because each step is slow right after a sleep.
         owners = self.readers.deliver(not self._poll_ns)
         if owners is not None or self._waiting:
             try:
                 self._on_news(owners or ())
-            finally:  # also where a callback raises what is no Exception
+            finally:  # also if a callback raises an error that is no Exception
                 self._turn(True, 0)
 
     def _rung_among_threads(self) -> None:
@@ -196,19 +200,19 @@ class ShmContext:
             self._deferred.append((self._turn, (bool(owners), 0)))
 
     def _turn(self, has_news: bool, spin_ns: int) -> None:
-        """What has come was delivered: do the rest, then sleep."""
+        """After a delivery: do the rest, then sleep."""
         if self._waiting:
             for look in tuple(self._waiting.values()):
                 try:
                     look()
-                except Exception as error:  # the others must be woken all the same
+                except Exception as error:  # the other writers must be woken, too
                     message = "looking for room"
                     self._loop.call_exception_handler({"message": message, "exception": error})
         if self._poll_ns and has_news:
             self._keep_polling()
         elif not self._is_closed and (owners := self.readers.sleep(spin_ns)):
-            # More has come meanwhile. Others have their turn first. As long as more comes, a short look in
-            # place of a sleep saves the writers most of their system calls.
+            # More samples have come meanwhile. Other callbacks have their turn first. While samples come, a
+            # short poll instead of a sleep saves the writers most of their system calls.
             self._loop.call_soon(self._turn_on, owners)
 
     def _turn_on(self, owners: list[Any]) -> None:
@@ -217,14 +221,14 @@ class ShmContext:
             self._turn(True, _SPIN_NS)
 
     def _keep_polling(self) -> None:
-        """Busy polling, from this message on."""
+        """Continue busy polling, from this message on."""
         self._poll_until_ns = monotonic_ns() + self._poll_ns
         if not self._is_polling:
             self._is_polling = True
             self._loop.call_soon(self._poll_briefly)
 
     def _poll_briefly(self) -> None:
-        """A short look at a time, so that the event loop has its turns."""
+        """Poll for a short time, so that the event loop has its turns."""
         self._is_polling = False
         if self._is_closed:
             return

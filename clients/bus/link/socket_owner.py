@@ -1,8 +1,8 @@
-"""Whose socket a program may use, and in which folder busd may have its files.
+"""Checks the owner of a socket, and the folder of busd's files.
 
-The default socket of busd is in a private folder of the user. Under /tmp another user may have made it first,
-and would then get all that we send. Owns these two checks. If the user named a path, the owner of its socket
-is the user's choice.
+The default socket of busd is in a private folder of the user. Under /tmp, another user may have made this
+folder first, and would then receive all our messages. Owns these two checks. If the user named a path, the
+owner of its socket is the user's choice.
 """
 
 import os
@@ -23,7 +23,7 @@ _UCRED = struct.Struct("=iII")
 
 
 def check_server(sock: socket.socket, path: str | os.PathLike[str]) -> None:
-    """Raises BrokerUnavailable where a default `path` is served by another user than this one and root.
+    """Raise BrokerUnavailable if another user, except root, serves a default `path`.
 
     `sock` is connected, and nothing was sent yet.
     """
@@ -42,13 +42,14 @@ def check_server(sock: socket.socket, path: str | os.PathLike[str]) -> None:
 
 
 def prepare_folder(folder: "Path", *, is_default: bool, may_enter: int = 0) -> None:
-    """Make the default folder where it is missing; refuse one in which a stranger could replace busd's files.
+    """Make the default folder if it is missing; refuse a folder in which another user could replace busd's
+    files.
 
-    Any other folder must be there. The default one must be a real folder, ours, and have no permissions for
-    others but those in `may_enter`. A folder that the user named may be shared as its owner wants, as long as
-    that is this user or root; a symbolic link to it is followed.
+    Any other folder must exist. The default one must be a real folder of this user, and its permissions for
+    other users must not exceed `may_enter`. A folder that the user named may have any permissions, if its
+    owner is this user or root; a symbolic link to it is followed.
 
-    Raises ConfigurationError, which says why.
+    Raises ConfigurationError with the reason.
     """
     try:
         above = folder.absolute().parent.stat()
@@ -61,7 +62,7 @@ def prepare_folder(folder: "Path", *, is_default: bool, may_enter: int = 0) -> N
         raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}; {hint}") from None
     except OSError as error:
         raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}") from None
-    # From here on no other user can exchange the folder: it is ours, and so is its entry in the folder above.
+    # From here on no other user can replace the folder: this user owns it, and its entry in the folder above.
     distrust = _distrust(found, is_default=is_default, may_enter=may_enter)
     if distrust is None and is_default and _is_open_to_all(above):
         distrust = "anybody can exchange it: the folder above is world-writable without the sticky bit"
@@ -71,7 +72,7 @@ def prepare_folder(folder: "Path", *, is_default: bool, may_enter: int = 0) -> N
 
 
 def _check_above(folder: "Path", above: os.stat_result) -> None:
-    """Root with a user's environment must not make the user's folder: it would belong to root."""
+    """Refuse to make a user's folder as root with that user's environment: it would belong to root."""
     us = os.geteuid()
     if above.st_uid not in (0, us) and not above.st_mode & stat.S_ISVTX:
         raise ConfigurationError(
