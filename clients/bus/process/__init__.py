@@ -1,6 +1,6 @@
-"""Things of a process, on the bus or not: arguments, signals, a log file, loops that threads share.
+"""Parts of a process, with or without a bus: arguments, signals, a log file, loops that threads share.
 
-- Where busd's socket is: `address.py` (pure: computes a path, touches no file).
+- The path of busd's socket: `address.py` (pure: computes a path, touches no file).
 - Command line and files: `ros_args.py` (ROS arguments), `tables.py` (tables of busd.toml).
 - Ends: `termination.py` (a program dies by the signal that ended it), `start_errors.py` (errors of the start
   in one line), `mistakes.py` (texts for common mistakes).
@@ -10,10 +10,10 @@
 
 Invariants:
 
-- No module here talks to busd, or knows nodes and messages.
+- No module here communicates with busd, or knows nodes and messages.
 - A caller of the shared loop holds the guard whenever it touches the loop or anything on it. The thread that
   runs the loop releases the guard only while it waits for events.
-- Only a file that begins with busd's mark and belongs to this user is renamed or emptied as a log.
+- A file is renamed or emptied as a log only if it begins with busd's mark and belongs to this user.
 - `tables.py` and `mistakes.py` are slow to import, so they are imported late.
 
 Read first: the docstring of the module in question; the modules are independent. For threads:

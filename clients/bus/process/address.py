@@ -1,7 +1,7 @@
-"""Where busd's socket is: one answer for daemon, library and tools.
+"""The path of busd's socket, the same for daemon, library and tools.
 
-Pure: computes a path from what it is given and must not touch the file system. The process that
-listens makes the folder, and checks its owner.
+Pure: computes a path from its arguments and must not touch the file system. The process that listens makes
+the folder, and checks its owner.
 """
 
 import os
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from bus.errors import ConfigurationError, StartError
 
-if TYPE_CHECKING:  # it takes a while to import, and a program that only uses the bus needs none of it
+if TYPE_CHECKING:  # its import takes a while, and a program that only uses the bus doesn't need it
     from pathlib import Path
 
 __all__ = ["MAX_DOMAIN", "MAX_PATH_BYTES", "domain_id", "is_default_folder", "socket_name", "socket_path"]
@@ -40,20 +40,20 @@ def socket_name(
     environ: Mapping[str, str] = os.environ,
     uid: int | None = None,
 ) -> str:
-    """The absolute path of the socket: `socket`, else $BUSD_SOCKET, else one for the domain.
+    """The absolute path of the socket: `socket`, else $BUSD_SOCKET, else the domain's path.
 
-    That one is $XDG_RUNTIME_DIR/busd/<domain>.sock, or /tmp/busd-<uid>/<domain>.sock where that variable is
-    not set. `uid` defaults to this process's user. An empty variable counts as not set.
+    The domain's path is $XDG_RUNTIME_DIR/busd/<domain>.sock, or /tmp/busd-<uid>/<domain>.sock if that
+    variable is not set. `uid` defaults to this process's user. An empty variable counts as not set.
 
-    Raises ConfigurationError for a path that is too long for a socket, and for a domain out of range; if
-    a variable says so, StartError.
+    Raises ConfigurationError for a path too long for a socket, and for a domain out of range. If the value is
+    from a variable, it raises StartError.
     """
     if socket is not None:
         return _checked(_absolute(os.fspath(socket)), ConfigurationError)
     if chosen := environ.get("BUSD_SOCKET"):
         return _checked(_absolute(chosen), StartError)
     runtime = environ.get("XDG_RUNTIME_DIR", "")
-    # The XDG specification: a relative path is invalid and to be ignored.
+    # The XDG specification: a relative path is invalid and must be ignored.
     if runtime.startswith("/"):
         folder = _normal(f"{runtime}/busd")
     else:
@@ -64,16 +64,16 @@ def socket_name(
 def is_default_folder(
     folder: "Path", environ: Mapping[str, str] = os.environ, uid: int | None = None
 ) -> bool:
-    """Whether `folder` is the default one, and not one that the user named."""
+    """Whether `folder` is the default folder, and not named by the user."""
     rest = {name: value for name, value in environ.items() if name != "BUSD_SOCKET"}
     try:
         return folder == socket_path(domain=0, environ=rest, uid=uid).parent
-    except ConfigurationError:  # too long for a socket, so no default
+    except ConfigurationError:  # too long for a socket, so there is no default
         return False
 
 
 def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.environ) -> int:
-    """The domain, which keeps apart the systems of one host: `domain`, else $BUSD_DOMAIN, else 0.
+    """The domain, which separates the systems of one host: `domain`, else $BUSD_DOMAIN, else 0.
 
     Raises ConfigurationError if it is not from 0 to 65535; for the variable, StartError.
     """
@@ -84,7 +84,7 @@ def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.envi
     text = environ.get("BUSD_DOMAIN", "").strip()
     if not text:
         return 0
-    # The length keeps int() from the numbers that it refuses for their size.
+    # int() refuses very long numbers, so the length is checked first.
     number = int(text) if text.isascii() and text.isdigit() and len(text) <= 16 else -1
     if not 0 <= number <= MAX_DOMAIN:
         raise StartError(f"BUSD_DOMAIN must be an integer from 0 to {MAX_DOMAIN}, not '{text}'")
@@ -92,7 +92,7 @@ def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.envi
 
 
 def _normal(path: str) -> str:
-    """As `Path` has it: without empty parts and dots. What `..` leads to, only the file system knows."""
+    """A path in the form of `Path`: without empty parts and dots. `..` stays: its target depends on links."""
     root = "/" if path.startswith("/") else ""
     return root + "/".join(part for part in path.split("/") if part not in ("", "."))
 

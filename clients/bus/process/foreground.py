@@ -1,9 +1,9 @@
-"""An event loop that runs only while its thread waits: what moves the blocking API.
+"""An event loop that runs only while its thread waits: the engine of the blocking API.
 
-There is no thread behind it. Between two calls nothing runs: what comes waits in the rings and in the socket,
-and the next call handles it. A call holds the guard (`bus.process.shared_loop`) while it works and not while
-it waits: so Ctrl-C comes at the end of what is being done, and other threads may publish. Knows loops,
-threads and signals; must not know nodes.
+It has no thread. Between two calls nothing runs: new messages wait in the rings and in the socket, and the
+next call handles them. A call holds the guard (`bus.process.shared_loop`) while it works, and not while it
+waits. So Ctrl-C takes effect at the end of a step, and other threads may publish. Knows loops, threads and
+signals; must not know nodes.
 """
 
 import asyncio
@@ -24,24 +24,24 @@ from bus.process.termination import ReaderGone, Terminated, drop_unread_output, 
 T = TypeVar("T")
 
 _REST_NS = 5_000_000
-"""A caller that finds all its messages without the loop still gives it a turn this often."""
+"""Period of the loop's turns if a caller finds all its messages without the loop."""
 
 _OFTEN_NS = 100_000
-"""One that publishes without a pause looks for events this often: to look costs more than to publish."""
+"""Period of checks for events while a caller publishes without a pause: a check costs more than a publish."""
 
 _SIGNALS = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGTERM: signal.SIG_DFL,
     signal.SIGPIPE: signal.SIG_IGN,
 }
-"""Signals, and their handlers in a program that has none of its own."""
+"""Signals, and their handlers in a program that has set none."""
 _ENDS = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated, signal.SIGPIPE: ReaderGone}
 _MOST_S = 1e9
 _MOST_TURNS = 20
 
 
 class Signal:
-    """Ends a run of the loop once it is set; `set` may be a callback."""
+    """Ends a run of the loop when it is set; `set` may be a callback."""
 
     __slots__ = ("is_set",)
 
@@ -53,7 +53,7 @@ class Signal:
 
 
 class Condition:
-    """As `Signal`, for a change without a callback: each turn of the loop looks at it."""
+    """Like `Signal`, for a change without a callback: each turn of the loop checks it."""
 
     __slots__ = ("_look",)
 
@@ -66,12 +66,12 @@ class Condition:
 
 
 class Foreground:
-    """Got by `acquire`, one for each thread; given back with `release`.
+    """The event loop of one thread; `acquire` returns it, `release` gives it back.
 
-    The methods are for that thread alone. `loop` is used under its guard.
+    Only that thread may call the methods. `loop` is used under its guard.
     """
 
-    _all: ClassVar[list["Foreground"]] = []  # and those of a parent's, in the child of a fork: never ended
+    _all: ClassVar[list["Foreground"]] = []  # in the child of a fork also the parent's, which never end
 
     def __init__(self) -> None:
         self.loop = GuardedLoop()
@@ -80,12 +80,15 @@ class Foreground:
         self.thread = get_ident()
         self._users = 0
         self._attended_ns = self._asked_ns = 0
-        self._heard: dict[int, Any] = {}  # signals, and their handlers before
+        self._heard: dict[int, Any] = {}  # handled signals, and their former handlers
         self._is_silent = False
 
     @classmethod
     def acquire(cls, instead: str) -> "Foreground":
-        """This thread's. Raises LocalProtocolError where an event loop runs in it; `instead` is said then."""
+        """This thread's loop.
+
+        Raises LocalProtocolError, with the hint `instead`, if an event loop runs in it.
+        """
         if asyncio._get_running_loop() is not None:
             raise LocalProtocolError(f"an event loop runs here, which must not be blocked: use {instead}")
         thread = get_ident()
@@ -100,7 +103,7 @@ class Foreground:
         return one
 
     def release(self) -> None:
-        """One user less; the last one closes the loop."""
+        """Give the loop back; the last user closes it."""
         self._users -= 1
         if self._users or self.failure is not None:
             return
@@ -113,9 +116,10 @@ class Foreground:
         loop.close()
 
     def dropped(self) -> None:
-        """The collector has found a user of this, perhaps in another thread or amid a call.
+        """Handle a user of this loop that the collector has found, perhaps in another thread or during a
+        call.
 
-        If nothing can be done now, the loop goes on with the next user's calls.
+        If nothing can be done now, the loop continues with the next user's calls.
         """
         if self.may_attend():
             self.attend()
@@ -124,15 +128,15 @@ class Foreground:
             self._users -= 1
 
     def may_attend(self) -> bool:
-        """For the collector, which may run amid anything: whether `attend` is possible now."""
+        """Whether `attend` is possible now. For the collector, which may run at any point."""
         return self.failure is None and self.is_free() and not self.loop.is_mine()
 
     def is_free(self) -> bool:
-        """Whether the loop may be run now: by its own thread, where no event loop runs."""
+        """Whether the loop may run now: this is its own thread, in which no event loop runs."""
         return get_ident() == self.thread and asyncio._get_running_loop() is None
 
     def check(self) -> None:
-        """Raise LocalProtocolError where this thread or this moment is the wrong one."""
+        """Raise LocalProtocolError if this is the wrong thread or the wrong moment."""
         if self.failure is not None:
             raise again(self.failure)
         if get_ident() != self.thread:
@@ -143,9 +147,9 @@ class Foreground:
             raise LocalProtocolError("an event loop runs here, which must not be blocked: use bus.Node")
 
     def run(self, function: Callable[[], Coroutine[Any, Any, T]], timeout_s: float | None = None) -> T:
-        """Run a coroutine function to its end, which must be quick once it is cancelled.
+        """Run a coroutine function to its end. After a cancellation it must end quickly.
 
-        Raises TimeoutError; also KeyboardInterrupt. Then the coroutine was cancelled.
+        Raises TimeoutError and KeyboardInterrupt; before both, it cancels the coroutine.
         """
         self.check()
         deadline_ns = deadline_after(timeout_s)
@@ -172,7 +176,10 @@ class Foreground:
             raise TimeoutError(f"{tell()} within {timeout_s:g} s") from None
 
     def wait(self, until: Until, deadline_ns: int = 0) -> bool:
-        """Under the guard: wait until it is set. False at the deadline (0: none), and at an interrupt."""
+        """Under the guard: wait until `until` is set.
+
+        False at the deadline (0: none), and at an interrupt.
+        """
         loop = self.loop
         while not until.is_set:
             loop.run(until, deadline_ns)
@@ -181,7 +188,7 @@ class Foreground:
         return until.is_set
 
     def attend(self) -> None:
-        """Handle what has come, without waiting for more; in its own thread, where no event loop runs."""
+        """Handle events, without waiting for more; in its own thread, while no event loop runs there."""
         loop = self.loop
         if self.is_free() and loop.has_events():
             with loop.guard:
@@ -192,14 +199,14 @@ class Foreground:
             self._attended_ns = monotonic_ns()
 
     def attend_often(self) -> None:
-        """As `attend`; where nothing is due, the system is asked at most once in a tenth of a millisecond."""
+        """As `attend`. If nothing is due, it polls the system at most once in a tenth of a millisecond."""
         now_ns = monotonic_ns()
         if self.loop.is_due or now_ns - self._asked_ns > _OFTEN_NS:
             self._asked_ns = now_ns
             self.attend()
 
     def attend_rarely(self) -> None:
-        """As `attend`, where that is a while ago."""
+        """As `attend`, if the last time was a while ago."""
         now_ns = monotonic_ns()
         if now_ns - self._attended_ns > _REST_NS:
             self._attended_ns = now_ns
@@ -208,8 +215,9 @@ class Foreground:
     # --- inside
 
     def _handle_signals(self) -> None:
-        """In the main thread, where the program has no handlers of its own: Ctrl-C and SIGTERM end waits, and
-        come at the end of what is being done.
+        """In the main thread, if the program has no handlers: let Ctrl-C and SIGTERM end waits.
+
+        During work, they take effect at the end of the step.
         """
         if threading.current_thread() is not threading.main_thread():
             return
@@ -227,8 +235,8 @@ class Foreground:
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if number == signal.SIGPIPE and not drop_unread_output():
-            return  # another pipe or socket; what writes to it gets BrokenPipeError
-        if not self._is_silent and not hasattr(sys, "ps1"):  # at an interactive prompt users want to see it
+            return  # another pipe or socket; the code that writes to it gets BrokenPipeError
+        if not self._is_silent and not hasattr(sys, "ps1"):  # at an interactive prompt the user should see it
             self._is_silent = True
             say_nothing_of_signals()
         loop = self.loop
@@ -241,7 +249,8 @@ class Foreground:
 
     @classmethod
     def _forked(cls) -> None:
-        """In the child of a fork: a parent's loop may neither run nor end, for its epoll is the parent's."""
+        """In the child of a fork: a parent's loop may neither run nor end, because its epoll is the
+        parent's."""
         for one in cls._all:
             if one.failure is None:
                 one.failure = ForkError("this node was made before a fork; connect anew in the child process")
@@ -250,7 +259,10 @@ class Foreground:
 
 
 def deadline_after(timeout_s: float | None) -> int:
-    """On the monotonic clock, 0 for None. Raises ConfigurationError for what is no time."""
+    """The deadline on the monotonic clock, 0 for None.
+
+    Raises ConfigurationError if `timeout_s` is no time.
+    """
     if timeout_s is None:
         return 0
     if not isinstance(timeout_s, int | float) or not 0 <= timeout_s <= _MOST_S:

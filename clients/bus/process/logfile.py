@@ -1,14 +1,14 @@
-"""The file into which a busd in the background logs. The process that starts busd opens it; both turn it
-over.
+"""The log file of a busd in the background. The process that starts busd opens it; both turn it over.
 
-Owns its name, its mark, and how it is opened: at once, whatever lies there, and without harm to anything that
-is not a log of busd's. Must not know what is logged.
+Owns its name, its mark, and the rules to open it: without a wait, for any object at the path, and without
+harm to a file that is not busd's log. Must not know the log's content.
 
 Invariants:
-- A file that is written to, renamed or emptied begins with the mark, is a regular file of this user, and
-  nobody else may write to it.
-- A process that turns the file over holds an flock on it and has seen that it is still the one at its path.
-  So of many that find it full at the same time one does it, and none loses a file that another has begun.
+- A file is written, renamed or emptied only if it begins with the mark and is a regular file of this user,
+  and if no other user may write to it.
+- A process that turns the file over holds an flock on it, and has checked that the file is still at its path.
+  If many processes find it full at the same time, one turns it over, and none loses a file that another has
+  begun.
 """
 
 import errno
@@ -23,10 +23,10 @@ from bus.errors import ConfigurationError
 __all__ = ["MARK", "MOST_BYTES", "empty", "find_fault", "is_log", "log_path", "open_in_memory", "open_log"]
 
 MARK = b"# busd's own log: "
-"""The beginning of the first line, whatever the format of the others."""
+"""The beginning of the first line, for any format of the other lines."""
 
 MOST_BYTES = 1 << 20
-"""A file of this size becomes the old one, in place of an earlier old one."""
+"""A file of this size becomes the old file, and replaces an earlier old file."""
 
 _FIRST_LINE = MARK + b"at 1 MiB it goes on in a new file, and this one is kept beside it as *.log.1\n"
 _FLAGS = os.O_RDWR | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -36,15 +36,16 @@ _RETRY_S = 0.005
 
 
 def log_path(socket: Path) -> Path:
-    """Beside the socket: `0.log` for `0.sock`, for any other name that name and `.log`."""
+    """The path of the log, beside the socket: `0.log` for `0.sock`; for any other name, that name plus
+    `.log`."""
     return socket.with_name(f"{socket.name.removesuffix('.sock') or socket.name}.log")
 
 
 def open_log(path: Path, most_bytes: int = MOST_BYTES) -> int:
-    """A descriptor of the log at `path`, to append to. Makes a missing file, and turns over a full one.
+    """Open the log at `path` to append to it. Makes a missing file, and turns over a full one.
 
-    Raises ConfigurationError where the file can't be opened, or where something else is there, which stays
-    as it is.
+    Raises ConfigurationError if the file can't be opened, or if another object is at the path, which stays as
+    it is.
     """
     try:
         for attempt in range(_ATTEMPTS):
@@ -67,7 +68,7 @@ def open_log(path: Path, most_bytes: int = MOST_BYTES) -> int:
 
 
 def open_in_memory() -> int:
-    """A descriptor for a log without a file: in memory, or /dev/null where there is none."""
+    """A descriptor for a log without a file: in memory, or /dev/null if there is no memory."""
     try:
         fd = os.memfd_create("busd.log")
     except (AttributeError, OSError):
@@ -82,7 +83,7 @@ def open_in_memory() -> int:
 
 
 def is_log(fd: int) -> bool:
-    """Whether it is a log, with a file or in memory, that may be turned over and emptied."""
+    """Whether `fd` is a log, in a file or in memory, that may be turned over and emptied."""
     try:
         return stat.S_ISREG(os.fstat(fd).st_mode) and os.pread(fd, len(MARK), 0) == MARK
     except OSError:
@@ -90,12 +91,12 @@ def is_log(fd: int) -> bool:
 
 
 def empty(fd: int) -> None:
-    """Begin anew in the same log."""
-    os.ftruncate(fd, os.pread(fd, 1024, 0).index(b"\n") + 1)  # the mark is there at every moment
+    """Empty the log, except its first line."""
+    os.ftruncate(fd, os.pread(fd, 1024, 0).index(b"\n") + 1)  # the mark stays at every moment
 
 
 def find_fault(path: Path) -> str:
-    """Why a busd could not have its log at `path`; "" where it could."""
+    """The reason why a busd could not have its log at `path`; "" if it could."""
     try:
         if (fd := _open(path)) is not None:
             os.close(fd)
@@ -107,7 +108,7 @@ def find_fault(path: Path) -> str:
 
 
 def _make(path: Path) -> int | None:
-    """None where another process was first."""
+    """Make the file; None if another process was first."""
     try:
         fd = os.open(path, _FLAGS | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
@@ -115,16 +116,16 @@ def _make(path: Path) -> int | None:
     try:
         _begin(fd)
     except BaseException:
-        path.unlink()  # without its mark it would be in the way for ever
+        path.unlink()  # without its mark, no process would ever use or replace it
         os.close(fd)
         raise
     return fd
 
 
 def _open(path: Path) -> int | None:
-    """None where it is empty, or gone by now. Raises ConfigurationError where it is something else."""
+    """Open the file; None if it is empty, or gone by now. Raises ConfigurationError if it is no log."""
     try:
-        _check(path, path.lstat())  # before it is opened: opening alone acts on some kinds of files
+        _check(path, path.lstat())  # before the open, because that alone has effects on some kinds of files
         fd = os.open(path, _FLAGS)
     except FileNotFoundError:
         return None
@@ -161,9 +162,9 @@ def _begin(fd: int) -> None:
 
 
 def _turn_over(fd: int, path: Path) -> bool:
-    """Make `path` free for a new file, or empty the file where something else has the old one's name.
+    """Make `path` free for a new file; or empty the file if another object has the old file's name.
 
-    Returns whether to open it again; False: another process is at it, and the file will do for now.
+    Returns whether to open it again. False: another process turns it over, and the file can be used for now.
     """
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until it is closed
@@ -179,6 +180,6 @@ def _turn_over(fd: int, path: Path) -> bool:
     except FileNotFoundError:
         return True
     except OSError:
-        pass  # the folder may be closed to us by now
+        pass  # the folder may not be writable for us any more
     empty(fd)
     return True

@@ -1,7 +1,7 @@
 """Texts for common mistakes: one line each, which shows the right way.
 
-Owns the texts for mistakes of programmers who come from rclpy, from plain asyncio or from NumPy. Needed for
-mistakes only: import it late.
+Owns the texts for mistakes of programmers with experience of rclpy, plain asyncio or NumPy. Only needed after
+mistakes: import it late.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ __all__ = [
 
 
 def no_message_class(what: Any) -> MessageTypeError:
-    """Something else was given as a message type."""
+    """The error for a message type that is no message class."""
     if not isinstance(what, type):
         how = "one is derived from msgspec.Struct"
         if isinstance(what, str):
@@ -43,7 +43,8 @@ def no_message_class(what: Any) -> MessageTypeError:
 
 
 def array_field(owner: str, field: str, cls: type) -> MessageTypeError:
-    """A field is declared as an array or a scalar of NumPy or the like, as which nothing can be decoded."""
+    """The error for a field declared as an array or scalar of NumPy or a similar package: it can't be
+    decoded."""
     name = f"{cls.__module__}.{cls.__qualname__}"
     if any(base.__module__ == "numpy" and base.__qualname__ == "generic" for base in cls.__mro__):
         use = "declare it as int or float, or as one of bus.msg's (uint8, float32, ...)"
@@ -56,7 +57,7 @@ def array_field(owner: str, field: str, cls: type) -> MessageTypeError:
 
 
 def no_coroutine(main: Any) -> TypeError:
-    """`bus.run` was given something else than a coroutine."""
+    """The error for an argument of `bus.run` that is no coroutine."""
     if callable(main):
         name = getattr(main, "__name__", "main")
         return TypeError(f"bus.run takes a coroutine: write bus.run({name}()), not bus.run({name})")
@@ -64,14 +65,14 @@ def no_coroutine(main: Any) -> TypeError:
 
 
 def nested_run() -> RuntimeError:
-    """`bus.run` was called where an event loop runs."""
+    """The error for a call of `bus.run` while an event loop runs."""
     return RuntimeError(
         "bus.run starts an event loop, but one is running here already: write await main(), in Jupyter too"
     )
 
 
 def plain_with(name: str) -> TypeError:
-    """A node is used with `with` in place of `async with`."""
+    """The error for a node used with `with` instead of `async with`."""
     return TypeError(
         f"write async with bus.Node({name!r}) as node, in async def main(); or, in a script without asyncio, "
         f"with bus.connect({name!r}) as node"
@@ -79,7 +80,7 @@ def plain_with(name: str) -> TypeError:
 
 
 def no_loop() -> LocalProtocolError:
-    """A node is to be opened where no event loop of asyncio runs."""
+    """The error for a node that is opened without a running event loop of asyncio."""
     if _is_trio():
         return LocalProtocolError(
             "a node needs asyncio's event loop, but trio's is running here: "
@@ -91,7 +92,7 @@ def no_loop() -> LocalProtocolError:
 
 
 def other_loop(what: str, loop: asyncio.AbstractEventLoop) -> LocalProtocolError:
-    """Something of a node is used where the event loop that opened the node does not run."""
+    """The error for the use of a node outside the event loop that opened it."""
     if loop.is_closed():
         return LocalProtocolError(
             f"{what} belongs to an event loop that has ended: open a node in the main() that uses it"

@@ -1,7 +1,7 @@
 """ROS-style command line arguments: remap rules, parameters and log levels between `--ros-args` and `--`.
 
-Owns their grammar (rcl/arguments.c, parse_*) and how remap rules apply (rcl/remap.c). Must not know what a
-parameter means or read its file: values stay YAML text.
+Owns their grammar (rcl/arguments.c, parse_*) and the application of remap rules (rcl/remap.c). Must not know
+the meaning of a parameter, and must not read parameter files: values stay YAML text.
 """
 
 import re
@@ -34,7 +34,7 @@ class UnknownArguments(ConfigurationError):
 
 
 class RemapKind(Enum):
-    """What a remap rule replaces."""
+    """The kind of name that a remap rule replaces."""
 
     NODE_NAME = "__node"
     NAMESPACE = "__ns"
@@ -42,17 +42,17 @@ class RemapKind(Enum):
 
 
 class RemapRule(msgspec.Struct, frozen=True):
-    """`-r [node:]match:=replacement`; `match` is empty unless the rule is for topics."""
+    """A rule `-r [node:]match:=replacement`; `match` is empty unless the rule is for topics."""
 
     kind: RemapKind
     match: str
     replacement: str
     node: str | None = None
-    """The only node that the rule is for; None = every node. It has its new name once node names are done."""
+    """The only node for the rule; None = every node. The name is the node's name after its own remapping."""
 
 
 class Parameter(msgspec.Struct, frozen=True):
-    """`-p [node:]name:=value`."""
+    """A parameter, `-p [node:]name:=value`."""
 
     name: str
     value: str
@@ -61,13 +61,13 @@ class Parameter(msgspec.Struct, frozen=True):
 
 
 class ParameterFile(msgspec.Struct, frozen=True):
-    """`--params-file path`."""
+    """A file of parameters, `--params-file path`."""
 
     path: str
 
 
 class LogLevel(msgspec.Struct, frozen=True):
-    """`--log-level [logger:=]severity`."""
+    """A log level, `--log-level [logger:=]severity`."""
 
     severity: str
     """UNSET, DEBUG, INFO, WARN, ERROR or FATAL."""
@@ -79,24 +79,24 @@ ParameterSource: TypeAlias = Parameter | ParameterFile
 
 
 class Arguments(msgspec.Struct, frozen=True):
-    """What a command line asks of every node in the process; without arguments, nothing."""
+    """The ROS arguments of a command line, for all nodes of the process."""
 
     remaps: tuple[RemapRule, ...] = ()
     parameters: tuple[ParameterSource, ...] = ()
-    """As given: where two set the same parameter, the later one holds."""
+    """In their order: if two set the same parameter, the later one wins."""
     log_levels: tuple[LogLevel, ...] = ()
-    """As given: where two set the same logger, the later one holds."""
+    """In their order: if two set the same logger, the later one wins."""
     log_to_console: bool = True
     log_to_rosout: bool = True
     remaining: tuple[str, ...] = ()
-    """Everything that is not a ROS argument, in order."""
+    """All other arguments, in order."""
 
     @classmethod
     def parse(cls, argv: Sequence[str]) -> "Arguments":
         """Take the ROS arguments out of a command line, with or without the program's name in front.
 
-        Raises ConfigurationError naming the rule that can't be used, UnknownArguments for ROS arguments that
-        are not known.
+        Raises ConfigurationError, naming the rule, for an unusable rule, and UnknownArguments for unknown ROS
+        arguments.
         """
         remaps: list[RemapRule] = []
         parameters: list[ParameterSource] = []
@@ -124,7 +124,7 @@ class Arguments(msgspec.Struct, frozen=True):
             elif argument == "--log-level":
                 log_levels.append(_parse_log_level(argument, _value(rest, argument, "log level")))
             elif argument in ("-e", "--enclave", "--log-config-file", "--log-file-name"):
-                _value(rest, argument, "value")  # ROS 2 has them; here they have no meaning
+                _value(rest, argument, "value")  # arguments of ROS 2 without a meaning here
             elif (switch := _parse_switch(argument)) is not None and switch[0] in switches:
                 switches[switch[0]] = switch[1]
             else:
@@ -141,17 +141,17 @@ class Arguments(msgspec.Struct, frozen=True):
         )
 
     def node_name(self, name: str) -> str:
-        """The name that a node made as `name` gets."""
+        """The name of a node that the program made as `name`."""
         return self._replacement(RemapKind.NODE_NAME, name) or name
 
     def namespace(self, namespace: str, node: str) -> str:
-        """The namespace that a node made in `namespace` gets; `node` is its name after `node_name()`."""
+        """The namespace of a node made in `namespace`; `node` is its name after `node_name()`."""
         return self._replacement(RemapKind.NAMESPACE, node) or namespace
 
     def topic(self, full_name: str, node: str, namespace: str) -> str:
-        """The full name that a topic gets in a node, whose name and namespace are remapped already.
+        """The remapped full name of a topic in a node with an already remapped name and namespace.
 
-        Both sides of a rule are expanded; the first rule that matches is applied, once.
+        Both sides of a rule are expanded; the first matching rule is applied, once.
         """
         for rule in self.remaps:
             if rule.kind is not RemapKind.TOPIC or rule.node not in (None, node):
@@ -172,7 +172,7 @@ class Arguments(msgspec.Struct, frozen=True):
 
 
 def remove_ros_args(argv: Sequence[str]) -> list[str]:
-    """The command line without its ROS arguments, for a parser of the program's own."""
+    """The command line without its ROS arguments, for the program's own parser."""
     return list(Arguments.parse(argv).remaining)
 
 

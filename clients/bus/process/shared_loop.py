@@ -1,9 +1,9 @@
-"""An event loop that threads share: one runs it, and while it waits, others may use what lives on it.
+"""An event loop that threads share: one thread runs it, and while it waits, others may use its objects.
 
 asyncio's own loop belongs to one thread; other threads can only send it calls, which costs a change of
-threads each way. Here a lock, the guard, goes around the loop and all that lives on it. The thread that runs
-the loop holds the guard except while it waits; so another thread that holds it may call what the loop's own
-callbacks may call, except coroutines. Knows nothing of the bus.
+threads each way. Here a lock, the guard, protects the loop and all its objects. The thread that runs the loop
+holds the guard except while it waits. So another thread with the guard may make the same calls as the loop's
+own callbacks, except coroutines. Knows nothing about the bus.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from types import FrameType
 from typing import Any, Protocol
 
 _FINE_S = 0.02
-"""Shorter waits get microseconds; epoll knows milliseconds only."""
+"""Shorter waits are exact to microseconds; epoll only has milliseconds."""
 
 _YIELD_S = 20e-6
 _NOBODY = -1
@@ -32,11 +32,11 @@ _MANY_CANCELLED = 100
 
 
 class Until(Protocol):
-    """Ends a run of the loop once it is set."""
+    """Ends a run of the loop when it is set."""
 
     @property
     def is_set(self) -> bool:
-        """Set: the run ends after this turn."""
+        """If True, the run ends after this turn."""
 
 
 class _ForEver:
@@ -47,15 +47,16 @@ _FOR_EVER = _ForEver()
 
 
 class GuardedLoop(asyncio.SelectorEventLoop):
-    """Use it as `with loop:` to hold the guard; or `with loop.guard:`, which is quicker, and then `check`.
+    """A loop with a guard.
 
-    Any thread may run the loop (`run`), one at a time; it must hold the guard, once.
+    Hold it with `with loop:`; or with `with loop.guard:`, which is quicker, and then `check`. Any thread may
+    run the loop (`run`), one at a time; it must hold the guard, once.
 
-    A signal handler that must not raise KeyboardInterrupt amid what the guard protects (see `is_busy`) sets
-    `is_interrupted`: the main thread raises it once it has given the guard away.
+    A signal handler must not raise KeyboardInterrupt while the guard protects a change (see `is_busy`). Then
+    it sets `is_interrupted`, and the main thread raises KeyboardInterrupt after it has released the guard.
     """
 
-    # asyncio's own attributes, of which typeshed knows nothing.
+    # asyncio's own attributes, which typeshed does not have.
     _ready: deque[Any]
     _scheduled: list[Any]
     _stopping: bool
@@ -67,20 +68,21 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     def __init__(self) -> None:
         self.is_interrupted = False
         self.interruption: type[KeyboardInterrupt] = KeyboardInterrupt
-        """What `check` raises."""
+        """The class of the error that `check` raises."""
         self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
         """Calls, with their arguments, that can wait for the next run."""
         self.rests = False
-        """Whether it runs only while a call waits (`foreground`): then a rest in between is no standstill."""
+        """Whether the loop runs only while a call waits (`foreground`): then a pause in between is no
+        standstill."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
         self.is_mine: Callable[[], bool] = self.guard._is_owned  # type: ignore[attr-defined]
-        """Whether this thread holds the guard; with no frame of Python's own."""
+        """Whether this thread holds the guard. The call needs no Python frame."""
         self.on_signal: Callable[[], object] = int
         self._signals = _NOBODY
         self._contenders: deque[None] = deque()  # its methods are atomic
         self.is_waiting = False
-        """Whether the thread that runs it waits for events."""
+        """Whether the thread that runs the loop waits for events."""
         selector: Any = selectors.EpollSelector()
         self._epoll: select.epoll = selector._selector
         self._epoll_number = self._epoll.fileno()
@@ -88,7 +90,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         super().__init__(selector)
 
     def __del__(self) -> None:
-        # Unset where a signal broke off its making: there is nothing to close yet.
+        # Not set if a signal interrupted the constructor: there is nothing to close yet.
         if hasattr(self, "_signal_handlers"):
             super().__del__()
 
@@ -102,7 +104,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self.check()
 
     def check(self) -> None:
-        """Without the guard: raise KeyboardInterrupt, where that waited for this."""
+        """Without the guard: raise a pending KeyboardInterrupt."""
         if self.is_interrupted and get_ident() == self._main_thread:
             self.is_interrupted = False
             raise self.interruption
@@ -115,47 +117,48 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self._contenders.pop()
 
     def release(self) -> None:
-        """Give the guard away, without looking for interrupts."""
+        """Release the guard, without a check for interrupts."""
         self.guard.release()
 
     def is_busy(self, frame: FrameType | None) -> bool:
-        """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
+        """In a signal handler that interrupted `frame`: whether the main thread must not raise an error
+        now."""
         while frame is not None and frame.f_code not in _ABOUT_TO_TAKE:
             frame = frame.f_back  # a second Ctrl-C may interrupt the handler itself
         return frame is not None or self.is_mine()
 
     def wake(self) -> None:
-        """End the wait for events; also in a signal's handler, and without the guard."""
+        """End the wait for events. May be called in a signal handler, and without the guard."""
         self._write_to_self()  # type: ignore[attr-defined]
 
     def interrupt(self) -> None:
-        """Let a run end soon; as `wake`, from anywhere."""
+        """Let a run end soon. May be called anywhere, as `wake`."""
         self._stopping = True
         self.wake()
 
     def wake_on_signals(self) -> None:
-        """In the main thread: let signals end the wait for events, and tell `on_signal`.
+        """In the main thread: let signals end the wait for events, and call `on_signal`.
 
         Without this, Python handles a signal that comes just before the wait only when the wait is over. Does
-        nothing where other code has done the same. `close` undoes it.
+        nothing if other code has done the same. `close` undoes it.
         """
         self._signals = self._csock.fileno()
         _replace_wakeup_fd(self._signals, instead_of=_NOBODY)
 
     def forget_signals(self) -> None:
-        """Undo `hear_signals`, in the main thread."""
+        """Undo `wake_on_signals`, in the main thread."""
         if self._signals != _NOBODY:
-            with suppress(ValueError):  # another thread, in which a process ends that is not Python's own
+            with suppress(ValueError):  # another thread, in a process that Python did not start
                 _replace_wakeup_fd(_NOBODY, instead_of=self._signals)
             self._signals = _NOBODY
 
     @property
     def is_due(self) -> bool:
-        """Whether something waits to be called, timers and descriptors apart."""
+        """Whether calls wait, without regard to timers and descriptors."""
         return bool(self._ready)
 
     def has_events(self) -> bool:
-        """Whether a run would find anything to do at once."""
+        """Whether a run would have anything to do at once."""
         scheduled = self._scheduled
         return bool(
             self._ready or self._epoll.poll(0, 1) or (scheduled and scheduled[0]._when <= time.monotonic())
@@ -171,9 +174,9 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     ) -> Any:
         """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
 
-        With less around each turn, because a call waits for what it brings: readers of descriptors are
-        called first, and without a context. Before that, where there are events, `look` may find what is
-        waited for: then this returns it at once, and the next run handles the events.
+        Each turn does less than asyncio's, because a call waits for its result: readers of descriptors are
+        called first, and without a context. Before them, if there are events, `look` may find the awaited
+        result. Then this returns it at once, and the next run handles the events.
         """
         ready, deferred, guard, keys = self._ready, self.deferred, self.guard, self._keys
         self._thread_id = get_ident()
@@ -188,7 +191,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                 guard.release()
                 try:
                     if self._contenders:
-                        time.sleep(_YIELD_S)  # a lock is not fair: a thread that waits for it must get it
+                        time.sleep(_YIELD_S)  # a lock is not fair: give waiting threads time to take it
                     events = self._epoll.poll() if timeout_s < 0 else self._poll(timeout_s)
                 finally:
                     guard.acquire()
@@ -219,13 +222,13 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             asyncio._set_running_loop(None)
 
     def wait(self, sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
-        """Without the guard, in the thread that runs it: what `sleep` brings, in place of a run.
+        """Without the guard, in the thread that runs the loop: return the result of `sleep` instead of a run.
 
-        Where there is nothing to do, `sleep(epoll, deadline_ns, due_s)` sleeps until there is, by the
-        descriptor that has all events, until one of these times at the latest (0: none). None: `run` has to
-        do it. An interrupt need not wait: nothing is guarded here.
+        If there is nothing to do, `sleep(epoll, deadline_ns, due_s)` sleeps until there is. It uses the
+        descriptor with all events, and ends at the latest at one of these times (0: none). None: a `run` is
+        necessary. An interrupt need not wait, because nothing is guarded here.
         """
-        self.is_waiting = True  # first: a thread that adds a call from now on wakes it
+        self.is_waiting = True  # first: a thread that adds a call from now on wakes the loop
         try:
             if self._ready or self.deferred or self._stopping:
                 return None
@@ -235,14 +238,15 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self.is_waiting = False
 
     def wait_between(self, sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
-        """Under the guard, which other threads may take meanwhile, and where nothing runs it: as `wait`."""
+        """As `wait`, but under the guard, which other threads may take meanwhile, and while no thread runs
+        the loop."""
         if self.deferred:
             self._call_deferred()
         if self._ready or self._stopping or self._contenders:
             return None
         scheduled = self._scheduled
         due_s = scheduled[0]._when if scheduled else 0.0
-        self.is_waiting = True  # first: a thread that takes the guard from now on wakes it
+        self.is_waiting = True  # first: a thread that takes the guard from now on wakes the loop
         self.guard.release()
         try:
             return sleep(self._epoll_number, deadline_ns, due_s)
@@ -251,7 +255,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self.is_waiting = False
 
     def forget_stop(self) -> None:
-        """A `stop` that came while it did not run must not end the next run."""
+        """Forget a `stop` that came between runs: it must not end the next run."""
         self._stopping = False
 
     # --- what asyncio calls
@@ -281,12 +285,12 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self.on_signal()
 
     def _check_thread(self) -> None:
-        """In asyncio's debug mode: any thread may, with the guard."""
+        """Allow all threads, because they hold the guard. asyncio calls this in debug mode."""
 
     # --- inside
 
     def _call_deferred(self) -> None:
-        """What `run` begins with."""
+        """Make the deferred calls, at the beginning of a run."""
         asyncio._set_running_loop(self)
         try:
             while self.deferred:
@@ -296,7 +300,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             asyncio._set_running_loop(None)
 
     def _call_ready(self) -> None:
-        """Timers that are due, and what was asked for before."""
+        """Call due timers and scheduled callbacks."""
         ready, scheduled = self._ready, self._scheduled
         if scheduled:
             now = time.monotonic() + self._clock_resolution
@@ -310,7 +314,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                 handle._run()
 
     def _time_left(self, deadline_ns: int) -> float:
-        """Seconds until the next timer or the deadline; -1 where there is neither."""
+        """Seconds until the next timer or the deadline; -1 if there is neither."""
         scheduled = self._scheduled
         if self._timer_cancelled_count > _MANY_CANCELLED:
             scheduled[:] = [timer for timer in scheduled if not timer._cancelled]
@@ -346,5 +350,7 @@ _ABOUT_TO_TAKE = {
     method.__code__
     for method in (GuardedLoop.acquire, GuardedLoop.run, GuardedLoop._poll, GuardedLoop.wait_between)
 }
-"""Code in which the guard is about to be taken, and `check` follows when it is given away. Anywhere else
-outside the guard an interrupt must not wait: perhaps nothing checks."""
+"""Code that is about to take the guard, and calls `check` after its release.
+
+In all other code outside the guard, an interrupt must not wait, because `check` may never be called.
+"""

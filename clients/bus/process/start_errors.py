@@ -1,7 +1,7 @@
-"""Errors that whoever started a program can mend, not its author: shown in one line, without a traceback.
+"""Errors that the user of a program can fix, not its author: shown in one line, without a traceback.
 
-Owns which errors these are and how a program ends that does not catch one. Callers that catch them (tests,
-notebooks, supervisors) see ordinary exceptions. Must not know nodes.
+Owns the list of these errors, and the end of a program that does not catch one. Callers that catch them
+(tests, notebooks, supervisors) see ordinary exceptions. Must not know nodes.
 """
 
 import os
@@ -16,12 +16,12 @@ __all__ = ["START_ERRORS", "check_descriptors", "shown_in_one_line", "text_of"]
 START_ERRORS: Final = (BrokerUnavailable, CommandLineError, StartError)
 
 _MIN_DESCRIPTORS = 32
-"""An event loop, the connection to busd, a busd that is started, and rings of a few topics."""
+"""Enough for an event loop, the connection to busd, the start of a busd, and rings of a few topics."""
 
 
 def check_descriptors() -> None:
-    """Raise StartError if this process may open too few files for any node."""
-    limit = os.sysconf("SC_OPEN_MAX")  # the soft limit; `resource` would have to be loaded first
+    """Raise StartError if the limit of open files is too low for any node."""
+    limit = os.sysconf("SC_OPEN_MAX")  # the soft limit, without an import of `resource`
     if 0 <= limit < _MIN_DESCRIPTORS:
         with shown_in_one_line:
             raise StartError(
@@ -31,16 +31,15 @@ def check_descriptors() -> None:
 
 
 def text_of(error: BaseException) -> str:
-    """The line: `BrokerUnavailable: no busd listens on ...`."""
+    """The line for an error: `BrokerUnavailable: no busd listens on ...`."""
     return f"{type(error).__name__}: {error}"
 
 
 class _ShownInOneLine:
-    """`with shown_in_one_line:` - if the program does not catch a start error of the body, Python prints one
-    line for it. The exit status stays 1.
+    """For `with shown_in_one_line:`. Python prints one line for an uncaught start error of the body.
 
-    All other errors go to the hook that was there before. At an interactive prompt and with `python -X dev`
-    every error keeps its traceback.
+    The exit status stays 1. All other errors go to the previous hook. At an interactive prompt and with
+    `python -X dev`, every error keeps its traceback.
     """
 
     __slots__ = ()
@@ -51,7 +50,7 @@ class _ShownInOneLine:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # Only now: a program without such an error keeps Python's own hook.
+        # Installed only now, so that a program without such an error keeps Python's own hook.
         if kind is not None and issubclass(kind, START_ERRORS):
             _install()
 

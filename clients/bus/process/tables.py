@@ -1,7 +1,7 @@
-"""Tables of busd.toml, for whoever reads one: which keys there are, values of the right type and range.
+"""Reads tables of busd.toml: checks their keys, and the types and ranges of values.
 
-Owns reading a file and the texts that say what is wrong where. Must not know what a table is for. Slow to
-import, and needed by few programs: import it late.
+Owns the reading of a file, and the texts of errors with their places. Must not know the purpose of a table.
+Slow to import, and needed by few programs: import it late.
 """
 
 import tomllib
@@ -21,7 +21,7 @@ S = TypeVar("S", bound=msgspec.Struct)
 
 
 def read_file(path: Path) -> dict[str, Any]:
-    """What stands in the file. Raises ConfigurationError, naming it, where it is not there or no TOML."""
+    """The content of the file. Raises ConfigurationError, naming it, if it is missing or no TOML."""
     try:
         with path.open("rb") as file:
             return tomllib.load(file)
@@ -32,9 +32,9 @@ def read_file(path: Path) -> dict[str, Any]:
 
 
 def filled(name: str, table: object, kind: type[S]) -> S:
-    """`table`, which `name` stands for in texts, as a `kind`.
+    """`table` as a `kind`; `name` is the table's name in texts.
 
-    Raises ConfigurationError, naming the key, for one that is unknown or missing, and for a bad value.
+    Raises ConfigurationError, naming the key, for an unknown or missing key, and for a bad value.
     """
     fields = {field.name: field for field in structs.fields(kind)}
     entries = check_keys(f"{name}.", table, {key: key for key in fields})
@@ -48,7 +48,7 @@ def filled(name: str, table: object, kind: type[S]) -> S:
 
 
 def each_of(name: str, array: object) -> Iterator[tuple[str, object]]:
-    """Each of an array of tables, with what it is called in texts: `topics[0]`."""
+    """Each table of an array, with its name in texts: `topics[0]`."""
     if not isinstance(array, list):
         raise ConfigurationError(f"{name}: expected an array of tables, each under [[{name}]]")
     for at, table in enumerate(array):
@@ -62,9 +62,9 @@ def check_keys(
     *,
     elsewhere: Mapping[str, str] | None = None,
 ) -> Mapping[str, Any]:
-    """`table`. Refuses what is none, and the first key that is not `known`.
+    """Return `table`, after a check that it is a table, and that all its keys are `known`.
 
-    `where` comes before the key in texts: "", or the table's name and a dot. `elsewhere` are keys known in
+    `where` comes before the key in texts: "", or the table's name and a dot. `elsewhere` has keys known in
     another table.
     """
     if not isinstance(table, dict):
@@ -77,9 +77,9 @@ def check_keys(
 
 
 def checked(key: str, value: object, kind: Any) -> Any:
-    """`value` as the type `kind`, with the range that its annotation sets.
+    """`value` as the type `kind`, within the range of its annotation.
 
-    Raises ConfigurationError that names the key, the value and what was expected.
+    Raises ConfigurationError that names the key, the value and the expected type or range.
     """
     try:
         return msgspec.convert(value, kind)
@@ -91,7 +91,7 @@ def checked(key: str, value: object, kind: Any) -> Any:
 
 
 def _choices(kind: Any) -> list[str]:
-    """The texts that a Literal allows, also where None is allowed besides."""
+    """The texts that a Literal allows, even if None is allowed, too."""
     parts = get_args(kind)
     if get_origin(kind) is Literal:
         return list(parts)

@@ -1,8 +1,9 @@
-"""How a program ends by a signal: without a traceback, and so that its parent sees which signal it was.
+"""Ends a program by a signal: without a traceback, and with the same signal reported to its parent.
 
-Whether a shell goes on with its loop, and a supervisor sees a failure, depends on what `waitpid` reports. So
-a program that a signal ends cleans up and then dies by that very signal. For SIGINT Python does this itself,
-unless the program catches the KeyboardInterrupt. Owns the same for SIGTERM and SIGPIPE, and their silence.
+A shell continues its loop, and a supervisor sees a failure, depending on the status from `waitpid`. So a
+program ended by a signal cleans up and then dies by that signal. For SIGINT Python does this itself, unless
+the program catches the KeyboardInterrupt. Owns the same for SIGTERM and SIGPIPE, and suppresses their
+tracebacks.
 """
 
 import sys
@@ -23,17 +24,18 @@ __all__ = [
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM came. A program that ends in order at Ctrl-C does the same then."""
+    """SIGTERM came. A program that ends in order at Ctrl-C does the same for it."""
 
 
 class ReaderGone(KeyboardInterrupt):
-    """SIGPIPE came: stdout or stderr is a pipe that no process reads any more, as after `| head -1`."""
+    """SIGPIPE came: stdout or stderr is a pipe that no process reads any more, for example after `| head
+    -1`."""
 
 
 def drop_unread_output() -> bool:
-    """Whether stdout or stderr is a pipe without a reader; such a stream leads nowhere from then on.
+    """Whether stdout or stderr is a pipe without a reader. Such a stream is discarded from then on.
 
-    Else Python would fail again, and say so, when it writes the rest of its buffers at the end.
+    Otherwise Python would fail again, and print an error, when it writes the rest of its buffers at the end.
     """
     import os
     import select
@@ -51,7 +53,7 @@ def drop_unread_output() -> bool:
 
 
 def say_nothing_of_signals() -> None:
-    """Have no traceback printed for a KeyboardInterrupt that nobody catches.
+    """Print no traceback for an uncaught KeyboardInterrupt.
 
     A Terminated ends the process by SIGTERM, a ReaderGone by SIGPIPE.
     """
@@ -71,7 +73,7 @@ def say_nothing_of_signals() -> None:
 
 
 def die_at_interrupt() -> None:
-    """Have a Ctrl-C end this process at once, without a KeyboardInterrupt. An ignored one stays ignored."""
+    """Let a Ctrl-C end this process at once, without a KeyboardInterrupt. If it was ignored, that stays."""
     import signal
 
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
@@ -87,11 +89,11 @@ def heed_interrupts() -> None:
 
 
 def die_at_exit(number: int) -> None:
-    """Have this process die by a signal once Python has taken everything down.
+    """Let this process die by a signal after Python's shutdown.
 
-    Exit handlers run before that, and files that were left open are written.
+    Exit handlers run before that, and open files are flushed.
     """
-    # Python destroys what `sys` holds last of all.
+    # Python destroys the attributes of `sys` last.
     setattr(sys, _Death.__name__, _Death(number))
 
 
@@ -101,25 +103,25 @@ def is_dying() -> bool:
 
 
 def die_now(number: int) -> NoReturn:
-    """Die by a signal at once. The caller has flushed what it wrote."""
+    """Die by a signal at once. The caller has flushed its output."""
     import os
     import signal
 
     signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [number])
     signal.raise_signal(number)
-    os._exit(128 + number)  # a signal whose default is to be ignored
+    os._exit(128 + number)  # for a signal that is ignored by default
 
 
 class _Death:
-    """The process dies when this is destroyed."""
+    """An object whose destruction ends the process."""
 
     def __init__(self, number: int) -> None:
         import signal
 
         signal.signal(number, signal.SIG_DFL)
         self._number = number
-        self._raise = signal.raise_signal  # there are no modules any more when it is called
+        self._raise = signal.raise_signal  # modules no longer exist at the call
 
     def __del__(self) -> None:
         self._raise(self._number)

@@ -1,10 +1,10 @@
-"""Tasks that wait for a change, and look for themselves whether it is theirs."""
+"""Tasks that wait for a change. Each checks itself whether it can continue."""
 
 import asyncio
 
 
 class Waiters:
-    """True while a task waits."""
+    """The waiting tasks. True while there are any."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -14,7 +14,7 @@ class Waiters:
         return bool(self._waiting)
 
     async def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for the next `release`; False if the time is over first. Raises what `fail` was given.
+        """Wait for the next `release`; False if the time is over first. Raises the error of `fail`.
 
         Cancellation leaves nothing behind.
         """
@@ -38,7 +38,7 @@ class Waiters:
                 self._waiting.remove(waiter)
 
     def release(self) -> None:
-        """Have all that wait look again."""
+        """Let all waiting tasks check again."""
         if waiting := self._waiting:
             self._waiting = []
             for waiter in waiting:
@@ -46,7 +46,7 @@ class Waiters:
                     waiter.set_result(None)
 
     def fail(self, reason: BaseException) -> None:
-        """Have all that wait raise `reason`."""
+        """Raise `reason` in all waiting tasks."""
         waiting, self._waiting = self._waiting, []
         for waiter in waiting:
             if not waiter.done():
