@@ -1,8 +1,8 @@
 """Parameters as text: YAML files of parameters, and the values of `-p name:=value`.
 
-Owns: what a scalar means (rcl_yaml_param_parser's rules, which are not PyYAML's: `1e3` is a number, a date is
-a text), how nested names are joined, which nodes a section of a file is for. Must not know: declared
-parameters, their types and rules (`bus.parameters.values`), or the bus.
+Owns: the type of a scalar (by the rules of rcl_yaml_param_parser, which differ from PyYAML's: `1e3` is a
+number, a date is a text), the names of nested parameters, the nodes of a file's section. Must not know:
+declared parameters, their types and rules (`bus.parameters.values`), or the bus.
 
     /robot/wheels:              the node's full name; `/**` every node, `/*` one token of any name
       ros__parameters:
@@ -19,7 +19,7 @@ from bus.errors import ConfigurationError
 from bus.parameters.values import SEPARATOR
 from bus.process.ros_args import Parameter, ParameterSource
 
-if TYPE_CHECKING:  # it takes milliseconds to import
+if TYPE_CHECKING:  # its import takes milliseconds
     from pathlib import Path
 
 __all__ = [
@@ -53,7 +53,7 @@ _PLAIN = "!plain"
 
 
 class Section(NamedTuple):
-    """Parameters by their full (dotted) names, for the nodes whose full name matches `pattern`."""
+    """Parameters by their full (dotted) names, for nodes with a full name that matches `pattern`."""
 
     pattern: str
     parameters: dict[str, Value]
@@ -63,15 +63,15 @@ class Section(NamedTuple):
 
 
 def load(sources: Iterable[ParameterSource]) -> tuple[Section, ...]:
-    """What a command line says of parameters, its files read.
+    """The parameters of a command line, including those in its files.
 
-    Raises ConfigurationError naming the rule or the file that can't be used.
+    Raises ConfigurationError, naming the unusable rule or file.
     """
     return tuple(_load(sources))
 
 
 def overrides(sections: Iterable[Section], full_name: str) -> dict[str, Value]:
-    """The values that one node gets: where two sections set the same parameter, the later one holds."""
+    """The values for one node. If two sections set the same parameter, the later one wins."""
     found: dict[str, Value] = {}
     for section in sections:
         if section.is_for(full_name):
@@ -98,8 +98,8 @@ def parse_file(text: str, name: str) -> list[Section]:
 
 
 def parse_value(text: str) -> Value:
-    """One value, in YAML. Raises ConfigurationError for what no parameter can hold."""
-    if _SIMPLE.fullmatch(text):  # nearly always, and then YAML need not be imported
+    """Parse one value in YAML. Raises ConfigurationError for a value that no parameter can have."""
+    if _SIMPLE.fullmatch(text):  # nearly always true, and saves the import of YAML
         scalar = parse_scalar(text)
         if scalar is not None:
             return scalar
@@ -110,8 +110,8 @@ def parse_value(text: str) -> Value:
 
 
 def parse_typed(text: str) -> Value:
-    """One value as a user types it at a tool: what YAML can't make a value of is a text."""
-    # As in ROS, where PyYAML reads what is typed and rcl what is in files and after -p.
+    """Parse a value that a user typed at a tool. A text that is no value in YAML is used as it is."""
+    # As in ROS: PyYAML reads typed values, rcl reads files and values after -p.
     if text in ("y", "Y", "n", "N"):
         return text
     try:
@@ -121,7 +121,7 @@ def parse_typed(text: str) -> Value:
 
 
 def parse_scalar(text: str) -> _Scalar:
-    """What an unquoted scalar means, as rcl reads it; None where it is no value at all."""
+    """The value of an unquoted scalar, by rcl's rules; None if it is no value at all."""
     if text in _TRUE:
         return True
     if text in _FALSE:
@@ -161,13 +161,13 @@ def _load(sources: Iterable[ParameterSource]) -> Iterator[Section]:
 
 
 class _Reader:
-    """Makes values of YAML's nodes; knows the file for its errors."""
+    """Converts YAML's nodes to values; has the file's name for errors."""
 
     def __init__(self, name: str) -> None:
         self._name = name
 
     def sections(self, node: Any, path: str) -> Iterator[Section]:
-        """Names of namespaces and nodes may be written as one key or as nested ones."""
+        """The sections below a node. Names of namespaces and nodes may be one key or nested keys."""
         for key, child in self._items(node):
             if key == PARAMETERS_KEY:
                 if not path:
@@ -231,7 +231,7 @@ def _of(name: str) -> str:
 
 
 def _compose(text: str, name: str) -> Any:
-    """The root of YAML's tree, None where there is nothing."""
+    """The root of YAML's tree; None for an empty text."""
     import yaml
 
     where = f"{name}: " if name else ""
@@ -248,7 +248,7 @@ def _compose(text: str, name: str) -> Any:
 
 @cache
 def _loader() -> Any:
-    """PyYAML's, which leaves plain scalars to us and takes no aliases (nor does rcl)."""
+    """PyYAML's loader, but with plain scalars left as texts, and without aliases (like rcl)."""
     import yaml
 
     base: Any = yaml.SafeLoader
@@ -272,6 +272,6 @@ def _loader() -> Any:
 def _pattern(text: str) -> re.Pattern[str]:
     wild = {"/**": r"(?:/\w+)*", "/*": r"/\w+"}
     absolute = text if text.startswith("/") else f"/{text}"
-    absolute = re.sub(r"(?:/\*\*)+(?=/|$)", "/**", absolute)  # twice says no more, and takes its time
+    absolute = re.sub(r"(?:/\*\*)+(?=/|$)", "/**", absolute)  # repetitions have no effect, and take time
     parts = re.split(r"(/\*\*?(?=/|$))", absolute)
     return re.compile("".join(wild.get(part) or re.escape(part) for part in parts))

@@ -1,4 +1,4 @@
-"""The methods of a node that are for parameters and time; `bus.parameters.served` does the work."""
+"""The methods of a node for parameters and time; `bus.parameters.served` does the work."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 __all__ = ["ParameterHost"]
 
 Value: TypeAlias = bool | int | float | str | bytes | list[bool] | list[int] | list[float] | list[str]
-"""What a parameter can be."""
+"""The types of a parameter's value."""
 V = TypeVar("V", bound=Value)
 
 _NS_PER_S = 1_000_000_000
 
 
 class ParameterHost:
-    """Base of Node."""
+    """Base class of Node."""
 
     _served: ServedParameters
     """Set by the node."""

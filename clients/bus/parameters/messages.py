@@ -1,6 +1,6 @@
 """Parameters as ROS 2's messages in rcl_interfaces, and back.
 
-The messages are native ones or rclpy's: the caller brings the classes. Must not know: rules, services.
+The messages are native ones or rclpy's: the caller passes the classes. Must not know: rules, services.
 """
 
 from typing import Any, Protocol
@@ -26,17 +26,17 @@ SERVICES = {
     "SetParameters": "set_parameters",
     "SetParametersAtomically": "set_parameters_atomically",
 }
-"""What a node with parameters serves below its own name, by the types in rcl_interfaces/srv."""
+"""The services of a node with parameters, below its own name, by their types in rcl_interfaces/srv."""
 
 
 class MessageClass(Protocol):
-    """Gives the class of rcl_interfaces/msg/<name>."""
+    """A function that returns the class of rcl_interfaces/msg/<name>."""
 
     def __call__(self, name: str, /) -> Any: ...
 
 
 def value_message(message_class: MessageClass, type_: ParameterType, value: Any) -> Any:
-    """A ParameterValue; a tuple or an array of another item size is as good as a list."""
+    """Make a ParameterValue. Instead of a list, it accepts a tuple, or an array of another item size."""
     make = message_class("ParameterValue")
     if type_ is ParameterType.NOT_SET:
         return make()
@@ -46,13 +46,13 @@ def value_message(message_class: MessageClass, type_: ParameterType, value: Any)
 
 
 def parameter_message(message_class: MessageClass, one: Setting) -> Any:
-    """A Parameter."""
+    """Make a Parameter."""
     value = value_message(message_class, one.type_, one.value)
     return message_class("Parameter")(name=one.name, value=value)
 
 
 def event_message(message_class: MessageClass, node: str, change: Change[Any]) -> Any:
-    """A ParameterEvent of the node with that full name, without a stamp."""
+    """Make a ParameterEvent of the node with that full name, without a stamp."""
     return message_class("ParameterEvent")(
         node=node,
         new_parameters=[parameter_message(message_class, one) for one in change.new],
@@ -64,7 +64,7 @@ def event_message(message_class: MessageClass, node: str, change: Change[Any]) -
 def descriptor_message(
     message_class: MessageClass, name: str, rules: Rules, description: str, constraints: str
 ) -> Any:
-    """A ParameterDescriptor."""
+    """Make a ParameterDescriptor."""
     integers, doubles = rules.integer_range, rules.floating_point_range
     return message_class("ParameterDescriptor")(
         name=name,
@@ -81,7 +81,7 @@ def descriptor_message(
 
 
 def python_value(message: Any) -> Any:
-    """What is in a ParameterValue, arrays as lists (bytes as bytes), None where it is not set.
+    """The value in a ParameterValue: arrays as lists (bytes as bytes), None if it is not set.
 
     Raises ValueError for a type that does not exist.
     """
@@ -96,5 +96,5 @@ def python_value(message: Any) -> Any:
 
 
 def _field(type_: ParameterType) -> str:
-    """ParameterValue's field for it: BOOL_ARRAY is in bool_array_value."""
+    """The field of ParameterValue for a type: BOOL_ARRAY is in bool_array_value."""
     return f"{type_.name.lower()}_value"

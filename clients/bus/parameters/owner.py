@@ -1,4 +1,4 @@
-"""What parameters need of their node."""
+"""The interface of a node that its parameters need."""
 
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any, Protocol
@@ -15,7 +15,7 @@ __all__ = ["ParameterOwner"]
 
 
 class ParameterOwner(Protocol):
-    """A node: its name and its log, and what it makes for its parameters."""
+    """A node: its name, its log, and its methods to make endpoints for parameters."""
 
     @property
     def full_name(self) -> str: ...
@@ -35,4 +35,4 @@ class ParameterOwner(Protocol):
     ) -> Publisher[Any]: ...
 
     def _opened(self) -> NodeContext:
-        """Raises ConnectionClosed if the node is not open."""
+        """The open node. Raises ConnectionClosed if the node is not open."""

@@ -1,7 +1,7 @@
-"""The parameters of one `bus.Node`, by plain Python values, with errors that say what is wrong.
+"""The parameters of one `bus.Node`, as plain Python values, with errors that name the fault.
 
-Owns: which Python values stand for which types, what the command line gives, and the errors. Must not know:
-messages, services, event loops. How values change is in `bus.parameters.store`.
+Owns: the Python values for each type, the values of the command line, and the errors. Must not know:
+messages, services, event loops. `bus.parameters.store` changes the values.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,7 +16,7 @@ from bus.process.start_errors import shown_in_one_line
 __all__ = ["Description", "OnSet", "Parameter", "ParameterSet", "PostSet", "PreSet", "Values"]
 
 Values: TypeAlias = dict[str, Any]
-"""Parameters by name; None = to be removed."""
+"""Parameters by name; None = remove the parameter."""
 PreSet: TypeAlias = Callable[[Values], Values]
 OnSet: TypeAlias = Callable[[Values], str | None]
 PostSet: TypeAlias = Callable[[Values], object]
@@ -39,7 +39,7 @@ _DOUBLES: Final = (ParameterType.DOUBLE, ParameterType.DOUBLE_ARRAY)
 
 
 class Parameter(NamedTuple):
-    """A parameter as it is, or as it is to be. A byte array is `bytes`, other arrays are lists."""
+    """A present or requested parameter. A byte array is `bytes`, other arrays are lists."""
 
     name: str
     type_: ParameterType
@@ -47,7 +47,7 @@ class Parameter(NamedTuple):
 
 
 class Description(NamedTuple):
-    """What only people read."""
+    """Texts for people."""
 
     description: str = ""
     constraints: str = ""
@@ -56,9 +56,9 @@ class Description(NamedTuple):
 class ParameterSet:
     """The parameters of the node with the full name `node`.
 
-    `overrides` are the values of the command line by name; `provided` the defaults of what each node has by
-    itself, which a program may still declare, with another one. `on_change` is called with each change.
-    Raises CommandLineError for a value that something provided can't have.
+    `overrides` are the values of the command line by name. `provided` has the defaults of parameters that
+    each node has by itself; a program may still declare these, with another default. `on_change` is called
+    with each change. Raises CommandLineError for an invalid value of a provided parameter.
     """
 
     def __init__(
@@ -89,9 +89,9 @@ class ParameterSet:
         is_read_only: bool = False,
         is_dynamic: bool = False,
     ) -> Any:
-        """Declare one; returns its value, None where it has none yet.
+        """Declare a parameter; returns its value, None if it has none yet.
 
-        Raises ParameterError, or CommandLineError where the value is the command line's.
+        Raises ParameterError, or CommandLineError if the value is from the command line.
         """
         if not isinstance(name, str) or not name:
             raise self._error(name, "a name is a text that is not empty")
@@ -103,7 +103,8 @@ class ParameterSet:
         if one.type_ not in (wanted, ParameterType.NOT_SET) and not is_dynamic:
             raise self._error(name, f"the default {_shown(default)} is no {_word(wanted)}")
         rules = Rules(wanted, is_dynamic, is_read_only, **self._ranges(name, wanted, limits))
-        # A default that breaks its own rules is the program's mistake, whatever the command line says.
+        # A default that breaks its own rules is the program's mistake, even if the command line has a valid
+        # value.
         if reason := rules.find_fault(one, is_known=False):
             raise self._refused([one], reason)
         is_outside = name in self._overrides
@@ -120,7 +121,7 @@ class ParameterSet:
         return _copy(one.value)
 
     def undeclare(self, name: str) -> None:
-        """Raises ParameterError where it is not declared, or read-only."""
+        """Remove a parameter. Raises ParameterError if it is not declared, or read-only."""
         if self.find(name).rules.is_read_only:
             raise self._error(name, "is read-only")
         del self._store.declared[name]
@@ -131,14 +132,14 @@ class ParameterSet:
         return name in self._store.declared
 
     def get(self, name: str) -> Any:
-        """Raises ParameterError if it is not declared, or has no value yet."""
+        """The value of a parameter. Raises ParameterError if it is not declared, or has no value yet."""
         declared = self.find(name)
         if declared.parameter.type_ is ParameterType.NOT_SET and not declared.rules.is_dynamic:
             raise self._error(name, f"has no value yet; give it one on the command line: -p {name}:=...")
         return _copy(declared.parameter.value)
 
     def below(self, prefix: str) -> Values:
-        """Those that have a value, by the part of the name after `prefix`, a dot between; "" = all."""
+        """Values of parameters below `prefix` and a dot, by the rest of the name; "" = of all parameters."""
         start = f"{prefix}{SEPARATOR}" if prefix else ""
         return {
             name[len(start) :]: _copy(declared.parameter.value)
@@ -147,7 +148,7 @@ class ParameterSet:
         }
 
     def find(self, name: str) -> Declared[Parameter]:
-        """Raises ParameterError where it is not declared."""
+        """The parameter with its rules. Raises ParameterError if it is not declared."""
         declared = self._store.declared.get(name)
         if declared is None:
             from bus.base.suggest import did_you_mean
@@ -163,7 +164,7 @@ class ParameterSet:
     # --- setting
 
     def set(self, values: Mapping[str, Any]) -> None:
-        """Set all or none. Raises ParameterError."""
+        """Set all values or none. Raises ParameterError."""
         wanted = []
         for name, value in values.items():
             if value is None:
@@ -176,7 +177,7 @@ class ParameterSet:
             raise self._refused(wanted, outcome.reason)
 
     def change(self, wanted: list[Parameter]) -> Outcome:
-        """Set all or none for another program: a mistake is an answer, not an error."""
+        """Set all values or none for another program: a mistake becomes an answer, not an error."""
         wanted = self._store.prepare(wanted)
         if unknown := self._store.unknown(wanted):
             return Outcome(False, f"{UNDECLARED}: {unknown}")
@@ -185,7 +186,7 @@ class ParameterSet:
     # --- callbacks
 
     def add_pre_set(self, callback: PreSet) -> None:
-        """Raises ConfigurationError for an async function."""
+        """Add a pre-set callback. Raises ConfigurationError for an async function."""
 
         def prepare(wanted: list[Parameter]) -> Iterable[Parameter]:
             values = callback(_values(wanted))
@@ -196,7 +197,7 @@ class ParameterSet:
         self._add(self._store.pre_set, callback, prepare)
 
     def add_on_set(self, callback: OnSet) -> None:
-        """Raises ConfigurationError for an async function."""
+        """Add an on-set callback. Raises ConfigurationError for an async function."""
 
         def check(wanted: list[Parameter]) -> Outcome:
             reason = callback(_values(wanted))
@@ -207,11 +208,11 @@ class ParameterSet:
         self._add(self._store.on_set, callback, check)
 
     def add_post_set(self, callback: PostSet) -> None:
-        """Raises ConfigurationError for an async function."""
+        """Add a post-set callback. Raises ConfigurationError for an async function."""
         self._add(self._store.post_set, callback, lambda done: callback(_values(done)))
 
     def remove(self, callback: Callable[..., object]) -> None:
-        """Raises ConfigurationError where it was not added."""
+        """Remove a callback. Raises ConfigurationError if it was not added."""
         lists: tuple[list[Any], ...] = (self._store.pre_set, self._store.on_set, self._store.post_set)
         for callbacks in lists:
             for one in callbacks:
@@ -231,7 +232,8 @@ class ParameterSet:
         callbacks.insert(0, _Callback(original, call))
 
     def _made_of(self, name: str, value: Any) -> Parameter:
-        """What a pre-set callback returned; an unknown name is an answer to the caller."""
+        """A parameter from the result of a pre-set callback; an unknown name becomes an answer to the
+        caller."""
         return self._parameter(name, value, _static_type(self._store.declared.get(name)))
 
     def _type(self, name: str, type_: Any, default: Any, *, is_dynamic: bool) -> ParameterType:
@@ -256,8 +258,11 @@ class ParameterSet:
         *,
         is_outside: bool = False,
     ) -> Parameter:
-        """Of a Python value. Where `expected` says so an empty list is of that type, and an int a double: but
-        not from outside, where the two are told apart."""
+        """Make a parameter of a Python value.
+
+        `expected` decides the type of an empty list, and whether an int becomes a double. Values from outside
+        distinguish int and double, so an int from outside stays one.
+        """
         if isinstance(value, bytes | bytearray):
             return Parameter(name, ParameterType.BYTE_ARRAY, bytes(value))
         if isinstance(value, tuple):
@@ -325,7 +330,7 @@ class ParameterSet:
 
 
 class _Callback:
-    """A user's callback, and what calls it with plain values."""
+    """A user's callback, and the function that calls it with plain values."""
 
     __slots__ = ("_call", "original")
 
@@ -338,7 +343,7 @@ class _Callback:
 
 
 def _static_type(declared: Declared[Parameter] | None) -> ParameterType:
-    """The type that a value must have; NOT_SET where it may have any."""
+    """The type that a value must have; NOT_SET if it may have any type."""
     if declared is None or declared.rules.is_dynamic:
         return ParameterType.NOT_SET
     return declared.rules.type_
@@ -349,12 +354,12 @@ def _values(some: Iterable[Parameter]) -> Values:
 
 
 def _copy(value: Any) -> Any:
-    """A copy: what a program does to the list must not change the parameter."""
+    """A copy of a list, so that a program's change to the list does not change the parameter."""
     return value.copy() if isinstance(value, list) else value
 
 
 def _plain(value: Any) -> Any:
-    """Without what a subclass adds, such as an enum's."""
+    """A value of the plain type, instead of a subclass such as an enum."""
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, int):
@@ -363,7 +368,7 @@ def _plain(value: Any) -> Any:
 
 
 def _with_doubles(value: Any, expected: ParameterType) -> Any:
-    """Integers as doubles where doubles are expected, or stand beside them."""
+    """Integers as doubles, if doubles are expected, or are in the same list."""
     if isinstance(value, list):
         kinds = {type(item) for item in value}
         if kinds == {int, float} or (kinds == {int} and expected is ParameterType.DOUBLE_ARRAY):
@@ -378,5 +383,5 @@ def _shown(value: Any) -> str:
 
 
 def _word(type_: ParameterType) -> str:
-    """As ros2 writes types: 'integer array'."""
+    """The type's name as written by ros2: 'integer array'."""
     return type_.name.lower().replace("_", " ")

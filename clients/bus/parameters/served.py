@@ -1,8 +1,8 @@
 """The parameters and the clock of one node.
 
-Owns: when a node begins to serve its parameters, so that one without any doesn't pay for them; that its clock
-follows `use_sim_time`. Must not know: which values are allowed (`bus.parameters.values`), or how they are
-served (`bus.parameters.server`).
+Owns: the start of a node's parameter services, for which a node without parameters doesn't pay; the link
+between its clock and `use_sim_time`. Must not know: allowed values (`bus.parameters.values`), or the services
+themselves (`bus.parameters.server`).
 """
 
 import asyncio
@@ -26,19 +26,19 @@ if TYPE_CHECKING:  # most programs need none of them
 __all__ = ["ServedParameters"]
 
 _USE_SIM_TIME = "use_sim_time"
-"""The parameter that every node has."""
+"""The parameter of every node."""
 
 
 class ServedParameters:
-    """The parameters and the clock of `node`. `settings`: what the command line says of parameters.
+    """The parameters and the clock of `node`. `settings`: the parameters of the command line.
 
-    Raises CommandLineError for settings that can't be used, as for a broken file.
+    Raises CommandLineError for unusable settings, for example a broken file.
     """
 
     def __init__(self, node: "ParameterOwner", settings: "Sequence[ParameterSource]") -> None:
         self._node = node
         self.clock = Clock(node.full_name)
-        """The time that `use_sim_time` chooses."""
+        """The clock, with the time that `use_sim_time` chooses."""
         self._overrides: dict[str, Any] = {}
         self._parameters: ParameterSet | None = None
         self._server: ParameterServer | None = None
@@ -56,7 +56,7 @@ class ServedParameters:
 
     @property
     def parameters(self) -> "ParameterSet":
-        """Their values and rules, served or not."""
+        """The values and rules, before and after the start of the services."""
         if self._parameters is None:
             from bus.parameters.parameter_set import ParameterSet
 
@@ -66,7 +66,7 @@ class ServedParameters:
         return self._parameters
 
     async def open(self) -> None:
-        """The node is in the graph."""
+        """Start, now that the node is in the graph."""
         self._is_open = True
         if self._overrides:
             await self.serve()
@@ -75,7 +75,7 @@ class ServedParameters:
         await self._settled()
 
     def close(self) -> None:
-        """Services and subscriptions are closed with all other endpoints of the node."""
+        """End. The node closes the services and subscriptions with all its other endpoints."""
         if self._starting is not None:
             self._starting.cancel()
         if self._time_source is not None:
@@ -86,7 +86,7 @@ class ServedParameters:
         self._is_open = False
 
     async def serve(self) -> None:
-        """Begin to serve them. Cancellation: the start goes on, for other declarations that wait for it."""
+        """Start the services. Cancellation: the start continues, for other declarations that wait for it."""
         self._node._opened()
         if self._server is not None:
             return
@@ -100,7 +100,7 @@ class ServedParameters:
         starting.result()
 
     async def declare(self, name: str, default: Any, **rules: Any) -> Any:
-        """As `ParameterSet.declare`; the first one makes the node serve them."""
+        """As `ParameterSet.declare`; the first declaration starts the services."""
         await self.serve()
         value = self.parameters.declare(name, default, **rules)
         if name == _USE_SIM_TIME:
@@ -108,7 +108,7 @@ class ServedParameters:
         return value
 
     async def _settled(self) -> None:
-        """Wait until the clock goes by the time that `use_sim_time` has chosen last."""
+        """Wait until the clock uses the time that `use_sim_time` has chosen last."""
         if self._time_source is not None:
             await self._time_source.settled()
 
@@ -128,7 +128,7 @@ class ServedParameters:
 
         events: Publisher[Any] | None = None
         try:
-            # Each node has one and most change little: a ring is not worth its memory.
+            # Each node has this publisher, and most change little: a ring is not worth its memory.
             events = await self._node._create_publisher(
                 event_class(), EVENTS_TOPIC, parameter_events, by_socket=True
             )

@@ -1,7 +1,9 @@
-"""What other programs see of a native node's parameters: six services, and the topic /parameter_events.
+"""The interface of a native node's parameters for other programs: six services, and the topic
+/parameter_events.
 
-Owns: requests to calls of a ParameterSet, results to responses, changes to events. Must not know: how
-services are carried. A remote side's mistake is answered to it, and never an error here.
+Owns: the conversion of requests to calls of a ParameterSet, of results to responses, of changes to events.
+Must not know: the transport of services. A remote program's mistake becomes an answer to it, and never an
+error here.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,12 +33,12 @@ _NS_PER_S = 1_000_000_000
 
 
 def event_class() -> Any:
-    """rcl_interfaces/msg/ParameterEvent."""
+    """The class of rcl_interfaces/msg/ParameterEvent."""
     return _message("ParameterEvent")
 
 
 class ParameterServer:
-    """Serves `parameters`, those of `node`, and publishes their changes by `events`, unless that is None."""
+    """Serves the `parameters` of `node`, and publishes their changes by `events`, unless that is None."""
 
     def __init__(
         self, node: ParameterOwner, parameters: ParameterSet, clock: Clock, events: Publisher[Any] | None
@@ -47,8 +49,7 @@ class ParameterServer:
         self._events = events
 
     async def open(self) -> None:
-        """Create the services. Where access rules forbid them the log says so, and the node goes on
-        without."""
+        """Create the services. If access rules forbid them, log that, and continue without them."""
         callbacks: dict[str, Callable[[Any], Any]] = {
             "DescribeParameters": self._describe,
             "GetParameterTypes": self._get_types,
@@ -77,7 +78,7 @@ class ParameterServer:
             self._events.publish(event)
         except ConnectionClosed:
             pass  # set after the node was closed: the event can't be published
-        except PayloadTooLarge as error:  # it is set all the same, and another program may have done so
+        except PayloadTooLarge as error:  # the value is set anyway, perhaps by another program
             self._node.get_logger().warning(f"a change of parameters is told to nobody: {error}")
 
     # --- one method for each service
@@ -129,7 +130,7 @@ class ParameterServer:
 
 
 def _parameter(message: Any) -> Parameter:
-    """Raises ValueError for a type that does not exist."""
+    """Read a message. Raises ValueError for a type that does not exist."""
     value = python_value(message.value)
     return Parameter(message.name, ParameterType(message.value.type), value)
 

@@ -1,10 +1,11 @@
-"""The parameters that a node has, and how they change; for both APIs, `bus.Node` and the facade of rclpy.
+"""The parameters of a node, and their changes; for both APIs, `bus.Node` and the facade of rclpy.
 
-Owns: what is declared with which value, and the steps of a change: rules, callbacks, hooks. Must not know:
-messages, nodes, the bus, files and command lines, or how a program writes a parameter: all it asks of
-one is `Setting`.
+Owns: the declared parameters with their values, and the steps of a change: rules, callbacks, hooks. Must not
+know: messages, nodes, the bus, files and command lines, or a program's classes of parameters: it only uses
+the protocol `Setting`.
 
-Callbacks and hooks run in the thread that makes the change; there is no lock, a step is one dict operation.
+Callbacks and hooks run in the thread that makes the change. There is no lock, because each step is one dict
+operation.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -23,7 +24,7 @@ _NOTHING_TO_SET: Final = (
 
 
 class Declared(Generic[P]):
-    """A parameter with its rules, and what its API keeps to describe it by."""
+    """A parameter with its rules, and a description that belongs to its API."""
 
     __slots__ = ("description", "parameter", "rules")
 
@@ -34,7 +35,7 @@ class Declared(Generic[P]):
 
 
 class Change(NamedTuple, Generic[P]):
-    """What one step did."""
+    """The effect of one step."""
 
     new: tuple[P, ...]
     changed: tuple[P, ...]
@@ -42,7 +43,7 @@ class Change(NamedTuple, Generic[P]):
 
 
 class Outcome(NamedTuple):
-    """Whether it was set, and if not, why; rclpy's SetParametersResult has the same fields."""
+    """Whether a parameter was set, or the reason; rclpy's SetParametersResult has the same fields."""
 
     successful: bool
     reason: str = ""
@@ -55,8 +56,9 @@ class ParameterStore(Generic[P]):
     """The parameters of one node.
 
     `pre_set`, `on_set` and `post_set` are the callbacks around a change, in the order of their calls. A
-    pre-set one gets what is to be set and returns what to set instead; an on-set one returns an Outcome (or
-    what has its fields); a post-set one gets what was set. `on_change` is called before the post-set ones.
+    pre-set callback gets the requested parameters and returns those to set instead. An on-set callback
+    returns an Outcome (or an object with its fields). A post-set callback gets the parameters that were set.
+    `on_change` is called before the post-set callbacks.
     """
 
     def __init__(self, on_change: Callable[[Change[P]], object] | None = None) -> None:
@@ -67,7 +69,7 @@ class ParameterStore(Generic[P]):
         self._on_change = on_change
 
     def prepare(self, wanted: list[P]) -> list[P]:
-        """What the pre-set callbacks make of what is to be set."""
+        """The parameters to set, after the pre-set callbacks."""
         if self.pre_set:
             return [one for callback in tuple(self.pre_set) for one in callback(list(wanted))]
         return wanted
@@ -77,16 +79,16 @@ class ParameterStore(Generic[P]):
         return [one.name for one in wanted if one.name not in self.declared]
 
     def set(self, wanted: list[P]) -> Outcome:
-        """Set all or none. One without a value is undeclared, one that is not declared gets any type."""
+        """Set all or none. A parameter without a value is removed; an undeclared one may have any type."""
         return self._change(wanted) if wanted else Outcome(False, _NOTHING_TO_SET)
 
     def declare(self, one: P, rules: Rules, description: Any = None) -> Outcome:
-        """Declare one, or describe it anew; it may have no value yet."""
+        """Declare a parameter, or change its description; it may have no value yet."""
         return self._change([one], rules, description)
 
     def find_below(self, prefixes: Sequence[str], depth: int) -> tuple[list[str], list[str]]:
-        """Names below any of `prefixes` (none = all), at most `depth` levels down (0 = all); and the prefixes
-        of these names."""
+        """Names below any of `prefixes` (none = all), at most `depth` levels down (0 = all), and their
+        prefixes."""
         found = [name for name in tuple(self.declared) if _is_below(name, prefixes, depth)]
         above = (name.rpartition(SEPARATOR)[0] for name in found)
         return found, list(dict.fromkeys(filter(None, above)))
@@ -94,7 +96,7 @@ class ParameterStore(Generic[P]):
     # --- inside
 
     def _change(self, wanted: list[P], rules: Rules | None = None, description: Any = None) -> Outcome:
-        """With `rules` this declares, or describes anew."""
+        """Change parameters; with `rules`, declare them or change their descriptions."""
         outcome = self._ask(wanted, rules)
         if not outcome.successful:
             return outcome
@@ -106,7 +108,7 @@ class ParameterStore(Generic[P]):
         return _OK
 
     def _ask(self, wanted: list[P], rules: Rules | None) -> Outcome:
-        """Whether the rules allow it, and then the callbacks."""
+        """Whether the rules, and then the callbacks, allow a change."""
         for one in wanted:
             if reason := self._fault(one, rules):
                 return Outcome(False, reason)

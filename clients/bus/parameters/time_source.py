@@ -1,6 +1,6 @@
 """Feeds simulated time from /clock to a node's clock, while the node's parameter use_sim_time is true.
 
-Must not know how parameters are kept, or how a node subscribes.
+Must not know the store of parameters, or how a node subscribes.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class TimeSource:
-    """The source of one clock's time; `subscribe` makes the subscription to /clock with that callback."""
+    """The source of one clock's time; `subscribe` makes a subscription to /clock with the given callback."""
 
     def __init__(
         self,
@@ -38,19 +38,19 @@ class TimeSource:
         self._task: asyncio.Task[None] | None = None
 
     def follow(self, is_simulated: bool) -> None:
-        """Use the simulation's time, or the machine's again; the subscription comes and goes in a task."""
+        """Use simulated time, or the machine's again. A task makes or closes the subscription."""
         self._wants = is_simulated
         self._clock.simulate(is_simulated)
         if self._task is None and (self._subscription is not None) is not is_simulated:
             self._task = asyncio.create_task(self._settle(), name="following /clock")
 
     async def settled(self) -> None:
-        """Wait until the subscription is as `follow` has said last."""
+        """Wait until the subscription agrees with the last call of `follow`."""
         if self._task is not None:
             await asyncio.wait([self._task])
 
     def close(self) -> None:
-        """The subscription is the node's to close."""
+        """End. The node closes the subscription."""
         if self._task is not None:
             self._task.cancel()
 
@@ -68,9 +68,9 @@ class TimeSource:
             self._task = None
 
     def _take(self, message: Any) -> None:
-        """A rosgraph_msgs/msg/Clock has come."""
+        """Use the time of a received rosgraph_msgs/msg/Clock."""
         sec, nanosec = message.clock.sec, message.clock.nanosec
-        if sec < 0:  # from whoever publishes there
+        if sec < 0:  # any program may publish there
             self._logger.error(
                 f"'{CLOCK_TOPIC}' has no time: {sec} s is before 1970", throttle_duration_sec=1.0
             )

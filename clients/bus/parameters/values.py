@@ -1,7 +1,7 @@
-"""The values that a parameter may have: types and rules; for both APIs, `bus.Node` and the facade of rclpy.
+"""The allowed values of a parameter: types and rules; for both APIs, `bus.Node` and the facade of rclpy.
 
 Owns: ROS 2's types and its rules for values, with its texts. Must not know: messages, nodes, the bus, files
-and command lines, or how a program writes a parameter: all that is asked of one is `Setting`.
+and command lines, or a program's classes of parameters: it only uses the protocol `Setting`.
 """
 
 import array
@@ -20,7 +20,7 @@ __all__ = [
 ]
 
 SEPARATOR = "."
-"""Between the parts of a parameter's name."""
+"""The character between the parts of a parameter's name."""
 
 UNDECLARED = "Invalid access to undeclared parameter(s)"
 WRONG_TYPE = "Wrong parameter type"
@@ -30,7 +30,7 @@ _TOLERANCE = 1e-6
 
 
 class ParameterType(IntEnum):
-    """What a parameter holds; the numbers are those of rcl_interfaces/msg/ParameterType."""
+    """The type of a parameter's value, with the numbers of rcl_interfaces/msg/ParameterType."""
 
     NOT_SET = 0
     BOOL = 1
@@ -45,7 +45,7 @@ class ParameterType(IntEnum):
 
     @classmethod
     def from_parameter_value(cls, parameter_value: Any) -> "ParameterType":
-        """The type of a Python value; an empty list is a BYTE_ARRAY. Raises TypeError where it has none."""
+        """The type of a Python value; an empty list is a BYTE_ARRAY. Raises TypeError if there is none."""
         if parameter_value is None:
             return cls.NOT_SET
         for type_, python_type in _SCALARS.items():
@@ -80,7 +80,7 @@ class ParameterType(IntEnum):
         return f"<{self}: {self.value}>"
 
 
-# In the order in which they are tried: a bool is an int as well.
+# In the order of the checks: a bool is an int as well.
 _SCALARS = {
     ParameterType.BOOL: bool,
     ParameterType.INTEGER: int,
@@ -98,7 +98,7 @@ _SEQUENCES = (list, tuple, array.array)
 
 
 class Setting(Protocol):
-    """A parameter as it is, or as it is to be; it doesn't change."""
+    """A present or requested parameter; it doesn't change."""
 
     @property
     def name(self) -> str: ...
@@ -111,7 +111,7 @@ class Setting(Protocol):
 
 
 class Range(NamedTuple):
-    """Both ends are in it, in any order; `step` 0 = every value between."""
+    """A range with both ends included, in any order; `step` 0 = every value between."""
 
     from_value: float
     to_value: float
@@ -119,7 +119,7 @@ class Range(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """The rules that values must obey. The ranges are `Range` or the messages of them."""
+    """The rules that values must obey. The ranges are `Range` objects or their messages."""
 
     type_: ParameterType = ParameterType.NOT_SET
     is_dynamic: bool = False
@@ -129,7 +129,7 @@ class Rules(NamedTuple):
 
     @classmethod
     def of(cls, descriptor: Any) -> "Rules":
-        """Those in a rcl_interfaces/msg/ParameterDescriptor; None has none but that of the static type."""
+        """The rules in a rcl_interfaces/msg/ParameterDescriptor; for None, only the static type."""
         if descriptor is None:
             return cls()
         return cls(
@@ -141,12 +141,13 @@ class Rules(NamedTuple):
         )
 
     def with_type_of(self, one: Setting) -> "Rules":
-        """The type is that of the first value, or of the current value if it may change."""
+        """The rules with the type of the first value, or of the current value if the type may change."""
         is_fixed = not self.is_dynamic and one.type_ is ParameterType.NOT_SET
         return self if is_fixed else self._replace(type_=one.type_)
 
     def find_fault(self, one: Setting, *, is_known: bool) -> str:
-        """Why the value is not allowed, "" where it is; `is_known`: the parameter was declared before."""
+        """The reason why a value is not allowed, "" if it is; `is_known`: the parameter was declared
+        before."""
         type_ = one.type_
         if not self.is_dynamic:
             if type_ is ParameterType.NOT_SET:
@@ -180,10 +181,10 @@ def _float_fault(one: Setting, allowed: Any) -> str:
     low, high = sorted((allowed.from_value, allowed.to_value))
     if isclose(value, low, rel_tol=_TOLERANCE) or isclose(value, high, rel_tol=_TOLERANCE):
         return ""
-    if not low < value < high:  # NaN too
+    if not low < value < high:  # also True for NaN
         return _out_of_range(one, low, high)
     steps = (value - low) / allowed.step if allowed.step else inf
-    if isfinite(steps):  # else there is no first step, or they are too small to be told apart
+    if isfinite(steps):  # else there is no first step, or the steps are too small to distinguish
         nearest = low + round(steps) * allowed.step
         if not isclose(nearest, value, rel_tol=_TOLERANCE):
             return (
