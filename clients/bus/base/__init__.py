@@ -1,4 +1,4 @@
-"""Small helpers that know nothing of the bus and of its errors. Everything else may import them.
+"""Small helpers that know nothing about the bus and its errors. All other packages may import them.
 
 Each module stands alone: descriptors (`descriptor.py`), memory by the page (`buffers.py`), kinds of callbacks
 (`callbacks.py`), warnings about a forgotten `await` (`awaited.py`), texts that are safe to print
@@ -9,8 +9,8 @@ Invariants:
 
 - Nothing here imports another package of `bus`. import-linter checks this.
 - `loading.py` loads no module at all: a Ctrl-C could interrupt that import.
-- `suggest.py` and `missing_names.py` serve mistakes only, so they are imported late.
-- `printable.py` decides for all tools which characters of other processes are escaped.
+- `suggest.py` and `missing_names.py` are only needed after mistakes, so they are imported late.
+- `printable.py` has the list of escaped characters in texts of other processes, for all tools.
 
 Read first: the docstring of the module in question.
 

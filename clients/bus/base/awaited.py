@@ -1,8 +1,8 @@
-"""Coroutine functions that warn where the program forgets the `await`, and name the line that called them.
+"""Coroutine functions that warn if the program forgets the `await`, and name the calling line.
 
-For calls that make things and close them: programmers who come from rclpy forget it there. Python's own
-warning names the line where the coroutine was thrown away, and what was to be closed would stay open for
-ever.
+Used for calls that make and close objects, because programmers with experience of rclpy forget it there.
+Python's own warning names the line at which the coroutine was discarded, and an unawaited close would leave
+its object open for ever.
 """
 
 import asyncio
@@ -24,17 +24,17 @@ _tasks: set[asyncio.Task[Any]] = set()
 
 
 def to_be_awaited(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
-    """Decorator: a call that is not awaited does nothing, and warns."""
+    """Decorator: an unawaited call does nothing, and warns."""
     return _decorated(function, is_done_anyway=False)
 
 
 def done_anyway(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
-    """Decorator: a call that is not awaited is done by the event loop all the same, and warns."""
+    """Decorator: the event loop runs an unawaited call anyway, and warns."""
     return _decorated(function, is_done_anyway=True)
 
 
 def is_to_be_awaited(function: object) -> bool:
-    """Whether it, or the method that it is, was decorated so."""
+    """Whether `function` was decorated like this; for a bound method, its function."""
     return hasattr(function, _MARK) or hasattr(getattr(function, "__self__", None), _MARK)
 
 
@@ -51,10 +51,10 @@ def _decorated(
 
 
 def mark_to_be_awaited(function: Any) -> None:
-    """`function` is no `async def`, but returns something to await: `is_to_be_awaited` is true of it.
+    """Mark `function`, which is no `async def` but returns an awaitable, so that `is_to_be_awaited` is true.
 
-    Frameworks ask `asyncio.iscoroutinefunction`, or from Python 3.12 on the one of `inspect`. Python 3.11's
-    `inspect` looks at the code alone, and has no such mark.
+    Frameworks call `asyncio.iscoroutinefunction`, or from Python 3.12 on the function of `inspect`. Python
+    3.11's `inspect` only checks the code, and has no such mark.
     """
     setattr(function, _MARK, True)
     function._is_coroutine = getattr(asyncio.coroutines, "_is_coroutine", None)
@@ -64,7 +64,7 @@ def mark_to_be_awaited(function: Any) -> None:
 
 
 class _Call(Coroutine[Any, Any, T]):
-    """A coroutine, and the line that made it; `loop` runs it where it is never awaited."""
+    """A coroutine, and the line that made it; `loop` runs it if it is never awaited."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class _Call(Coroutine[Any, Any, T]):
         return repr(self._coroutine)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith(("cr_", "__")):  # what asyncio, inspect and debuggers look at
+        if name.startswith(("cr_", "__")):  # attributes that asyncio, inspect and debuggers read
             return getattr(self._coroutine, name)
         method = self._coroutine.__name__
         self._is_explained = True
@@ -128,5 +128,5 @@ class _Call(Coroutine[Any, Any, T]):
 
 def _carry_out(loop: asyncio.AbstractEventLoop, coroutine: Coroutine[Any, Any, Any]) -> None:
     task = loop.create_task(coroutine)
-    _tasks.add(task)  # the loop itself holds it loosely
+    _tasks.add(task)  # the loop itself only has a weak reference
     task.add_done_callback(_tasks.discard)

@@ -1,4 +1,4 @@
-"""Buffers that take memory only for the pages that were written."""
+"""Buffers that only use memory for written pages."""
 
 import mmap
 
@@ -6,10 +6,11 @@ __all__ = ["paged_buffer"]
 
 
 def paged_buffer(size: int) -> memoryview:
-    """A writable buffer of `size` zero bytes, for a size of several pages of which mostly the first are used.
+    """Make a writable buffer of `size` zero bytes, for several pages of which usually only the first are
+    used.
 
-    The system adds a page of memory when something is written there; a bytearray would take all of it at
-    once, to fill it with zeros. Dropping the buffer's last view frees the memory. A child process after
+    The system adds a page of memory at the first write to it. A bytearray would take all the memory at once,
+    to fill it with zeros. When the buffer's last view is dropped, the memory is freed. A child process after
     `fork` has its own copy.
 
     Raises MemoryError if the system has no room for it.
@@ -18,5 +19,5 @@ def paged_buffer(size: int) -> memoryview:
     # the garbage collector meets such a view (gh-111049).
     try:
         return memoryview(mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS))
-    except OSError as error:  # callers that work with sockets would take it for a socket's error
+    except OSError as error:  # callers with sockets would confuse it with a socket's error
         raise MemoryError(f"{size} bytes for a buffer: {error.strerror}") from error

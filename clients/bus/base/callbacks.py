@@ -1,6 +1,7 @@
-"""What a user's callback is like: its name, whether it must be awaited, whether it wants a message's info."""
+"""Properties of a user's callback: its name, whether it must be awaited, whether it takes a message's
+info."""
 
-import inspect  # whose names are asked for only where they are needed: it takes a while to load
+import inspect  # slow to load, so its names are only used if necessary
 from collections.abc import Callable
 from functools import partial
 from types import FunctionType, MethodType
@@ -12,11 +13,11 @@ __all__ = ["callback_name", "ignore", "is_async", "takes", "takes_info"]
 
 _HAS_REST: Final = 0x04
 _IS_COROUTINE: Final = 0x80
-"""Flags of a function's code: it takes any number of arguments; it is `async def`."""
+"""Flags of a function's code: it has `*args`; it is an `async def`."""
 
 
 def callback_name(callback: Callable[..., object]) -> str:
-    """The name that its author knows: of the function itself, where something is wrapped around it."""
+    """The name that the author knows: that of the function itself, even if it is wrapped."""
     callback = inspect.unwrap(callback)
     while isinstance(callback, partial):
         callback = inspect.unwrap(callback.func)
@@ -24,7 +25,8 @@ def callback_name(callback: Callable[..., object]) -> str:
 
 
 def is_async(callback: Callable[..., object]) -> bool:
-    """Whether what a call returns is to be awaited: async functions and methods, objects with such a call."""
+    """Whether the result of a call must be awaited: for async functions and methods, and objects with an
+    async `__call__`."""
     while isinstance(callback, partial):
         callback = callback.func
     if (function := _plain_function(callback)) is not None:
@@ -38,20 +40,20 @@ def is_async(callback: Callable[..., object]) -> bool:
 
 
 def takes_info(callback: Callable[..., object]) -> bool:
-    """Whether it needs a second argument; one with a default is the user's own."""
+    """Whether the callback needs a second argument; one with a default is for the user."""
     if (function := _plain_function(callback)) is not None:
         given = len(function.__defaults__ or ()) + (function is not callback)
         return function.__code__.co_argcount - given >= 2
     try:
         parameters = inspect.signature(callback).parameters.values()
-    except (TypeError, ValueError):  # some that are written in C
+    except (TypeError, ValueError):  # some functions in C
         return False
     positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     return sum(one.kind in positional and one.default is one.empty for one in parameters) >= 2
 
 
 def takes(callback: Callable[..., object], count: int) -> bool:
-    """Whether it can be called with so many arguments; True where that can't be found out."""
+    """Whether the callback can be called with `count` arguments; True if that is unknown."""
     if (function := _plain_function(callback)) is not None:
         code = function.__code__
         most = code.co_argcount - (function is not callback)
@@ -61,7 +63,7 @@ def takes(callback: Callable[..., object], count: int) -> bool:
         return least <= count and (count <= most or bool(code.co_flags & _HAS_REST))
     try:
         signature = inspect.signature(callback)
-    except (TypeError, ValueError):  # some that are written in C
+    except (TypeError, ValueError):  # some functions in C
         return True
     try:
         signature.bind(*(None,) * count)
@@ -71,10 +73,9 @@ def takes(callback: Callable[..., object], count: int) -> bool:
 
 
 def _plain_function(callback: Callable[..., object]) -> FunctionType | None:
-    """The plain function, or the function of a plain method; None where something is wrapped around it or
-    marked on it.
+    """The plain function, or the function of a plain method; None if it is wrapped or marked.
 
-    All that `inspect` would find out about such a function is in its code object.
+    The code object of such a function has all the information that `inspect` would return.
     """
     function = callback.__func__ if isinstance(callback, MethodType) else callback
     return function if isinstance(function, FunctionType) and not function.__dict__ else None

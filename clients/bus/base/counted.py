@@ -1,4 +1,4 @@
-"""Numbers of things in messages to people: "1 message", "2 messages"."""
+"""Numbers with nouns in messages to people: "1 message", "2 messages"."""
 
 __all__ = ["counted"]
 

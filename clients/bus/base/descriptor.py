@@ -4,7 +4,7 @@ import os
 
 
 class Descriptor:
-    """Owns `number`. Closed by `close`, or when nothing holds the object any more."""
+    """Owns the descriptor `number`. Closed by `close`, or with the last reference to the object."""
 
     __slots__ = ("__weakref__", "number")
 
@@ -12,11 +12,11 @@ class Descriptor:
         self.number = number
 
     def fileno(self) -> int:
-        """The number; -1 once it is closed."""
+        """The number; -1 after the close."""
         return self.number
 
     def close(self) -> None:
-        """Close it; closing twice is allowed."""
+        """Close the descriptor; closing twice is allowed."""
         number, self.number = self.number, -1
         if number >= 0:
             os.close(number)

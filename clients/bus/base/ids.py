@@ -1,6 +1,6 @@
-"""Names for the plain ints that identify things, so that one can't be passed for another.
+"""Types for the ints that identify objects, so that a wrong kind of id is a type error.
 
-Must not know what they are used for. They are u32 on the wire.
+Must not know the use of ids. They are u32 on the wire.
 """
 
 from typing import NewType

@@ -1,4 +1,4 @@
-"""Keys of a terminal: bytes in, what they mean out."""
+"""Keys of a terminal: bytes in, meanings of keys out."""
 
 from collections.abc import Mapping
 from typing import Generic, TypeVar
@@ -10,7 +10,7 @@ _ESCAPE = b"\x1b"
 
 
 class Keys(Generic[K]):
-    """Takes bytes as they come; a cursor key is three of them, which may come one by one.
+    """Decodes bytes as they come; a cursor key has three bytes, which may come one by one.
 
     `letters` and `cursor` keys (A up, B down, C right, D left) have meanings; others have none.
     """
@@ -21,7 +21,7 @@ class Keys(Generic[K]):
         self._begun = b""
 
     def feed(self, data: bytes) -> list[K]:
-        """The meanings of the keys that are whole now."""
+        """The meanings of the keys that are complete now."""
         found: list[K] = []
         for number in data:
             byte = bytes((number,))

@@ -1,9 +1,9 @@
-"""Imports asyncio without what it brings along for few programs, TLS and `inspect`; importing this is enough.
+"""Imports asyncio without its rarely needed modules, TLS and `inspect`. An import of this module is enough.
 
-These modules are there all the same, for asyncio and for everybody. Each is loaded when a name in it is first
-asked for: of what asyncio takes, in time and in memory, they are about a fifth. uvloop asks for such names at
-once, so this is for programs on other loops. Owns which modules these are, and how a module is loaded late:
-`importlib.util.LazyLoader` would load one as soon as it is imported again, and does not keep threads apart.
+These modules can still be imported, by asyncio and by all other code. Each is loaded at the first access to
+one of its names. They need about a fifth of asyncio's time and memory. uvloop accesses such names at once, so
+this only helps programs on other loops. Owns the list of these modules, and the way to load a module late.
+`importlib.util.LazyLoader` would load a module as soon as it is imported again, and is not safe for threads.
 """
 
 import sys
@@ -17,21 +17,21 @@ __all__: list[str] = []
 
 _LATE: Final = frozenset(("asyncio.sslproto", "inspect", "ssl"))
 _NEEDED: Final = {"ssl": "_ssl"}
-"""What may be missing in a Python: then asyncio is to hear so at once."""
+"""Modules that a Python may lack: then asyncio must get the ImportError at once."""
 
 _lock: Final = RLock()
 """Held while a module is loaded: other threads wait for its names."""
 
 
 class _Late(ModuleType):
-    """A module that is not loaded yet; afterwards it is a plain one."""
+    """A module that is not loaded yet; after loading it is a plain module."""
 
     def __getattr__(self, name: str) -> Any:
         _load(self)
         return ModuleType.__getattribute__(self, name)
 
     def __setattr__(self, name: str, value: object) -> None:
-        _load(self)  # else loading would undo it
+        _load(self)  # else loading would overwrite the value
         ModuleType.__setattr__(self, name, value)
 
     def __dir__(self) -> list[str]:
@@ -40,7 +40,7 @@ class _Late(ModuleType):
 
 
 class _Loader:
-    """Leaves the work to `loader`, for later."""
+    """Defers the work to `loader`."""
 
     def __init__(self, loader: Any) -> None:
         self.loader = loader
@@ -70,7 +70,7 @@ def _load(module: ModuleType) -> None:
         spec: Any = module.__spec__
         late = spec.loader
         if not isinstance(late, _Loader):
-            return  # it is loaded, or just being so by this thread
+            return  # it is loaded, or this thread is just loading it
         names = vars(module)
         spec.loader = names["__loader__"] = late.loader
         try:

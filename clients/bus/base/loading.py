@@ -1,12 +1,11 @@
 """Ctrl-C while modules of the bus are loaded.
 
 An import is a bad moment for a KeyboardInterrupt. CPython drops it in the callback that removes an import
-lock ("Exception ignored in ... cb"), and the program runs on. Elsewhere it becomes a SyntaxError or a
-RuntimeError of the module that is being loaded. So `import bus` and the imports that it makes later defer
-SIGINT until the modules are loaded. Not deferred: the body of a message package, and the end of the program's
-own `import`.
+lock ("Exception ignored in ... cb"), and the program continues. In other places it becomes a SyntaxError or a
+RuntimeError of the loading module. So `import bus` and its later imports defer SIGINT until the modules are
+loaded. Not deferred: the body of a message package, and the end of the program's own `import`.
 
-No traceback is printed for a KeyboardInterrupt that came meanwhile: it would show only modules being loaded.
+No traceback is printed for a KeyboardInterrupt that came meanwhile: it would only show loading modules.
 
 Must not load any module: a Ctrl-C would not be deferred then.
 """
@@ -16,7 +15,7 @@ from __future__ import annotations
 import _signal  # type: ignore[import-not-found] # the core of `signal`, there without loading anything
 import sys
 
-TYPE_CHECKING = False  # that of `typing` takes a while to load
+TYPE_CHECKING = False  # without an import of `typing`, which takes a while
 if TYPE_CHECKING:
     from types import FrameType, TracebackType
 
@@ -24,10 +23,10 @@ __all__ = ["deferred_interrupts", "except_hook", "hide_tracebacks_of_imports"]
 
 
 class deferred_interrupts:
-    """In this block a Ctrl-C waits: its KeyboardInterrupt is raised at the end of the block.
+    """A block in which a Ctrl-C waits: its KeyboardInterrupt is raised at the end of the block.
 
-    No effect in other threads than the main one, in an inner block, and if the program has a handler of its
-    own for SIGINT or ignores it.
+    It has no effect in threads other than the main one, in an inner block, and if the program has a handler
+    for SIGINT or ignores it.
     """
 
     def __init__(self) -> None:
@@ -45,7 +44,7 @@ class deferred_interrupts:
     def __exit__(self, *_: object) -> None:
         if not self._is_first:
             return
-        if _signal.getsignal(_signal.SIGINT) == self._note:  # a module may have set its own
+        if _signal.getsignal(_signal.SIGINT) == self._note:  # a module may have set another handler
             _signal.signal(_signal.SIGINT, _signal.default_int_handler)
         if self._came:
             raise KeyboardInterrupt
@@ -55,22 +54,23 @@ class deferred_interrupts:
 
 
 def hide_tracebacks_of_imports() -> None:
-    """Make `except_hook` that of the program, unless it has one of its own."""
+    """Install `except_hook`, unless the program has its own hook."""
     if sys.excepthook is sys.__excepthook__:
         sys.excepthook = except_hook
 
 
 def except_hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """As Python's, but without the traceback of a KeyboardInterrupt from an import of the bus's modules.
+    """As Python's hook, but without the traceback of a KeyboardInterrupt from an import of the bus's modules.
 
-    Python ends the program by SIGINT then, as for any uncaught KeyboardInterrupt.
+    Python then ends the program by SIGINT, as for any uncaught KeyboardInterrupt.
     """
     if kind is not KeyboardInterrupt or hasattr(sys, "ps1") or not _is_loading(trace):
         sys.__excepthook__(kind, error, trace)
 
 
 def _is_loading(trace: TracebackType | None) -> bool:
-    """Whether a KeyboardInterrupt came from an import of ours; `bus` itself and this module only import."""
+    """Whether a KeyboardInterrupt came from an import of a bus module; `bus` itself and this module only
+    import."""
     while trace is not None:
         frame = trace.tb_frame
         module = frame.f_globals.get("__name__", "")

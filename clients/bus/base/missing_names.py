@@ -1,6 +1,6 @@
 """Errors for names that a module or a message class does not have: one line with the right way.
 
-Needed for mistakes only: import it late.
+Only needed after mistakes: import it late.
 """
 
 import sys
@@ -28,7 +28,8 @@ _UNKNOWN_FIELD: Final = "Unexpected keyword argument '"
 def missing_name(module: str, name: str, names: Iterable[str], *, is_bus: bool = False) -> Exception:
     """The error for a module's `__getattr__`: `module` has no `name`, but `names`.
 
-    An AttributeError; an ImportError for `from module import name`, where Python would drop the text.
+    It is an AttributeError. For `from module import name`, where Python would drop its text, it is an
+    ImportError.
     """
     text = f"module '{module}' has no '{name}'"
     if is_bus and name in _FROM_RCLPY:
@@ -41,10 +42,10 @@ def missing_name(module: str, name: str, names: Iterable[str], *, is_bus: bool =
 
 
 def explain_unknown_field(error: TypeError) -> None:
-    """If a message was made with a field that its class does not have, add a note with those that it has.
+    """If a message was made with an unknown field, add a note with the fields of its class.
 
-    msgspec's constructor names neither the class nor its fields, and a check of ours would slow it down. So
-    this looks for the class among the names in the code that called it.
+    msgspec's constructor names neither the class nor its fields, and an extra check would slow it down. So
+    this searches the class among the names in the calling code.
     """
     text, trace = str(error), error.__traceback__
     if not text.startswith(_UNKNOWN_FIELD) or trace is None:
@@ -72,7 +73,7 @@ def _innermost(trace: TracebackType) -> FrameType:
 
 
 def _classes(frame: FrameType) -> Iterator[tuple[Any, tuple[str, ...]]]:
-    """Message classes that the code of `frame` names, by themselves or as attributes of a module."""
+    """Message classes named in the code of `frame`, directly or as attributes of a module."""
     known = {**frame.f_globals, **frame.f_locals}
     values = [known[name] for name in (*frame.f_code.co_names, *frame.f_code.co_varnames) if name in known]
     values += [getattr(owner, name, None) for owner in tuple(values) for name in frame.f_code.co_names]

@@ -1,4 +1,4 @@
-"""Packages that parts of busd need and that a plain install leaves out: the command that installs one."""
+"""Commands to install packages that parts of busd need and that a plain install leaves out."""
 
 __all__ = ["BOUNDS", "how_to_install"]
 
@@ -13,13 +13,13 @@ BOUNDS = {
     "textual": ">=3",
     "websockets": ">=15",
 }
-"""Distributions and their versions, as the extras in pyproject.toml have them."""
+"""Distributions and their versions, equal to the extras in pyproject.toml."""
 
 
 def how_to_install(distribution: str) -> str:
     """The command, for a shell.
 
-    It names the package itself and not an extra of busd (`busd[web]`), because a command with an extra
-    depends on where busd came from: a clone, a wheel or an index. This one works after each, in any folder.
+    It names the package itself and not an extra of busd (`busd[web]`). A command with an extra depends on the
+    source of busd: a clone, a wheel or an index. This command works with each of them, in any folder.
     """
     return f"pip install '{distribution}{BOUNDS[distribution]}'"

@@ -1,6 +1,6 @@
-"""`did you mean ...?` for misspelt names. Knows names as texts only.
+"""`did you mean ...?` for misspelt names. Knows names only as texts.
 
-Slow to import, and needed for mistakes only: import it late.
+Slow to import, and only needed after mistakes: import it late.
 """
 
 import re
@@ -30,7 +30,8 @@ def did_you_mean(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
 
 
 def _is_near(name: str, other: str) -> bool:
-    """Every part is the other's or a slip of it; or one name has all parts of the other in a row."""
+    """Whether each part equals the other's or is a slip of it; or one name has all parts of the other in a
+    row."""
     ours, theirs = (_PARTS.split(one.casefold()) for one in (name, other))
     if len(ours) == len(theirs):
         return all(map(_is_slip, ours, theirs))
@@ -43,13 +44,14 @@ def _is_near(name: str, other: str) -> bool:
 
 
 def _is_slip(one: str, other: str) -> bool:
-    """At most a third of the letters, and always one, are changed, left out, added or swapped."""
+    """Whether at most a third of the letters (one is always allowed) are changed, left out, added or
+    swapped."""
     most = max(1, max(len(one), len(other)) // 3)
     return abs(len(one) - len(other)) <= most and _distance(one, other) <= most
 
 
 def _distance(one: str, other: str) -> int:
-    """Damerau and Levenshtein's, with swaps of neighbours."""
+    """The distance of Damerau and Levenshtein, with swaps of neighbours."""
     before: list[int] = []
     row = list(range(len(other) + 1))
     for i, letter in enumerate(one, 1):

@@ -1,4 +1,4 @@
-"""Waits for several things at once."""
+"""Runs several coroutines at once."""
 
 import asyncio
 from collections.abc import Coroutine, Iterable
@@ -10,7 +10,8 @@ T = TypeVar("T")
 
 
 async def together(coroutines: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
-    """Run all side by side to their ends, begun in this order; returns their results in this order.
+    """Run all coroutines concurrently to their ends, begun in this order; returns their results in this
+    order.
 
     Raises the first error in this order, when all have ended. Cancellation: all are cancelled.
     """

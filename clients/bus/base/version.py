@@ -1,7 +1,7 @@
-"""Which release of busd this is. The only place that says so: packages take their version from here.
+"""The release of busd, only defined here: packages take their version from this module.
 
-A constant, because asking the installer's records takes longer than to connect.
+It is a constant, because reading the installer's records takes longer than connecting.
 """
 
 RELEASE = "0.1.0"
-"""The release, as a package index has it."""
+"""The release, in the form of a package index."""

@@ -1,15 +1,15 @@
-"""Warnings about problems at run time, limited to what a log can bear.
+"""Warnings about problems at run time, with bounds for the log.
 
 - `bursts.py`: messages were lost because a program published without a pause.
 - `slow_callback.py`: a callback has blocked the event loop.
-- `mismatch.py`: why a publisher and a subscription don't match, in busd's words.
+- `mismatch.py`: the reason why a publisher and a subscription don't match, in busd's words.
 - `provoked.py`: limits for warnings that other processes can cause.
 
 Invariants:
 
-- A warning costs a message nothing: it reads counters that exist anyway, or times a call where it is made.
+- A warning adds no cost to a message: it reads counters that exist anyway, or times a call at its place.
 - Another process can't flood the log. A warning that other processes can cause goes through `provoked.py`.
-- A text names the thing (topic, node, callback) and what would help.
+- A text names the topic, node or callback, and a remedy.
 
 Read first: `provoked.py`.
 

@@ -1,8 +1,8 @@
 """Bursts: warns that messages were lost because a program published them without a pause.
 
-A loop of `publish` that awaits nothing is the commonest way to lose messages under keep last: it fills a
-short queue faster than any subscription empties it. Reads counters that exist anyway; a message costs nothing
-more.
+A loop of `publish` without an await is the most common reason for lost messages under keep last: it fills a
+short queue faster than any subscription empties it. This reads counters that exist anyway, so it adds no cost
+to a message.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ _REST_S = 60.0
 class BurstWatch:
     """Watches one publisher. `soon(call, *args)` makes a call after this turn of the event loop.
 
-    `is_awaitable`: its user may await, which a user of rclpy can't.
+    `is_awaitable`: the user may await, which a user of rclpy can't.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class BurstWatch:
         self._said_at = -_REST_S
 
     def note_replaced(self, count: int, depth: int) -> None:
-        """Some were replaced in the publisher's own queue."""
+        """Note messages replaced in the publisher's own queue."""
         if not self._replaced:
             self._soon(self._end_turn)
         self._replaced += count
@@ -44,9 +44,10 @@ class BurstWatch:
             )
 
     def watch_turn(self, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
-        """One was published: when this turn of the event loop ends, look at how many were published in it.
+        """After a publish: when this turn of the event loop ends, check the number of messages published in
+        it.
 
-        `least_depth`: the smallest depth of the subscriptions; 0 where none may lose any.
+        `least_depth`: the smallest depth of the subscriptions; 0 if none may lose any.
         """
         self._soon(self._end_watch, published() - 1, published, least_depth)
 

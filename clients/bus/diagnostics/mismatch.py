@@ -1,4 +1,4 @@
-"""Why a publisher and a subscription of one topic are no match, in busd's words."""
+"""The reason why a publisher and a subscription of one topic don't match, in busd's words."""
 
 from collections.abc import Callable
 
@@ -8,14 +8,13 @@ from bus.qos import check_compatible, describe_incompatibilities
 __all__ = ["Describe", "kept_apart", "mismatch"]
 
 Describe = Callable[[str, str], bytes | None]
-"""The description of the type with that name and hash, as it travels; None where no endpoint has it any
-more."""
+"""The encoded description of the type with that name and hash; None if no endpoint has it any more."""
 
 
 def mismatch(publisher: GraphEndpoint, subscription: GraphEndpoint, describe: Describe) -> str | None:
-    """None where nothing speaks against the match. `describe` is asked where two types have one name."""
+    """The reason, or None if the endpoints can match. `describe` is called if two types have one name."""
     if kept_apart(publisher, subscription):
-        return None  # busd says nothing of it either
+        return None  # busd doesn't report this either
     if publisher.type_name != subscription.type_name:
         return f"the publisher has {publisher.type_name}, the subscription {subscription.type_name}"
     if publisher.type_hash != subscription.type_hash:
@@ -24,8 +23,10 @@ def mismatch(publisher: GraphEndpoint, subscription: GraphEndpoint, describe: De
 
 
 def kept_apart(publisher: GraphEndpoint, subscription: GraphEndpoint) -> str:
-    """Why what bridges have brought is not matched: else it would go back where it came from. "": it may
-    be."""
+    """The reason why mirrors of bridges don't match; "" if they may.
+
+    Messages must not return to their source.
+    """
     one, other = publisher.node.origin, subscription.node.origin
     shared = set() if one is None or other is None else one.buses & other.buses
     return f"both have come from {min(shared)}" if shared else ""

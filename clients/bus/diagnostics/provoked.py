@@ -1,8 +1,8 @@
-"""Warnings about what other processes do: at most so many in a second, and how many more there were.
+"""Warnings about actions of other processes: a bounded number in a second, and the count of further ones.
 
-Another process can make thousands of endpoints that don't match ours, each of which is worth a line, and
-maybe a question to busd. Owns the bounds, one for all nodes of an event loop. Must not know what the warnings
-say.
+Another process can make thousands of endpoints that don't match ours. Each of them causes a line in the log,
+and perhaps a request to busd. Owns the bounds, one for all nodes of an event loop. Must not know the texts of
+warnings.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ _MOST = 20
 _PERIOD_S = 1.0
 
 _Counts = WeakKeyDictionary[asyncio.AbstractEventLoop, int]
-"""How many there were in the period that has begun, by event loop."""
+"""Numbers in the present period, by event loop."""
 
 _lines: _Counts = WeakKeyDictionary()
 _notes: _Counts = WeakKeyDictionary()
@@ -28,28 +28,28 @@ _questions: _Counts = WeakKeyDictionary()
 def warn(logger: Logger, text: str) -> None:
     """Log a warning that contains another process's text, as one line, unless there were too many.
 
-    To be called on the event loop.
+    Must be called on the event loop.
     """
     if _is_within_bounds(_lines, _warn_left_out):
         logger.warning(printable(text, keep=""))
 
 
 def inform(logger: Logger, text: str) -> None:
-    """As `warn`, for what is no fault."""
+    """As `warn`, for an event that is no fault."""
     if _is_within_bounds(_notes, lambda number: _log_notes_left_out(logger, number)):
         logger.info(printable(text, keep=""))
 
 
 def is_worth_asking() -> bool:
-    """Whether to ask busd more about what another process did: no, after too many times in a second.
+    """Whether to request more from busd about an action of another process: not after too many in a second.
 
-    To be called on the event loop, before each question.
+    Must be called on the event loop, before each request.
     """
     return _is_within_bounds(_questions, _ignore)
 
 
 def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
-    """Count one more; the first begins a period, at whose end `at_end` gets how many there were."""
+    """Count one more. The first begins a period; at its end, `at_end` gets the number."""
     loop = asyncio.get_running_loop()
     number = counts[loop] = counts.get(loop, 0) + 1
     if number == 1:
@@ -58,7 +58,7 @@ def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
 
 
 def _ignore(number: int) -> None:
-    """Questions that were left out are not reported."""
+    """Does nothing: requests left out are not reported."""
 
 
 def _log_notes_left_out(logger: Logger, number: int) -> None:

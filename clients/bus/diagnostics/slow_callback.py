@@ -1,10 +1,10 @@
-"""Says which callback has held the event loop up, and for how long: once for each callback.
+"""Reports callbacks that have blocked the event loop, with their time: once for each callback.
 
-Nothing else of the loop runs meanwhile: messages wait or are replaced, timers miss calls. asyncio's debug
-mode has such a line too, with a handle of the loop in it; this one has the name that the user knows.
+Nothing else in the loop runs meanwhile: messages wait or are replaced, timers miss calls. asyncio's debug
+mode has such a line, too, which shows a handle of the loop. This line has the name that the user knows.
 
-Plain callbacks of subscriptions are timed where they are called (`bus.delivery.dispatcher`, and the native
-core), because a wrapper would cost a tenth of a quick message. All others are wrapped.
+The callers of plain callbacks of subscriptions time them (`bus.delivery.dispatcher`, and the native core),
+because a wrapper would cost a tenth of a quick message. All other callbacks are wrapped.
 """
 
 import inspect  # maybe not loaded yet: see bus.base.lean_asyncio
@@ -22,11 +22,11 @@ from bus.names import is_hidden_node
 __all__ = ["SLOW_NS", "timed_by_caller", "watched"]
 
 SLOW_NS = 200_000_000
-"""A callback that holds the event loop up for longer is reported; the native core has the same number."""
+"""A callback that blocks the event loop for this time is reported; the native core has the same number."""
 
 
 class SlowWatch:
-    """Warns of `callback`, that of `what`."""
+    """Warns about `callback`, the callback of `what`."""
 
     __slots__ = ("_callback", "_is_warned", "_logger", "_what")
 
@@ -34,11 +34,11 @@ class SlowWatch:
         self._callback = callback
         self._what = what
         self._logger = logger
-        # A hidden node is a tool's, whose user has no callback to mend.
+        # A hidden node belongs to a tool, whose user has no callback to fix.
         self._is_warned = is_hidden_node(logger.name.replace(".", "/"))
 
     def note(self, took_ns: int) -> None:
-        """A call, or several without a pause, took so long: SLOW_NS or more."""
+        """Note a call, or several without a pause, that took SLOW_NS or more."""
         if not self._is_warned:
             self._is_warned = True
             name = f"{callback_name(self._callback)}{_place(self._callback)}"
@@ -50,9 +50,9 @@ class SlowWatch:
 
 
 def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable[..., Any]:
-    """The callback of `what`, timed.
+    """A timed version of the callback of `what`.
 
-    Of an async one each part between two awaits counts by itself: while it awaits, others run.
+    In an async callback, each part between two awaits counts separately, because others run while it awaits.
     """
     note = SlowWatch(callback, what, logger).note
     if is_async(callback):
@@ -60,7 +60,7 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
         @wraps(callback)
         @coroutine
         def call_async(*arguments: Any) -> Generator[Any, Any, Any]:
-            # By hand, as `await` does it: a coroutine around it would cost twice as much.
+            # Done by hand in the way of `await`: a coroutine around it would cost twice as much.
             began_ns = monotonic_ns()
             try:
                 work = callback(*arguments)
@@ -92,9 +92,10 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
 def timed_by_caller(
     callback: Callable[..., Any], what: str, logger: Logger
 ) -> tuple[Callable[..., Any], Callable[[int], object] | None]:
-    """For a caller that times plain callbacks: what to call, and what gets the nanoseconds of slow calls.
+    """For a caller that times plain callbacks: the function to call, and one for the nanoseconds of slow
+    calls.
 
-    An async callback comes back as `watched` makes it, and needs no timing.
+    For an async callback, it returns the result of `watched`, which needs no timing.
     """
     if is_async(callback):
         return watched(callback, what, logger), None
@@ -102,14 +103,14 @@ def timed_by_caller(
 
 
 async def _wait_for(work: Awaitable[Any]) -> Any:
-    """A coroutine of Python's for any awaitable."""
+    """A Python coroutine for any awaitable."""
     return await work
 
 
 def _go_on(
     work: Coroutine[Any, Any, Any], awaited: Any, note: Callable[[int], object]
 ) -> Generator[Any, Any, Any]:
-    """Run a coroutine, which has `awaited` something, to its end; each part of it is timed."""
+    """Run a coroutine that has `awaited` an object to its end, and time each part of it."""
     while True:
         try:
             sent = yield awaited
@@ -123,13 +124,13 @@ def _go_on(
         except StopIteration as end:
             return end.value
         finally:
-            del go_on  # with the error in it, it would be part of a cycle
+            del go_on  # with the error, it would be part of a cycle
             if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
                 note(took_ns)
 
 
 def _place(callback: Callable[..., Any]) -> str:
-    """Module and line; nothing for callables without code of Python's."""
+    """Module and line; nothing for callables without Python code."""
     function: Any = inspect.unwrap(callback)
     while isinstance(function, partial):
         function = inspect.unwrap(function.func)

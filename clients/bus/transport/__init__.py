@@ -8,14 +8,14 @@ the end of the other side if uvloop does not report it. `memory.py` makes glibc 
 
 Invariants:
 
-- A stream does not know what messages mean.
-- Each half changes its state only by its table. What a state requires (watch the socket, shut a half) happens
-  in `stream.py`.
-- Something published leaves at once if the socket takes it, not at the end of the loop's turn.
-- Descriptors of a frame go with its first byte, in a `sendmsg` of their own.
+- A stream does not know the meaning of messages.
+- Each half changes its state only by its table. `stream.py` acts on the states (watches the socket, shuts a
+  half).
+- A published sample leaves at once if the socket accepts it, not at the end of the loop's turn.
+- Descriptors of a frame go with its first byte, in a separate `sendmsg`.
 - Behaviour is the same on asyncio's loop and on uvloop.
 
 Read first: `stream_state.py`, then `stream.py`.
 
-Tests: `tests/unit/bus/transport/`; what a message may cost: `tests/system/test_calls.py`.
+Tests: `tests/unit/bus/transport/`; the allowed system calls of a message: `tests/system/test_calls.py`.
 """

@@ -1,10 +1,10 @@
-"""Tells a stream that the other side of its socket has gone, where its event loop may not.
+"""Informs a stream that the other side of its socket has gone, if its event loop may not do that.
 
-A process that is killed may leave bytes unread. Then the other end of its socket has an error, which libuv
-reports only once: a stream that read a part of what was there would never hear of the rest, nor of the end.
-Asking the socket after each read would cost a system call for each message. So one epoll for all streams of
-an event loop waits for the end and nothing else. asyncio's own loops report an error as long as it is there,
-and need none of this.
+A killed process may leave bytes unread. Then the other end of its socket has an error, which libuv reports
+only once. A stream that has read a part of the waiting bytes would never notice the rest, or the end. A check
+of the socket after each read would cost a system call for each message. So one epoll for all streams of an
+event loop waits only for the end. asyncio's own loops report an error as long as it exists, and don't need
+this.
 """
 
 import asyncio
@@ -15,10 +15,10 @@ from weakref import WeakValueDictionary
 
 
 class HangUps:
-    """Shared by the streams of an event loop, got with `of`; closed with the last of them."""
+    """One object for all streams of an event loop, returned by `of`; closed with the last of them."""
 
     _all: ClassVar["WeakValueDictionary[int, HangUps]"] = WeakValueDictionary()
-    """By the id of the loop, which each holds: a look-up is safe while other threads add theirs."""
+    """By the id of the loop, to which each refers. A look-up is safe while other threads add objects."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
@@ -29,7 +29,7 @@ class HangUps:
 
     @classmethod
     def of(cls, loop: asyncio.AbstractEventLoop) -> "HangUps | None":
-        """That of `loop`; None where none is needed, or there is no epoll."""
+        """The object of `loop`; None if it is not needed, or if there is no epoll."""
         if isinstance(loop, asyncio.SelectorEventLoop) or not hasattr(select, "epoll"):
             return None
         one = cls._all.get(id(loop))
@@ -38,10 +38,10 @@ class HangUps:
     def watch(self, number: int, action: Callable[[], None]) -> None:
         """Call `action` once, when the other side of descriptor `number` has gone."""
         self._actions[number] = action
-        self._epoll.register(number, select.EPOLLONESHOT)  # epoll reports the end whatever is asked for
+        self._epoll.register(number, select.EPOLLONESHOT)  # epoll always reports the end
 
     def forget(self, number: int) -> None:
-        """Forget the descriptor; to be called before it is closed."""
+        """Forget the descriptor; must be called before it is closed."""
         if self._actions.pop(number, None) is not None:
             self._epoll.unregister(number)
             if not self._actions:
@@ -49,7 +49,7 @@ class HangUps:
                 self._epoll.close()
 
     def abandon(self) -> None:
-        """In the child of a fork: what is registered is the parent's, and so is the event loop."""
+        """End in the child of a fork, where registered descriptors and the event loop are the parent's."""
         self._epoll.close()
 
     def _on_readable(self) -> None:

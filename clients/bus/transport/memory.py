@@ -1,14 +1,14 @@
-"""Tells the C library to keep memory that was freed.
+"""Makes the C library keep freed memory.
 
-By default glibc gives every block above 128 KiB back to the kernel, and takes the next one anew, zeroed and
-page by page: hundreds of page faults for each message of 1 MiB, in every process that it passes, which
+By default, glibc returns every block above 128 KiB to the kernel, and gets the next one anew, zeroed and page
+by page. That causes hundreds of page faults for each message of 1 MiB, in every process on its way, which
 cost more than the transport.
 """
 
 import sys
 
 LARGE_BYTES = 128 << 10
-"""From this size on glibc gives blocks back."""
+"""Size from which on glibc returns blocks to the kernel."""
 
 _M_TRIM_THRESHOLD = -1
 _M_TOP_PAD = -2
@@ -19,9 +19,9 @@ _is_done = False
 
 
 def keep_freed_memory() -> None:
-    """From now on blocks of up to 32 MiB come from the heap, of which 64 MiB are kept (glibc only).
+    """Allocate blocks of up to 32 MiB from the heap from now on, and keep 64 MiB of it (glibc only).
 
-    A process calls it when it first has to do with large messages.
+    A process calls it before its first large message.
     """
     global _is_done
     if _is_done or not sys.platform.startswith("linux"):
@@ -33,6 +33,6 @@ def keep_freed_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):
         return
-    mallopt(_M_MMAP_THRESHOLD, 32 << 20)  # the largest that glibc takes
+    mallopt(_M_MMAP_THRESHOLD, 32 << 20)  # the largest value that glibc accepts
     mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
     mallopt(_M_TOP_PAD, 1 << 20)

@@ -1,12 +1,12 @@
 """One UNIX stream socket on the event loop: reads into a Session, sends from an Outbox.
 
-Works on the bare descriptor with add_reader and add_writer, because what is published must leave at once,
-not at the end of the loop's turn. Must not know what the messages mean.
+Uses the descriptor itself with add_reader and add_writer, because published samples must leave at once, not
+at the end of the loop's turn. Must not know the meaning of messages.
 
-A frame's descriptors go with its first byte, in a call of its own (SCM_RIGHTS). The kernel ends a read with
-the piece that carries descriptors, so one read brings one batch at most.
+A frame's descriptors go with its first byte, in a separate call (SCM_RIGHTS). The kernel ends a read with the
+piece that carries descriptors, so one read brings at most one batch.
 
-Which states reading and writing go through, and when, is in `bus.transport.stream_state`.
+`bus.transport.stream_state` has the states of reading and writing.
 """
 
 import asyncio
@@ -44,43 +44,45 @@ from bus.wire.session import Session
 _SHORT_BYTES = 4096
 _LONG_BYTES, _WIDE_BYTES = 64 << 10, 208 << 10
 _HUGE_BYTES, _WIDEST_BYTES = 512 << 10, 1 << 20
-"""A stream that sends so much at a time asks the kernel for so much room. The kernel doubles it, and reports
-room again when three quarters are free. By default a socket has 208 KiB, three long runs, and the kernel
-gives twice that at most, or what the administrator allows (net.core.wmem_max)."""
+"""Bytes sent at a time, and the socket buffer to request for them.
+
+The kernel doubles the buffer, and reports room again when three quarters are free. By default a socket has
+208 KiB, three long runs. The kernel allows at most twice that, or the administrator's limit
+(net.core.wmem_max)."""
 _MOST_WORK = 512
-"""What one `flush` sends at most, in the work that it costs; the rest goes in later turns of the loop."""
+"""Most work of one `flush`; the rest is sent in later turns of the loop."""
 _DESCRIPTORS_WORK = 8
 _RETRY_S = 0.05
 _INT = struct.Struct("i")
 _MOST_DESCRIPTORS = 2
-"""That a message brings."""
+"""Most descriptors of a message."""
 _TOO_MANY_DESCRIPTORS = 16
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_MOST_DESCRIPTORS * _INT.size)
 _CLOSE_ON_EXEC = int(getattr(socket, "MSG_CMSG_CLOEXEC", 0))  # Linux
-_CUT_OFF = int(socket.MSG_CTRUNC)  # as a number: socket's own flags are ten times as slow
+_CUT_OFF = int(socket.MSG_CTRUNC)  # as an int: socket's enum of flags is ten times as slow
 _WRITE_OPEN = WriteState.OPEN  # looked up for every message
 _AWAITING = (WriteState.BLOCKED, WriteState.FINISHING)
 """The states in which the event loop watches whether the socket is writable."""
 
 
 class Taker(Protocol):
-    """Takes the descriptors that come."""
+    """Takes received descriptors."""
 
     room: int
-    """How many bytes the kernel may fill with them at one read; what has no room there, it closes."""
+    """Bytes for descriptors in one read; the kernel closes descriptors without room."""
 
     def adopt(self, number: int) -> Descriptor:
-        """The owner of one that a message may claim."""
+        """Own a descriptor that a message may claim."""
 
     def drop(self, numbers: Sequence[int]) -> None:
-        """Close these, which no message can claim."""
+        """Close descriptors that no message can claim."""
 
     def finish(self, sock: socket.socket) -> None:
-        """Read what is left, which nobody wants any more, and close it."""
+        """Read and discard the remaining data, and close the socket."""
 
 
 class _Trusting:
-    """For a side that sends nothing strange."""
+    """A taker for a trusted peer."""
 
     room = _ANCILLARY_BYTES
 
@@ -102,7 +104,7 @@ trusting: Taker = _Trusting()
 
 
 def _ignore(*_: object) -> None:
-    """Takes the place of a handler that is not given, and of all after the end."""
+    """Stands for missing handlers, and for all handlers after the end."""
 
 
 def _always() -> bool:
@@ -113,29 +115,30 @@ class Handlers(msgspec.Struct, frozen=True, kw_only=True):
     """Functions of a stream's owner, which the stream calls."""
 
     on_lost: Callable[[Exception | None], None]
-    """Called once when the connection ends for any reason but `close`; None: the other side closed it."""
+    """Called once when the connection ends, except by `close`. None: the other side closed it."""
     on_received: Callable[[Iterable[Any]], None] = _ignore
-    """Gets the messages and runs of one read, in order. Iterating may raise RemoteProtocolError; if
-    `on_received` lets it pass, the connection is lost."""
+    """Gets the messages and runs of one read, in order.
+
+    Iterating may raise RemoteProtocolError; if `on_received` does not catch it, the connection is lost."""
     on_bytes: Callable[[int], None] | None = None
-    """In place of `on_received`, for an owner that takes the items out of the session itself: how many bytes
-    have come."""
+    """Called instead of `on_received` with the number of new bytes, if the owner itself takes the items out
+    of the session."""
     before_write: Callable[[], None] = _ignore
-    """Called when the socket takes bytes again, before the next are chosen."""
+    """Called when the socket accepts bytes again, before the next bytes are chosen."""
     may_read: Callable[[], bool] = _always
-    """Asked each time that the event loop finds the socket readable. After a no, `read_on` reads it."""
+    """Called when the event loop finds the socket readable. After False, the owner calls `read_on`."""
     may_write: Callable[[], bool] = _always
-    """Asked each time that the event loop finds the socket writable again. After a no, `write_on` writes."""
+    """Called when the event loop finds the socket writable again. After False, the owner calls `write_on`."""
 
 
 _NO_HANDLERS = Handlers(on_lost=_ignore)
 
 
 class Stream:
-    """Takes over `sock`, a connected non-blocking socket.
+    """Reads and writes `sock`, a connected non-blocking socket, which it owns from now on.
 
-    `taker` gets the descriptors that come with the bytes, and the session those that it adopts; without a
-    taker the kernel closes them.
+    `taker` gets the descriptors received with the bytes; those that it adopts go to the session. Without a
+    taker, the kernel closes them.
     """
 
     def __init__(
@@ -150,10 +153,10 @@ class Stream:
         self.outbox = outbox
         self.reading = ReadState.OPEN
         self.writing = WriteState.OPEN
-        """Owners only read these two."""
+        """Owners only read `reading` and `writing`."""
         self.sent_bytes = 0
         self._holds = 0
-        self._asked_bytes = 0  # of room in the kernel
+        self._asked_bytes = 0  # requested socket buffer
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self._handlers = handlers
@@ -166,9 +169,9 @@ class Stream:
             self._hang_ups.watch(sock.fileno(), self._hung_up)
 
     def flush(self) -> int:
-        """Send what waits, as far as the socket takes it and for a bounded time; the rest goes when it can.
+        """Send waiting data, as far as the socket accepts it and for a bounded time; the rest follows later.
 
-        Returns how much work this was: one for each buffer, and one for each 4 KiB.
+        Returns the amount of work: one for each buffer, and one for each 4 KiB.
         """
         outbox, work = self.outbox, 0
         while (outbox.control or outbox.ready) and self.writing is _WRITE_OPEN:
@@ -182,14 +185,16 @@ class Stream:
         return work
 
     def hold(self) -> None:
-        """Don't read until `release` was called as often: what the other side sends waits, and so does its
-        end."""
+        """Stop reading until `release` was called as often.
+
+        Data of the other side, and its end, wait meanwhile.
+        """
         self._holds += 1
         if self._holds == 1 and self.reading not in READ_OVER:
             self._loop.remove_reader(self._sock.fileno())
 
     def release(self) -> None:
-        """Read again, if nothing else holds that up."""
+        """Undo one `hold`; reads again if there is no other."""
         self._holds -= 1
         if not self._holds and self.reading not in READ_OVER:
             self._watch_readable()
@@ -197,12 +202,12 @@ class Stream:
             self._loop.call_soon(self._read_rest)
 
     def write_on(self) -> None:
-        """Write now, where `may_write` has put it off."""
+        """Make the write that `may_write` has deferred."""
         if self.writing is WriteState.DEFERRED:
             self._write()
 
     def read_on(self) -> bool:
-        """Read once, whatever `may_read` says; returns whether there may be more to read."""
+        """Read once, without regard to `may_read`; returns whether there may be more to read."""
         return self.reading not in READ_OVER and self._read()
 
     def fileno(self) -> int:
@@ -228,15 +233,16 @@ class Stream:
 
     @property
     def has_hung_up(self) -> bool:
-        """The other side has gone; what it sent before may still be there to read."""
+        """Whether the other side has gone; its earlier data may still be unread."""
         poll = select.poll()
         poll.register(self._sock, select.POLLRDHUP)
         return bool(poll.poll(0))
 
     def send_now(self, frames: Buffer, *, is_lent: bool = False) -> bool:
-        """Send whole frames past the outbox, if nothing waits to be sent; returns whether it did.
+        """Send whole frames without the outbox, if no data waits; returns whether it did.
 
-        `is_lent`: they lie in a buffer that is soon used again, so what the socket does not take is copied.
+        `is_lent`: the frames lie in a buffer that is soon used again, so bytes that the socket does not
+        accept are copied.
         """
         outbox = self.outbox
         if self.writing is not _WRITE_OPEN or outbox.ready or outbox.control:
@@ -254,15 +260,15 @@ class Stream:
         return True
 
     def finish(self) -> None:
-        """End what has begun to be sent, send nothing after it, and go on reading."""
+        """Send the rest of a frame that has begun, and nothing after it; continue to read."""
         self._change_writing(WriteEvent.FINISH if self._rest else WriteEvent.END)
 
     def linger(self) -> None:
-        """From now on the other side may stop sending: that is no loss, it may still read what waits."""
+        """Allow the other side to stop sending: that is no loss, because it may still read waiting data."""
         self._change_reading(ReadEvent.LINGER)
 
     def drain_input(self) -> None:
-        """Read only what has come by now: from here on the other side can't send, which is no loss."""
+        """Read only data that has already come. From now on the other side can't send, which is no loss."""
         with suppress(OSError):
             self._sock.shutdown(socket.SHUT_RD)
         self._change_reading(ReadEvent.SHUT)
@@ -270,18 +276,18 @@ class Stream:
 
     @property
     def is_drained(self) -> bool:
-        """Whether nothing waits that could still be sent."""
+        """Whether no waiting data can still be sent."""
         return self.writing in WRITE_OVER or (self.writing is _WRITE_OPEN and not self.outbox)
 
     def close(self) -> None:
-        """Send what the socket still takes and close it; what the socket does not take is lost."""
+        """Send the data that the socket still accepts, and close it. The rest is lost."""
         while not self._rest and self.writing not in WRITE_OVER and self.outbox:
             self._send(*self.outbox.take())
         if self.reading is not ReadState.CLOSED:
             self._close()
 
     def abandon(self) -> None:
-        """In the child of a fork: let go of the socket, but leave alone the event loop, the parent's."""
+        """In the child of a fork: close the socket without touching the event loop, which is the parent's."""
         self.reading, self.writing = ReadState.CLOSED, WriteState.CLOSED
         self._sock.close()
         if self._hang_ups is not None:
@@ -303,14 +309,14 @@ class Stream:
             self._change_writing(WriteEvent.DEFER)
 
     def _change_reading(self, event: ReadEvent) -> None:
-        """Change the state, and do what the new one is for."""
+        """Change the reading state, and do the work of the new one."""
         before = self.reading
         after = self.reading = follow(READS, before, event)
         if after is not before and after in READ_OVER:
             self._loop.remove_reader(self._sock.fileno())
 
     def _change_writing(self, event: WriteEvent) -> None:
-        """Change the state, and do what the new one is for."""
+        """Change the writing state, and do the work of the new one."""
         before = self.writing
         after = self.writing = follow(WRITES, before, event)
         if after is before:
@@ -326,7 +332,7 @@ class Stream:
                 self._sock.shutdown(socket.SHUT_WR)
 
     def _read(self) -> bool:
-        """Take one buffer; returns whether there may be more."""
+        """Read one buffer; returns whether there may be more."""
         try:
             buffer = self.session.reader.get_buffer()
             taker = self._taker
@@ -350,14 +356,14 @@ class Stream:
         return False
 
     def _receive(self, buffer: memoryview, taker: Taker) -> int:
-        """Bytes into the buffer, and a batch of descriptors, where one came with them, to the session."""
+        """Receive bytes into the buffer, and pass a batch of descriptors, if there is one, to the session."""
         count, ancillary, flags, _ = self._sock.recvmsg_into([buffer], taker.room, _CLOSE_ON_EXEC)
         if ancillary or flags & _CUT_OFF:
             numbers = _numbers(ancillary)
-            # What was cut off is of no use in part. An empty batch keeps the place of the message's own.
+            # A truncated batch is useless. An empty batch takes its place for the message.
             if flags & _CUT_OFF or len(numbers) > _MOST_DESCRIPTORS:
                 taker.drop(numbers)
-                if len(numbers) > _TOO_MANY_DESCRIPTORS:  # to drop them costs more than to send them
+                if len(numbers) > _TOO_MANY_DESCRIPTORS:  # dropping them costs more than sending them
                     text = f"{len(numbers)} descriptors at once, a message brings {_MOST_DESCRIPTORS} at most"
                     self.session.reader.fault = RemoteProtocolError(text)
                 numbers.clear()
@@ -371,13 +377,13 @@ class Stream:
             elif len(buffers) == 1:
                 sent = self._sock.send(buffers[0])
             elif size < _SHORT_BYTES:
-                sent = self._sock.send(b"".join(buffers))  # cheaper than to describe them to sendmsg
+                sent = self._sock.send(b"".join(buffers))  # cheaper than a list of buffers for sendmsg
             else:
                 sent = self._sock.sendmsg(buffers)
         except (BlockingIOError, InterruptedError):
             sent = 0
         except (BrokenPipeError, ConnectionResetError):
-            # The other side has gone. What it sent before, and perhaps why it went, is still to be read.
+            # The other side has gone. Its earlier data, perhaps with the reason, must still be read.
             self._change_writing(WriteEvent.END)
             self._change_reading(ReadEvent.HANG_UP)
             self._loop.call_soon(self._read_rest)
@@ -397,7 +403,8 @@ class Stream:
         self._be_full(size)
 
     def _be_full(self, size: int) -> None:
-        """The socket did not take all of `size` bytes: ask for more room, where much is sent at a time."""
+        """Request a larger socket buffer, if the socket did not accept all of `size` bytes and these are
+        many."""
         if size >= _LONG_BYTES:
             self._widen(_WIDE_BYTES if size < _HUGE_BYTES else _WIDEST_BYTES)
         self._change_writing(WriteEvent.BLOCK)
@@ -429,7 +436,7 @@ class Stream:
         # At once: the event loop may report the end only once (`HangUps`).
         if self.reading in READ_OVER:
             return
-        may_read = self._handlers.may_read()  # asked first: it may release what holds
+        may_read = self._handlers.may_read()  # called first: it may undo a hold
         if may_read and (not self._holds or self.reading is ReadState.SHUT) and self._read():
             self._loop.call_soon(self._read_rest)
 
@@ -445,7 +452,7 @@ class Stream:
         self._change_writing(WriteEvent.CLOSE)
         if self._hang_ups is not None:
             self._hang_ups.forget(self._sock.fileno())
-        # Nothing unread may be left: the other side's libuv would perhaps not see the end (`_read_rest`).
+        # No bytes may stay unread: otherwise the other side's libuv might not see the end (`_read_rest`).
         (self._taker or trusting).finish(self._sock)
         self._drop_descriptors()
 
@@ -471,7 +478,7 @@ def _rights(descriptors: tuple[Descriptor, ...]) -> tuple[int, int, bytes]:
 
 
 def _numbers(ancillary: list[tuple[int, int, bytes]]) -> list[int]:
-    """Of the descriptors that came."""
+    """The numbers of received descriptors."""
     return [
         number
         for level, kind, content in ancillary

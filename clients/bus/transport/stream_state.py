@@ -1,7 +1,7 @@
-"""The life of a stream: the states of its two halves, the events that change them, and which state follows.
+"""The states of a stream's two halves, the events that change them, and the transitions.
 
-A stream can end in each direction by itself, so reading and writing have a table each. Pure: what a stream
-does when it enters a state (watch the socket, shut a half of it) is in `bus.transport.stream`.
+A stream can end in each direction separately, so reading and writing have a table each. Pure:
+`bus.transport.stream` acts on the states (watches the socket, shuts a half of it).
 """
 
 from collections.abc import Mapping
@@ -24,37 +24,37 @@ __all__ = [
 
 
 class ReadState(Enum):
-    """What the other side can still send, and what its end means."""
+    """Whether the other side can still send, and the effect of its end."""
 
     __hash__ = object.__hash__  # Enum's own is a call in Python
 
     OPEN = "open"
-    """It may send. If it ends, the connection is lost."""
+    """The other side may send. If it ends, the connection is lost."""
     HUNG_UP = "hung up"
-    """It has gone. The bytes that it sent before are read to the end; then the connection is lost."""
+    """The other side has gone. Its earlier bytes are read to the end; then the connection is lost."""
     LINGERING = "lingering"
-    """It may send. If it ends, only this half ends: it may still take bytes."""
+    """The other side may send. If it ends, only this half ends: it may still accept bytes."""
     LINGERING_HUNG_UP = "lingering, hung up"
-    """It has gone, and the end of what it sent ends only this half."""
+    """The other side has gone, and the end of its data ends only this half."""
     SHUT = "shut"
-    """This side has shut the half. Bytes that came before are read to the end, even while reading is held."""
+    """This side has shut the half. Earlier bytes are read to the end, even while reading is held."""
     ENDED = "ended"
-    """Everything was read, the connection goes on."""
+    """Everything was read, and the connection continues."""
     CLOSED = "closed"
     """The socket is closed."""
 
 
 class ReadEvent(Enum):
-    """What happens to the reading half."""
+    """Events of the reading half."""
 
     __hash__ = object.__hash__
 
     LINGER = "linger"
-    """The owner wants to go on when the other side sends no more."""
+    """The owner wants to continue when the other side stops sending."""
     HANG_UP = "hang up"
     """The kernel reports that the other side has gone."""
     SHUT = "shut"
-    """The owner wants no more than what has come by now."""
+    """The owner wants only data that has already come."""
     END = "end"
     """The last byte was read."""
     CLOSE = "close"
@@ -62,45 +62,45 @@ class ReadEvent(Enum):
 
 
 class WriteState(Enum):
-    """Whether the socket takes bytes, and if not, what the stream waits for."""
+    """Whether the socket accepts bytes; if not, the event that the stream waits for."""
 
     __hash__ = object.__hash__
 
     OPEN = "open"
-    """It takes bytes, as far as is known."""
+    """The socket accepts bytes, as far as known."""
     BLOCKED = "blocked"
-    """It did not take everything, or this turn has sent enough: wait until the socket is writable."""
+    """The socket did not accept everything, or this turn has sent enough: wait until it is writable."""
     DEFERRED = "deferred"
-    """It is writable, but the owner has put the write off (`may_write`): wait for the owner."""
+    """The socket is writable, but the owner has deferred the write (`may_write`): wait for the owner."""
     PAUSED = "paused"
-    """The user has too many descriptors in flight, and the kernel reports no end of that: wait a moment."""
+    """The user has too many descriptors in flight, and no event reports the end of that: wait a moment."""
     FINISHING = "finishing"
     """Blocked, and nothing follows the frame that has begun."""
     ENDED = "ended"
-    """Nothing is sent any more: the owner has finished, or the other side takes nothing."""
+    """Nothing is sent any more: the owner has finished, or the other side accepts nothing."""
     CLOSED = "closed"
     """The socket is closed."""
 
 
 class WriteEvent(Enum):
-    """What happens to the writing half."""
+    """Events of the writing half."""
 
     __hash__ = object.__hash__
 
     BLOCK = "block"
-    """The socket did not take everything, or the stream stops until the event loop's next turn."""
+    """The socket did not accept everything, or the stream stops until the event loop's next turn."""
     DEFER = "defer"
-    """The socket is writable, and the owner says: not now."""
+    """The socket is writable, and the owner defers the write."""
     PAUSE = "pause"
     """The kernel refuses a frame for its descriptors (ETOOMANYREFS). Nothing of the frame was sent."""
     RETRY = "retry"
-    """The moment after a pause has passed."""
+    """A pause is over."""
     DRAIN = "drain"
-    """The rest of what the socket did not take is sent."""
+    """The rest that the socket had not accepted is sent."""
     FINISH = "finish"
     """The owner sends no more, and a frame may have begun."""
     END = "end"
-    """The owner sends no more, and no frame has begun; or the other side takes nothing any more."""
+    """The owner sends no more, and no frame has begun; or the other side accepts nothing any more."""
     CLOSE = "close"
     """The owner closes the stream, or the connection is lost."""
 
@@ -149,7 +149,7 @@ READS: Mapping[ReadState, Mapping[ReadEvent, ReadState]] = {
     },
     ReadState.CLOSED: {ReadEvent.LINGER: ReadState.CLOSED, ReadEvent.SHUT: ReadState.CLOSED},
 }
-"""What follows in the reading half, by state and event; what is not in it must not happen."""
+"""The next state of the reading half, by state and event. Any other event in a state is an error."""
 
 WRITES: Mapping[WriteState, Mapping[WriteEvent, WriteState]] = {
     WriteState.OPEN: {
@@ -203,7 +203,7 @@ WRITES: Mapping[WriteState, Mapping[WriteEvent, WriteState]] = {
 """The same for the writing half."""
 
 HUNG_UP = (ReadState.HUNG_UP, ReadState.LINGERING_HUNG_UP, ReadState.SHUT)
-"""No further bytes will come, those that have come are yet to be read."""
+"""No further bytes will come, and received bytes are still unread."""
 READ_OVER = (ReadState.ENDED, ReadState.CLOSED)
 """Nothing is read any more."""
 WRITE_OVER = (WriteState.ENDED, WriteState.CLOSED)
@@ -211,7 +211,7 @@ WRITE_OVER = (WriteState.ENDED, WriteState.CLOSED)
 
 
 class StreamError(Exception):
-    """Something happened to a stream that can't happen in its state: a bug of this library."""
+    """An event of a stream that is impossible in its state: a bug of this library."""
 
 
 _S = TypeVar("_S", bound=Enum)
@@ -219,7 +219,7 @@ _E = TypeVar("_E", bound=Enum)
 
 
 def follow(table: Mapping[_S, Mapping[_E, _S]], state: _S, event: _E) -> _S:
-    """The state after `event`. Raises StreamError where that can't happen in `state`."""
+    """The state after `event`. Raises StreamError if the event is impossible in `state`."""
     after = table[state].get(event)
     if after is None:
         raise StreamError(f"a stream that is {state.value!r}: {event.value!r} can't happen to it")
