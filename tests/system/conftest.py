@@ -1,4 +1,4 @@
-"""Fixtures of the tests that are rude to a daemon and look whether others suffer, or run what pages show."""
+"""Fixtures of tests that misuse a daemon and check its other clients, or run examples of pages."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ from raw_peer import RawPeer
 from users import Guests
 
 MOST_GROWTH_BYTES = 96 << 20
-"""What busd may grow by because of anybody's rudeness, where its limits are not set higher."""
+"""Most bytes by which misuse may make busd grow, if the test sets no higher limits."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -28,7 +28,7 @@ def programs_are_forks() -> Iterator[None]:
 
 @pytest.fixture
 def settings() -> str:
-    """What stands in busd.toml; tests set it by parametrization."""
+    """The text of busd.toml; tests set it by parametrization."""
     return ""
 
 
@@ -43,7 +43,7 @@ def daemon(start_daemon: Callable[..., Daemon], tmp_path: Path, settings: str) -
 
 @pytest.fixture
 def neighbours(daemon: Daemon) -> Iterator[Neighbours]:
-    """They talk all the while and must hear all of it; and busd must not grow."""
+    """Clients that talk during the test and must receive every message; busd must not grow."""
     with Neighbours(daemon.path) as neighbours:
         neighbours.carry_on()
         before = resident_bytes(daemon.pid)
@@ -55,14 +55,14 @@ def neighbours(daemon: Daemon) -> Iterator[Neighbours]:
 
 @pytest.fixture
 def peer(daemon: Daemon) -> Iterator[RawPeer]:
-    """One that has connected and said nothing yet."""
+    """A client that has connected and sent nothing yet."""
     with RawPeer(daemon.path) as peer:
         yield peer
 
 
 @pytest.fixture
 def other(daemon: Daemon) -> Iterator[RawPeer]:
-    """One that is polite, for the rude one to be rude to."""
+    """A well-behaved client, which the misbehaving one may disturb."""
     with RawPeer(daemon.path) as other:
         yield other.hello()
 
@@ -76,7 +76,7 @@ def guests() -> Iterator[Callable[..., Guests]]:
 
 @pytest.fixture
 def start(socket_path: Path) -> Iterator[Start]:
-    """Starts commands; what still runs at the end is interrupted."""
+    """Starts commands; at the end, interrupts the commands that still run."""
     programs: list[Program] = []
 
     def start(command: str, folder: Path = ROOT) -> Program:

@@ -1,4 +1,4 @@
-"""Access by users: what busd.toml allows works between real users, what it denies is said to all."""
+"""Access of real users by the rules of busd.toml: allowed actions work, and each denial is reported."""
 
 import subprocess
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -90,11 +90,11 @@ def as_user(path: Path, uid: int, *groups: int) -> RawPeer:
 
 @pytest.fixture
 async def join() -> AsyncIterator[Join]:
-    """Opens a node whose process seems to belong to that user, and closes it in the end."""
+    """Opens a node as if its process belonged to the given user, and closes it at the end."""
     async with AsyncExitStack() as nodes:
 
         async def join(busd: Guests, uid: int, name: str, *, rosout: bool = False) -> bus.Node:
-            door = busd.door(uid)  # by another path, because one process has one connection by a path
+            door = busd.door(uid)  # another path, because a process has one connection for each path
             node = bus.Node(name, arguments=[], socket=door, rosout=rosout)
             with acting_as(uid):
                 await node.open()
@@ -111,7 +111,7 @@ def lines_of(log: str, text: str) -> list[str]:
 class TestBetweenUsers:
     @pytest.mark.parametrize("wished", ["", "socket"])
     def test_what_is_allowed_works(self, guests: Start, wished: str) -> None:
-        """Two processes of two users, neither of them busd's."""
+        """The two processes belong to two users; busd belongs to a third."""
         busd = guests(
             rule(f"users = [{GUEST}]", "/chat", "publish"),
             rule(f"users = [{STRANGER}]", "/chat", "subscribe"),
@@ -164,13 +164,13 @@ class TestDenied:
             with pytest.raises(AccessDenied) as caught:
                 await guest.create_publisher(String, "/chat", 10)
             assert str(caught.value) == text
-        await own.graph()  # whose answer comes after the news
+        await own.graph()  # its answer arrives after the denial
         said = lines_of(capfd.readouterr().err, "was denied access")
         assert len(said) == 1 and "node /guest was denied access to '/chat'" in said[0] and text in said[0]
-        await until(lambda: lines_of(busd.log, text))  # a thread writes it
+        await until(lambda: lines_of(busd.log, text))  # busd's log thread writes it
         (line,) = lines_of(busd.log, text)
         assert "/guest of " in line
-        heard = await guest.create_subscription(String, "/chat", 10)  # and all else works
+        heard = await guest.create_subscription(String, "/chat", 10)  # everything else still works
         publisher = await own.create_publisher(String, "/chat", 10)
         publisher.publish(String(data="hello"))
         assert (await heard.receive())[0].data == (await subscription.receive())[0].data == "hello"
@@ -181,7 +181,7 @@ class TestDenied:
         busd = guests(rule(f"users = [{GUEST}]", "/chat", *ALL))
         guest = await join(busd, GUEST, "guest", rosout=True)
         guest.get_logger().info("hello")
-        await guest.create_publisher(String, "/chat", 10)  # the answer about the log has come before
+        await guest.create_publisher(String, "/chat", 10)  # busd has answered about /rosout before
         err = capfd.readouterr().err
         assert len(lines_of(err, "the log of this node stays here")) == 1
         assert len(lines_of(err, "hello")) == 1
@@ -252,7 +252,7 @@ class TestOtherRules:
         publisher = await guest.create_publisher(String, "/kept", 10)
         gone = await guest.create_publisher(String, "/gone", 10)
         busd.reload(kept)
-        with acting_as(GUEST):  # it connects again meanwhile
+        with acting_as(GUEST):  # the guest reconnects meanwhile
             await until(lambda: isinstance(gone._core.refusal, AccessDenied))
         with pytest.raises(AccessDenied, match=f"user {GUEST} may not publish on '/gone'"):
             gone.publish(String(data="no"))

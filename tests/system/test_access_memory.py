@@ -1,4 +1,4 @@
-"""Between users all goes by socket: nobody gets another user's ring, readers' segment or doorbell."""
+"""Different users share no memory: no user gets the ring, readers' segment or doorbell of another user."""
 
 import json
 from typing import Any
@@ -15,7 +15,7 @@ from users import GUEST, OWNER, Guests, acting_as, needs_users, program, rule, r
 pytestmark = [needs_users, pytest.mark.skipif(not shm.is_available(), reason=shm.why_not() or "never")]
 
 EVERYTHING = rule(f"users = [{GUEST}]", "**", "publish", "subscribe", "observe", more="shared_memory = true")
-"""As rules stood for whom earlier versions shared memory between users."""
+"""A rule with the option by which earlier versions shared memory between users."""
 
 NAMES = ("own", "one", "two")
 
@@ -58,7 +58,7 @@ def busd(guests: Any) -> Guests:
 
 
 def test_processes_of_two_users_have_no_memory_and_no_doorbell_in_common(busd: Guests) -> None:
-    """Three processes that all hear each other losslessly, two of them of one user."""
+    """Three processes match each other losslessly; two of them belong to one user."""
 
     def member(uid: int, name: str) -> Any:
         return running(program(uid, MEMBER, name, BUSD_SOCKET=str(busd.path)))
@@ -73,11 +73,11 @@ def test_processes_of_two_users_have_no_memory_and_no_doorbell_in_common(busd: G
     for what in ("memory", "doorbells"):
         held = {name: {*each[what]} for name, each in said.items()}
         assert held["own"] and not held["own"] & (held["one"] | held["two"])
-        assert held["one"] & held["two"]  # so that it can be seen
+        assert held["one"] & held["two"]  # so the test does detect shared descriptors
 
 
 def test_a_program_of_an_earlier_version_is_given_none(busd: Guests) -> None:
-    """It says that it would take care of memory that is shared with others, and shares its own."""
+    """The program offers the old capability to share memory with other users, and shares its own memory."""
     with acting_as(OWNER):
         own = RawPeer(busd.path)
     with acting_as(GUEST):

@@ -1,4 +1,4 @@
-"""Who reaches the socket at all: its mode, its group, its folder; and whose socket a client believes in."""
+"""Access to the socket: its mode, its group, its folder; and the owners of a socket that a client accepts."""
 
 import os
 import shutil
@@ -26,7 +26,7 @@ ANYBODY = rule('users = "*"', "**", "publish", "subscribe", "observe")
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
-    """A folder that everybody can enter, of root's."""
+    """A folder of root that all users can enter."""
     path = Path(tempfile.mkdtemp(prefix="busd-users-"))
     path.chmod(0o755)
     yield path
@@ -108,11 +108,11 @@ def test_the_default_folder_may_be_as_open_as_the_socket(
 
 
 class TestSquatters:
-    """Somebody has made our default folder before us."""
+    """Another user has made our default folder first."""
 
     @pytest.fixture
     def squatted(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-        """The default path, in a folder of GUEST's."""
+        """The default path, in a folder of GUEST."""
         monkeypatch.delenv("BUSD_SOCKET", raising=False)
         monkeypatch.delenv("BUSD_AUTOSTART", raising=False)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))

@@ -37,7 +37,7 @@ Fibonacci = find_action("example_interfaces/action/Fibonacci")
 
 
 class Count(Action):
-    """One of a user's own."""
+    """An action type as users define it."""
 
     class Goal(Message, kw_only=True):
         target: int32 = 0
@@ -56,7 +56,7 @@ async def count(goal: ServerGoal) -> AsyncGenerator[Any, None]:
 
 
 async def wait(goal: ServerGoal) -> AsyncGenerator[Any, None]:
-    """Until it is canceled."""
+    """Runs until the goal is canceled."""
     reached = 0
     try:
         while True:
@@ -130,7 +130,7 @@ class TestGoals:
             first = await client.send_goal(Count.Goal(target=1))
             second = await client.send_goal(Count.Goal(target=2))
             assert [goal.status for goal in server.goals] == [GoalStatus.EXECUTING, GoalStatus.ACCEPTED]
-            assert await second.cancel()  # before it was begun
+            assert await second.cancel()  # before it has started
             with pytest.raises(GoalCanceled) as end:
                 await second.result()
             assert end.value.result == Count.Result()
@@ -245,7 +245,7 @@ class TestBadEnds:
                 await goal.result()
 
     async def test_states_that_are_none(self, node: bus.Node, other: bus.Node) -> None:
-        """Whoever publishes them: nobody falls over them."""
+        """A status array with unknown status numbers breaks neither the client nor the server."""
         support = action_support(Count)
         publisher = await node.create_publisher(
             support.status_array, "count/_action/status", bus.qos.action_status_default
@@ -347,7 +347,7 @@ class TestBadEnds:
 
     @pytest.mark.parametrize("which", ["goal_callback", "cancel_callback"])
     async def test_a_callback_raises(self, other: bus.Node, which: str) -> None:
-        """The client hears of it, and so does the server's node."""
+        """The client and the server's node both get the error."""
 
         def refuse(asked: Any) -> bool:
             raise ValueError("too far")
@@ -400,7 +400,7 @@ class TestBadEnds:
     async def test_what_is_lost_with_busd(
         self, daemon: Daemon, node: bus.Node, other: bus.Node, route: str
     ) -> None:
-        """By the socket, when busd ends before it has read it: a goal, a cancellation, a result."""
+        """On the socket route, busd dies before it reads a goal, a cancellation or a result."""
 
         may_end = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""docs/api.md on a live bus: its examples work, and tab completion shows what stands in it and no more."""
+"""docs/api.md on a live bus: its examples work, and tab completion shows exactly the names on the page."""
 
 import ast
 import asyncio
@@ -21,12 +21,12 @@ __all__ = ["node"]
 
 PUBLIC = entries()
 SCRIPTS = ("run", "connect", "BlockingNode", "BlockingPublisher", "BlockingSubscription")
-"""Their examples have no event loop around them."""
+"""Names with examples that run outside an event loop."""
 PIXELS = 640 * 480
 
 
 class EnoughError(Exception):
-    """Ends an example that goes on for ever."""
+    """Ends an example that would run forever."""
 
 
 driven: list[int] = []
@@ -47,7 +47,7 @@ async def start_work(request: Any, request_id: bus.RequestId) -> None:
 
 
 async def around(node: bus.Node) -> dict[str, Any]:
-    """What examples take for granted."""
+    """Objects that the examples use without defining them."""
     publisher = await node.create_publisher(String, "chatter")
     subscription = await node.create_subscription(String, "chatter", 100)
     images = await node.create_publisher(Image, "images")
@@ -127,6 +127,6 @@ async def test_tab_completion_shows_what_the_page_has(node: bus.Node) -> None:
 
 
 def completed(one: object) -> set[str]:
-    """What an interpreter offers after its dot, but for what comes from Python's own classes."""
+    """The public names that an interpreter offers after the dot, without names from Python's own classes."""
     of_python = [base for base in type(one).__mro__ if not base.__module__.startswith("bus.")]
     return {name for name in dir(one) if name[0] != "_"} - {name for base in of_python for name in dir(base)}

@@ -1,4 +1,4 @@
-"""Nobody has started busd: the first program does, once, whatever happens at the same time."""
+"""No busd runs: the first program starts one, and exactly one, also if several programs start at once."""
 
 import asyncio
 import os
@@ -21,7 +21,7 @@ from semantics import until
 pytestmark = pytest.mark.either_loop
 
 IDLE_S = 2
-"""Longer than a busy machine may keep who started it from connecting."""
+"""Longer than a busy machine may delay the first connection of the program that starts busd."""
 
 MEETING = """
 import asyncio, sys
@@ -65,7 +65,7 @@ def daemons(path: Path) -> set[int]:
 
 @pytest.fixture(autouse=True)
 def path(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Where nobody listens yet; what is started there is stopped."""
+    """A path without a server; at the end, kills the daemons started there."""
     monkeypatch.delenv("BUSD_AUTOSTART")
     monkeypatch.setattr(bus.link.autostart.start, "__defaults__", (("--idle-exit", str(IDLE_S)),))
     yield socket_path
@@ -130,7 +130,7 @@ def test_after_a_kill_they_start_another(path: Path) -> None:
     for process in processes:
         assert process.stderr is not None
         assert "lost busd" in process.stderr.readline()
-        for line in process.stderr:  # perhaps that it is not back yet; then that it is
+        for line in process.stderr:  # first "not back yet", perhaps; then "is back"
             if "busd is back" in line:
                 break
         assert f"busd is back (pid {second})" in line
@@ -138,7 +138,7 @@ def test_after_a_kill_they_start_another(path: Path) -> None:
 
 
 def test_it_does_not_die_with_who_started_it(path: Path) -> None:
-    """Neither by the end of that program nor by a Ctrl-C in its terminal."""
+    """The daemon survives the end of that program and a Ctrl-C in its terminal."""
     (process,) = meet(1)
     broker = int(read_line(process))
     assert os.getsid(broker) == broker
@@ -174,7 +174,7 @@ async def test_in_a_folder_that_is_not_there_yet(
 
 
 def test_where_it_cannot_start(path: Path) -> None:
-    """The reason comes through from the daemon's log."""
+    """The error has the reason from the daemon's log."""
     path.write_text("precious")
     with pytest.raises(bus.BrokerUnavailable, match="exists and is not a socket"):
         asyncio.run(bus.Node("alone", arguments=[]).open())
@@ -192,7 +192,7 @@ async def test_in_place_of_one_that_was_killed(path: Path) -> None:
 
 
 async def test_given_up_while_it_starts(path: Path) -> None:
-    """The daemon comes up all the same, finds nobody, and leaves."""
+    """The daemon still starts, gets no client, and exits."""
     opening = asyncio.ensure_future(bus.Node("impatient", arguments=[]).open())
     await until(lambda: daemons(path))
     opening.cancel()

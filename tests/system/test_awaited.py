@@ -1,4 +1,4 @@
-"""A forgotten `await`: who forgot it is told where, and nobody waits for ever for what was to be closed."""
+"""A forgotten `await`: the warning names its line, and no call waits forever for an unclosed object."""
 
 import asyncio
 import gc
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("daemon")
 
 
 def warned_at(make: Callable[[], object]) -> tuple[str, int, str]:
-    """What is warned of when what `make` returns is thrown away: the text, and the line that is named."""
+    """The warning if the result of `make` is discarded: its text, its line and its file."""
     with pytest.warns(RuntimeWarning) as told:
         make()
         gc.collect()
@@ -59,13 +59,13 @@ async def test_frameworks_see_coroutine_functions(node: bus.Node) -> None:
         publisher.close,
     ):
         assert asyncio.iscoroutinefunction(function)
-        if sys.version_info >= (3, 12):  # before, inspect looks at nothing but the code
+        if sys.version_info >= (3, 12):  # before 3.12, inspect only checks the code object
             assert inspect.iscoroutinefunction(function)
     assert not asyncio.iscoroutinefunction(node.create_timer)
 
 
 async def test_the_line_is_that_of_the_call(node: bus.Node) -> None:
-    """Not the one where it was thrown away."""
+    """Not the line at which the coroutine is discarded."""
     with pytest.warns(RuntimeWarning) as told:
         publisher: Any = node.create_publisher(
             String,
@@ -79,7 +79,7 @@ async def test_the_line_is_that_of_the_call(node: bus.Node) -> None:
 
 
 async def test_what_was_not_made_has_no_methods(node: bus.Node) -> None:
-    """It says what is missing, and a warning would say so once more."""
+    """The AttributeError already explains it; a warning would repeat that."""
     publisher: Any = node.create_publisher(String, "t")
     with pytest.raises(
         AttributeError, match=r"has no 'publish' before it is awaited: write await create_pub"
@@ -143,7 +143,7 @@ async def test_all_that_is_closed_so_is_closed(node: bus.Node) -> None:
 
 
 async def test_where_it_is_not_forgotten(node: bus.Node, recwarn: pytest.WarningsRecorder) -> None:
-    """It is a coroutine as others are."""
+    """It works like any other coroutine."""
     made = [
         await asyncio.create_task(node.create_publisher(String, "a")),
         await asyncio.wait_for(node.create_publisher(String, "b"), 10),

@@ -1,4 +1,4 @@
-"""bus.link.autostart: what a busd started in the background leaves in the process that started it."""
+"""bus.link.autostart: traces of a busd in the background in the process that started it."""
 
 import asyncio
 import os
@@ -33,7 +33,7 @@ def path(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def is_zombie(pid: int) -> bool:
-    """With all its threads: its state alone says so when its first one has ended."""
+    """True once all threads have ended: the state in /proc is "zombie" as soon as the first one has ended."""
     return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
@@ -50,12 +50,12 @@ async def started(path: Path) -> int:
 
 @pytest.mark.parametrize("turns", [0, 1, 2, 5])
 async def test_cancelled_while_it_starts(path: Path, turns: int) -> None:
-    """Nothing reads any more from descriptors that are closed: uvloop ends the process for that."""
+    """No closed descriptor stays registered for reading: uvloop aborts the process for that."""
     for _ in range(examples(3)):
         starting = asyncio.ensure_future(autostart.start(path, IDLE))
         for _ in range(turns + 1):
             await asyncio.sleep(0)
-        if not starting.done():  # a machine that holds us up long enough lets it be quicker than we are
+        if not starting.done():  # on a slow machine the start may have finished already
             starting.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await starting
@@ -102,7 +102,7 @@ async def test_not_where_the_caller_forbids_it(path: Path) -> None:
 
 
 async def test_a_start_without_a_socket_gives_its_reason(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The time for it begins when busd was started."""
+    """The time limit for an answer begins after the start of busd."""
     now_s = 0.0
     patience = Patience(0.05, lambda: now_s)
 

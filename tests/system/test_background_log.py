@@ -1,4 +1,4 @@
-"""The log of a busd in the background: what lies in its place, how large it gets, and who is told."""
+"""The log of a busd in the background: other files at its path, its size, and reports about it."""
 
 import asyncio
 import os
@@ -28,7 +28,7 @@ SLOW_BUSD = "import sys, time\nif 'busd' in sys.orig_argv:\n    time.sleep(600)\
 
 @pytest.fixture(autouse=True)
 def path(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Where nobody listens yet; what is started there is stopped."""
+    """A path without a server; at the end, kills the daemons started there."""
     monkeypatch.delenv("BUSD_AUTOSTART")
     monkeypatch.setattr(autostart, "_started", set())
     yield socket_path
@@ -46,7 +46,7 @@ def log(path: Path) -> Path:
 
 
 def start(path: Path, *options: str) -> int:
-    """Its pid."""
+    """Starts a busd in the background; its pid."""
 
     async def run() -> None:
         async with asyncio.timeout(WAIT_S):
@@ -62,7 +62,7 @@ def stderr_of(pid: int) -> Path:
 
 
 def make_it_talk(path: Path, number: int = 1) -> None:
-    """Of connections there are debug lines."""
+    """Makes busd write log lines: it logs each connection at level debug."""
     for _ in range(number):
         with RawPeer(path) as peer:
             peer.hello()
@@ -119,7 +119,7 @@ class TestInTheWay:
 def is_small(log: Path) -> bool:
     try:
         return log.stat().st_size < MOST_BYTES
-    except FileNotFoundError:  # it is just being renamed
+    except FileNotFoundError:  # busd is renaming it
         return False
 
 
@@ -155,7 +155,7 @@ class TestSize:
         assert log.stat().st_size < 4096
 
     def test_where_files_may_not_be_so_large(self, path: Path, log: Path) -> None:
-        """The signal that the system sends then ends nobody, and the log goes on."""
+        """The signal of the system for this limit does not end busd, and busd continues to log."""
         most = 16_384
         limited = ["prlimit", f"--fsize={most}", *BUS, "daemon", "start", "--log-level", "debug"]
         assert subprocess.run(limited, timeout=WAIT_S, check=False).returncode == 0
@@ -176,7 +176,7 @@ class TestFolders:
         result = bus(*verb.split(), "--socket", str(missing / "x" / "0.sock"))
         assert (result.code, result.out) == (1, "")
         assert not missing.exists()
-        if verb != "daemon peers":  # which starts none
+        if verb != "daemon peers":  # which starts no daemon
             assert result.err == (
                 f"no busd is started: no socket can be made in '{missing / 'x'}': No such file or directory; "
                 "make the folder, or choose another path\n"

@@ -66,7 +66,7 @@ def content(bag: Bag) -> dict[str, list[tuple[int, bytes]]]:
 
 
 def topics(bag: Bag) -> dict[str, tuple[TopicMetadata, str, str]]:
-    """Topic -> what the metadata say, the definition of its type, and the type as busd knows it."""
+    """Topic -> its metadata, the definition of its type, and busd's schema of the type."""
     with open_bag(bag.folder) as reader:
         return {
             name: (topic, reader.definitions[topic.type], reader.extra[name][SCHEMA])
@@ -76,7 +76,7 @@ def topics(bag: Bag) -> dict[str, tuple[TopicMetadata, str, str]]:
 
 @pytest.mark.usefixtures("daemon", "route")
 def test_a_robot(tmp_path: Path) -> None:
-    """The first bag has several files, each of which begins with the transforms: they are played once."""
+    """Each file of the first bag begins with the transforms; the player publishes them only once."""
     first, second = Bag(tmp_path / "first"), Bag(tmp_path / "second")
     with script(ROBOT) as robot, recording(first, *TOPICS, "-b", "300000") as recorder:
         robot.write("\n")

@@ -1,4 +1,4 @@
-"""A player on a terminal: its keys, its line, and the terminal after whatever ends or stops it."""
+"""A player on a terminal: its keys, its line, and the terminal's mode after each kind of end or stop."""
 
 import re
 import shlex
@@ -61,7 +61,7 @@ def test_the_terminal_is_put_back_after_a_signal(bag: Path, name: str) -> None:
 
 
 def test_ctrl_z_and_back(bag: Path) -> None:
-    """While it is stopped the terminal is the shell's."""
+    """While the player is stopped, the terminal belongs to the shell."""
     command = [sys.executable, *BUS[1:], "bag", "play", str(bag), "--progress-bar-update-rate", "50"]
     with OwnTerminal("-c", "import os; os.execlp('sh', 'sh', '-i')") as terminal:
         terminal.write(f"{shlex.join(command)}\n")
@@ -85,7 +85,7 @@ def test_keys_are_left_alone_where_that_is_asked_for(bag: Path) -> None:
 
 
 def test_begun_in_the_background(bag: Path) -> None:
-    """It leaves the terminal to the shell until it comes to the foreground."""
+    """A player in the background leaves the terminal to the shell until it is in the foreground."""
     command = [sys.executable, *BUS[1:], "bag", "play", str(bag), "--progress-bar-update-rate", "50"]
     with OwnTerminal("-c", "import os; os.execlp('sh', 'sh', '-i')") as terminal:
         terminal.write(f"{shlex.join(command)} &\n")

@@ -1,4 +1,4 @@
-"""Bags are played: order, times, QoS, latched state, pauses, seeks, and all that services do."""
+"""Playback of bags: order, times, QoS, latched state, pauses, seeks, and all services."""
 
 import re
 import signal
@@ -64,7 +64,7 @@ async def test_the_recorded_qos_is_offered(audience: Audience, tmp_path: Path) -
     bag = write_bag(tmp_path / "bag", [Sample(topic, 0, Int64()) for topic in (*qos, "/none")], qos=qos)
     over = QoSProfile(7, reliability="best_effort")
     async with replay(audience.node, bag, is_paused=True, overrides={"/over": over}):
-        graph = await published(audience.node, "/sensor")  # the last in the order of names
+        graph = await published(audience.node, "/sensor")  # the last by name, so all topics are there
         offered = {topic: graph.publishers_of(topic)[0].qos for topic in (*qos, "/none")}
     assert offered == {
         "/sensor": sensor_data,
@@ -353,7 +353,7 @@ async def test_what_cannot_be_read_is_told_and_the_rest_plays(
 
 @on_one_loop
 async def test_bags_that_others_wrote(audience: Audience, tmp_path: Path) -> None:
-    """MCAP and SQLite, QoS as names and as numbers: no package of theirs is needed."""
+    """MCAP and SQLite, with QoS as names and as numbers; playback needs no package of ROS 2."""
     kinds: list[tuple[str, Literal[8, 9]]] = [("mcap", 9), ("mcap", 8), ("sqlite3", 9), ("sqlite3", 8)]
     for storage, version in kinds:
         bag = write_with_rosbags(tmp_path / f"{storage}{version}", storage, version)
@@ -395,7 +395,7 @@ def clock_ns(message: Any) -> int:
 
 
 async def published(node: bus.Node, topic: str) -> bus.Graph:
-    """The graph once somebody publishes there."""
+    """The first graph with a publisher on the topic."""
     async with aclosing(node.watch_graph()) as graphs:
         async for graph in graphs:
             if graph.publishers_of(topic):

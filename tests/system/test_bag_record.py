@@ -1,4 +1,4 @@
-"""`bus bag record`, as a process: what is in the bag, and that it says what it lacks."""
+"""`bus bag record`, as a process: the content of the bag, and the report of missing messages."""
 
 import os
 import re
@@ -28,7 +28,7 @@ def bag(tmp_path: Path) -> Bag:
 
 
 def call(service: str, kind: str, words: str = "{}") -> str:
-    """The answer of a service of the recorder."""
+    """The response of a service of the recorder."""
     result = bus("service", "call", f"/rosbag2_recorder/{service}", f"rosbag2_interfaces/srv/{kind}", words)
     assert result.code == 0, result.err
     return result.out.splitlines()[-2 if result.out.endswith("\n\n") else -1]
@@ -63,7 +63,7 @@ def test_what_is_said_is_recorded(bag: Bag, number: int) -> None:
 
 
 def test_in_the_background_of_a_script(bag: Bag) -> None:
-    """There a shell has SIGINT ignored."""
+    """There a shell makes the program ignore SIGINT."""
     command = shlex.join([*BUS, "bag", "record", "-o", str(bag.folder), "/topic"])
     script = f"{command} & echo $!; wait $!; echo $?"
     with subprocess.Popen(["sh", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as shell:
@@ -119,7 +119,7 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
 
 class TestFaults:
     def test_a_full_disk(self, bag: Bag) -> None:
-        """A limit of the file's size: what was written is closed, and the rest is counted."""
+        """With a limit of the file's size: the recorder closes the bag and counts the rest as lost."""
         with speaking() as speaker:
             speaker.say("/topic")
             with recording(bag, "/topic") as recorder:
@@ -137,7 +137,7 @@ class TestFaults:
         assert losses.lost["not_written"] > 0
 
     def test_killed(self, bag: Bag) -> None:
-        """Only what was published in the last second is missing."""
+        """Only messages of the last second are missing."""
         with speaking() as speaker:
             speaker.say("/topic")
             with recording(bag, "/topic") as recorder:
@@ -148,7 +148,7 @@ class TestFaults:
         assert bag.texts_now() == [str(number) for number in range(100)]
 
     def test_killed_at_any_moment(self, tmp_path: Path) -> None:
-        """The file is readable up to some message, and can be made whole."""
+        """The file is readable up to some message, and `reindex` repairs it."""
         with speaking() as speaker:
             speaker.say("/topic")
             for count in (3, 300, 900):
@@ -169,7 +169,7 @@ class TestFaults:
                 assert bag.metadata.message_count == len(texts)
 
     def test_busd_restarts(self, bag: Bag, daemon: Daemon, route: str) -> None:
-        """The recording goes on; by socket the publisher keeps twenty meanwhile, and the rest is counted."""
+        """The recording continues. By socket, the publisher keeps 20 messages; others are counted as lost."""
         with speaking(depth=20) as speaker:
             speaker.say("/topic")
             with recording(bag, "/topic") as recorder:
@@ -226,7 +226,7 @@ bus.run(main())
 
 class TestLatched:
     def test_what_each_publisher_keeps(self, bag: Bag) -> None:
-        """Also where others on the topic keep nothing, and on topics that come later."""
+        """Also if other publishers of the topic keep no messages, and on topics that appear later."""
         with speaking("first") as first, speaking("second") as second:
             first.keep("/map", "old", "hall")
             second.say("/map", "unheard")
@@ -298,7 +298,7 @@ class TestServices:
                 for number in range(40):
                     speaker.say("/topic", number)
                     if number in (10, 20, 30):
-                        call("is_paused", "IsPaused")  # the recorder has taken what came before
+                        call("is_paused", "IsPaused")  # the recorder has taken all messages before
                 assert "success=True" in call("snapshot", "Snapshot")
                 speaker.say("/topic", "unheard")
                 end(recorder)
@@ -345,7 +345,7 @@ def test_a_terminal_that_is_closed(bag: Bag) -> None:
 
 
 def test_on_a_terminal(bag: Bag) -> None:
-    """SPACE pauses, a line tells how it goes, and the terminal is put back."""
+    """SPACE pauses, a status line shows the progress, and the terminal is restored."""
     words = ("bag", "record", "/topic", "-o", str(bag.folder), "--progress-bar-update-rate", "50")
     with speaking() as speaker:
         speaker.say("/topic")

@@ -1,4 +1,4 @@
-"""The recorder's node, in the test's process: what it finds, what it says, how it ends."""
+"""The recorder's node in the test's process: discovery of topics, reports, and the end."""
 
 import asyncio
 import threading
@@ -31,7 +31,7 @@ ALL = Wanted(all_topics=True)
 
 @asynccontextmanager
 async def recording(bag: Bag, **options: Any) -> AsyncIterator[Recorder]:
-    """A recorder that has begun; at the end of the block it has ended."""
+    """A running recorder; it ends at the end of the block."""
     async with bus.Node("rosbag2_recorder", arguments=[], rosout=False) as node:
         recorder = Recorder(node, RecordOptions(folder=bag.folder, **{"wanted": ALL, **options}))
         running = asyncio.create_task(recorder.run())

@@ -1,5 +1,4 @@
-"""The API for scripts: publish, listen and call without an event loop, and what it does with interrupts,
-threads, forks and a daemon that comes back."""
+"""The API for scripts, without an event loop; interrupts, threads, forks and restarts of busd."""
 
 import asyncio
 import os
@@ -37,7 +36,7 @@ def node(daemon: Daemon) -> Iterator[bus.BlockingNode]:
 
 @contextmanager
 def asyncio_node(name: str, *steps: Callable[[bus.Node], object]) -> Iterator[None]:
-    """A node in a thread of its own, on asyncio, which has done these steps; for the length of the block."""
+    """A node on asyncio in its own thread, during the block; it has run `steps` at the start."""
     ready, end = threading.Event(), threading.Event()
 
     async def live() -> None:
@@ -67,7 +66,7 @@ class TestTopics:
         assert subscription.matches[0].route == route
 
     def test_types_without_a_class(self, route: str, node: bus.BlockingNode) -> None:
-        """mypy holds the types of the endpoints against the overloads."""
+        """mypy checks the types of the endpoints against the overloads."""
         schema = bus.MessageSchema.of(Int64)
         publisher = node.create_publisher(schema, "numbers")
         assert_type(publisher, bus.BlockingPublisher[Any])
@@ -135,7 +134,7 @@ class TestTopics:
         assert subscription.receive(WAIT_S)[0].data == "room again"
 
     def test_it_leaves_at_once_though_the_script_makes_no_other_call(self, route: str) -> None:
-        """A subscription that was made a moment ago is woken; and none of a burst waits for more."""
+        """A subscription made a moment ago wakes up, and no message of a burst waits for the next call."""
         heard: list[str] = []
         with bus.connect("talker") as node:
             publisher = node.create_publisher(String, "talk", 50)
@@ -156,7 +155,7 @@ class TestTopics:
         assert heard == [f"{turn} {number}" for turn in range(10) for number in range(20)]
 
     def test_two_subscriptions_of_one_node(self, route: str, node: bus.BlockingNode) -> None:
-        """While it waits for the one, what comes for the other waits for it."""
+        """While the script waits for one subscription, messages for the other one are queued."""
         pings, pongs = (node.create_subscription(Int64, topic, 1000) for topic in ("ping", "pong"))
 
         async def talk(other: bus.Node) -> None:
@@ -194,7 +193,7 @@ class TestTopics:
     def test_nothing_waits_for_the_next_call(
         self, route: str, node: bus.BlockingNode, is_from_thread: bool
     ) -> None:
-        """A burst, as gathered for the end of a turn, and a message that the socket does not take at once."""
+        """A burst, as collected until the end of a turn, and a message too large for the socket's buffer."""
         sizes, come = [1] * 20 + [4_000_000], threading.Event()
         heard: list[int] = []
 
@@ -231,7 +230,7 @@ class TestTopics:
             for _ in range(5):
                 with bus.connect("script") as node:
                     node.publish("talk", String(data="I was here"))
-            with bus.connect("last") as node:  # its message is behind these
+            with bus.connect("last") as node:  # its message is behind the others
                 graph = node.wait_for_graph(lambda graph: not graph.publishers_of("/talk"), WAIT_S)
                 assert len(graph.subscriptions_of("/talk")) == 1
         assert come == ["I was here"] * 5
@@ -320,10 +319,10 @@ class TestWhereItIsUsed:
     def test_other_threads_may_log(
         self, node: bus.BlockingNode, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """While its own thread logs, too, and is about to send that."""
+        """The node's own thread logs at the same time, and is about to send its line."""
 
         def send_now(link: Link, frame: Buffer) -> bool:
-            time.sleep(1e-4)  # others may run meanwhile
+            time.sleep(1e-4)  # lets other threads run
             return really_send(link, frame)
 
         really_send = Link.send_now
@@ -398,7 +397,7 @@ def test_busd_dies_and_comes_back(route: str, daemon: Daemon, node: bus.Blocking
 def test_a_script_that_does_something_else_for_a_minute_is_no_news(
     node: bus.BlockingNode, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody runs its event loop meanwhile, and so it is meant."""
+    """Its event loop does not run meanwhile. For a script that is normal, so busd logs nothing."""
     link = node._node._link
     assert link is not None and link.connection is not None
     link.connection.note_standstill(time.monotonic_ns() + 60 * 10**9)

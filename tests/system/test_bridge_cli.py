@@ -1,4 +1,4 @@
-"""`bus bridge`, as users run it: two buses joined by zenoh, mistakes, the end, what it tells of itself."""
+"""`bus bridge`, as users run it: two buses joined by zenoh, mistakes, the end, its status."""
 
 import json
 import re
@@ -36,7 +36,7 @@ def far(tmp_path: Path, forks: Forks) -> Iterator[Daemon]:
 
 @pytest.fixture
 def joined(daemon: Daemon, far: Daemon) -> Iterator[tuple[Running, Running]]:
-    """The bridges of the two buses, with a link; here called `here`, there `there`."""
+    """The bridges of the two buses, linked; this bus is `here`, the other is `there`."""
     place = f"tcp/127.0.0.1:{free_port()}"
     with (
         bridge(daemon.path, "zenoh", "--id", "here", "--listen", place) as here,
@@ -120,7 +120,7 @@ class TestTwoBuses:
     def test_the_end(
         self, daemon: Daemon, far: Daemon, joined: tuple[Running, Running], number: int, name: str
     ) -> None:
-        """Without a traceback; and what came from the far side has gone."""
+        """No traceback; and the mirrors of the far side are gone."""
         here, there = joined
         with script_on(far.path, LISTENER):
             wait_for_graph_of(daemon.path, shows("/minimal_subscriber"))
@@ -150,7 +150,7 @@ class TestTwoBuses:
 
 @pytest.mark.skipif(find_spec("cyclonedds") is None, reason="needs cyclonedds")
 def test_ros_2_begins_tells_and_ends(daemon: Daemon) -> None:
-    """With nobody there; tests with rclpy have what crosses."""
+    """Without a ROS 2 node; tests with rclpy check the messages."""
     with bridge(daemon.path, "ros2", "--domain-id", DOMAIN) as running:
         running.error_line_with(f"in domain {DOMAIN} of DDS, this machine only")
         result = bus("bridge", "status")
@@ -205,7 +205,7 @@ class TestMistakes:
 
     @needs_zenoh
     def test_too_few_descriptors(self, daemon: Daemon) -> None:
-        """zenoh would abort the process, with a backtrace."""
+        """Otherwise zenoh would abort the process with a backtrace."""
         script = "import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (40, 40)); "
         script += "from bus_cli.main import main; sys.argv[0] = 'bus'; main()"
         place = f"tcp/127.0.0.1:{free_port()}"

@@ -1,4 +1,4 @@
-"""Two buses and what crosses between them, over an engine without a network."""
+"""Two buses and the messages between them, over an engine without a network."""
 
 import asyncio
 from collections.abc import Callable
@@ -143,7 +143,7 @@ async def test_nothing_is_lost_where_both_sides_say_so(world: Made) -> None:
 
 
 async def test_what_a_publisher_says_at_once_crosses_whoever_it_is(world: Made) -> None:
-    """The way of its messages is made only when it is there, and it leaves right away."""
+    """The bridge makes the route after the publisher appears; the publisher closes after one message."""
     async with world() as made:
         left, right, *_ = await made.pair()
         listener = await right.node("listener")
@@ -167,7 +167,7 @@ async def test_what_a_publisher_says_at_once_crosses_whoever_it_is(world: Made) 
 async def test_what_is_said_while_a_publisher_is_being_made_known_crosses(
     world: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The bridge has seen it in the graph, and is still asking for something that it needs to show it."""
+    """The bridge has seen the publisher in the graph, and still waits for its type."""
     async with world() as made:
         left, right, one, _ = await made.pair()
         talker, listener = await left.node("talker"), await right.node("listener")
@@ -256,7 +256,7 @@ async def test_nothing_crosses_without_a_subscription_and_once_with_three(world:
 
 
 async def test_what_two_other_buses_say_to_each_other_is_not_read_here(world: Made) -> None:
-    """A bus in the middle shows both ends, and leaves them to their own bridges."""
+    """The bus in the middle shows both ends; only the bridges of these two buses carry the messages."""
     async with world() as made:
         sites = [made.site(name) for name in ("left", "middle", "right")]
         engines = [(await made.bridge(site)).engine for site in sites]

@@ -1,4 +1,4 @@
-"""The engine for DDS against cyclonedds alone."""
+"""The engine for DDS against plain cyclonedds."""
 
 import asyncio
 import os
@@ -153,7 +153,7 @@ async def test_a_program_of_dds_hears(bridge: Bridge, alone: Alone) -> None:
 async def test_late_joiners_get_what_is_kept_both_ways(bridge: Bridge, alone: Alone) -> None:
     writer = bridge.publish("/map", LATCHED)
     bridge.send(writer, "old", "map")
-    assert writer.write(Loose([sample_of("map", bridge.numbers)])) == 1  # given again: it is there already
+    assert writer.write(Loose([sample_of("map", bridge.numbers)])) == 1  # repeated: it has that sample
     reader = alone.reader("/map", *_LATCHED[:2], Policy.History.KeepAll)
     await until(lambda: writer.is_wanted)
     bridge.send(writer, "new")
@@ -211,7 +211,7 @@ async def test_best_available_gets_what_each_publisher_keeps(bridge: Bridge, alo
 
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 async def test_another_reader_takes_over_without_loss(bridge: Bridge, alone: Alone, durability: str) -> None:
-    """Each is withdrawn, and made again, while messages flow."""
+    """Each subscription is withdrawn and made again while messages flow."""
     qos = QoSProfile(1000, durability=Durability(durability))
     policies: tuple[Any, ...] = (Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(1000))
     if durability == "transient_local":
@@ -469,7 +469,7 @@ async def test_a_reader_that_dds_refuses_later_is_said_and_tried_again(
     assert bridge.far.warnings == [
         "not all that is said on /chatter comes in: there is no room for another reader"
     ]
-    writers.append(alone.writer("/other"))  # whatever is discovered next
+    writers.append(alone.writer("/other"))  # any discovery triggers the next attempt
     await until(lambda: len(bridge.engine._ways._intakes["rt/chatter"]) == 2)
 
 
@@ -486,7 +486,7 @@ async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
     assert [(link.state, link.text) for link in bridge.engine.links()] == [("refused", "it lies")]
     assert writer.write(Loose([sample_of("gone")])) == 1
     writer.close()
-    for announce in (bridge.publish, bridge.listen):  # so it is in no count of what is shown there
+    for announce in (bridge.publish, bridge.listen):  # so the bridge does not count it as shown
         with pytest.raises(NotCarried):
             announce("/other")
 
@@ -494,7 +494,7 @@ async def test_the_end_of_a_domain(bridge: Bridge, alone: Alone) -> None:
 async def test_an_interface_that_is_not_there_is_named_once(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(BridgeError, match="--interface nowhere0: there is no such network interface"):
         await DdsEngine("id", DdsOptions(3, interface="nowhere0")).open(Far())
-    assert capfd.readouterr() == ("", "")  # cyclonedds has lines of its own for that
+    assert capfd.readouterr() == ("", "")  # without the lines that cyclonedds would print
 
 
 async def test_a_domain_that_can_not_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The engine for DDS against ROS 2's own rclpy."""
+"""The engine for DDS against ROS 2's rclpy."""
 
 import asyncio
 import time
@@ -49,7 +49,7 @@ async def test_nodes_and_topics(bridge: Bridge, distro: peer.Distro) -> None:
         )
         assert [list(one) for one in of_node] == [["/chatter"], ["/back"]]
         (found,) = await _wait_for(ros, "info", lambda found: len(found) == 1, topic="/back")
-        # Cyclone leaves out whose an endpoint is, which Kilted wants.
+        # Cyclone omits the node of an endpoint; Kilted needs it.
         assert found["node"] == ("/robot/busd_node" if distro == "jazzy" else found["node"])
         assert (found["kind"], found["reliability"]) == ("subscription", "reliable")
     await until(lambda: not bridge.far.nodes and not bridge.far.endpoints)
@@ -136,7 +136,7 @@ async def test_either_may_come_again(bridge: Bridge, distro: peer.Distro) -> Non
         begun = time.monotonic()
         await bridge.engine.close()
         await _wait_for(ros, "nodes", lambda found: found == ["/ros_node"])
-        assert time.monotonic() - begun < SOON_S  # it has said so: its lease would take 10 s
+        assert time.monotonic() - begun < SOON_S  # it has signed off: its lease would take 10 s
         again = Bridge()
         await again.open()
         try:

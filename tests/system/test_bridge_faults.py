@@ -1,4 +1,4 @@
-"""Bridges, busds and links that go and come back, and far sides that lie."""
+"""Bridges, busds and links that fail and return, and far sides that send wrong data."""
 
 import asyncio
 from collections.abc import Callable
@@ -39,7 +39,7 @@ async def test_a_link_that_goes_and_comes_back(world: Made) -> None:
         await talk.exchange()
         late = await listener.create_subscription(Int32, "state", KEPT)
         assert await received(late, 1) == [7]
-        assert state.take() is None  # it has had it
+        assert state.take() is None  # it has received it already
 
 
 async def test_what_is_missed_while_a_link_is_down_is_counted(world: Made) -> None:
@@ -59,7 +59,7 @@ async def test_what_is_missed_while_a_link_is_down_is_counted(world: Made) -> No
 
 
 async def test_what_is_missed_while_the_importing_bridge_is_killed_is_counted(world: Made) -> None:
-    """By the other bridge: this one knows nothing of before."""
+    """The other bridge counts them: the restarted one has no earlier state."""
     async with world() as made:
         talk = await made.talk(10)
         await talk.exchange()
@@ -78,7 +78,7 @@ async def test_what_is_missed_while_the_importing_bridge_is_killed_is_counted(wo
 
 
 async def test_what_is_latched_comes_once_though_nodes_go_before_their_bus(world: Made) -> None:
-    """Of a link that ends, an engine may tell piece by piece."""
+    """At the end of a link, an engine may report its nodes one by one."""
     async with world() as made:
         talk = await made.talk(KEPT)
         talk.publisher.publish(Int32(data=7))
@@ -153,7 +153,7 @@ async def test_what_is_missed_while_busd_is_away_is_counted(
         await talk.exchange()
         talk.right.daemon.kill()
         await until(lambda: not any(route.is_flowing for route in talk.one.bridge.status().routes))
-        for number in range(30):  # of which the last ten wait for it
+        for number in range(30):  # the publisher keeps the last ten for it
             talk.publisher.publish(Int32(data=number))
         talk.right.daemon.restart()
         assert await received(talk.subscription, 10) == [*range(20, 30)]
@@ -198,7 +198,7 @@ async def test_many_nodes_at_once_and_quiet_afterwards(world: Made) -> None:
         await until(lambda: other.bridge.status().shown_here.nodes <= 1)
         busy_s = 1.0
         async with asyncio.timeout(WAIT_S):
-            while busy_s > 0.05:  # in half a second: of both bridges, and all else in this process
+            while busy_s > 0.05:  # of 0.5 s: both bridges and everything else here
                 before_s = process_time()
                 await asyncio.sleep(0.5)
                 busy_s = process_time() - before_s
@@ -232,8 +232,7 @@ async def test_a_lossless_route_that_hangs_holds_up_no_other(world: Made) -> Non
 
 
 async def one_stuck(made: World, kind: Any) -> tuple[Talk, bus.Publisher[Any], Callable[[], None]]:
-    """A lossless talk whose publisher's way takes nothing, another publisher of its topic whose way does, and
-    what has the first go on."""
+    """A lossless talk with a blocked route, a publisher with a free one, and a call to unblock the first."""
     talk = await made.talk(LOSSLESS, kind=kind)
     other = await (await talk.left.node("other")).create_publisher(kind, "numbers", LOSSLESS)
     await talk.publisher.wait_for_subscriptions()
@@ -265,7 +264,7 @@ async def test_a_lossless_publisher_that_is_stuck_does_not_hold_up_another_of_it
 async def test_a_lossless_publisher_that_has_filled_its_route_holds_up_no_other_of_its_topic(
     world: Made, route: str
 ) -> None:
-    """It waits itself, with no more in the bridge than that has room for, and a window on its way there."""
+    """The publisher itself waits. The bridge holds at most its buffer, and one window on the link."""
     async with world() as made:
         talk, other, go_on = await one_stuck(made, String)
         text = "x" * 10_000
@@ -304,7 +303,7 @@ async def test_a_lossless_publisher_that_the_far_side_never_reads_goes_on_after_
         publisher = await talker.create_publisher(Int32, "numbers", LOSSLESS)
         subscription = await listener.create_subscription(Int32, "numbers", LOSSLESS)
         await publisher.wait_for_subscriptions()
-        for number in range(20_000):  # more than the ring and the bridge have room for
+        for number in range(20_000):  # more than the ring and the bridge can hold
             await publisher.send(Int32(data=number))
         (route,) = one.bridge.status().routes
         await until(lambda: one.bridge.status().routes[0].taken == 20_000)
@@ -359,7 +358,7 @@ async def test_a_clock_that_is_an_hour_wrong_or_set_expires_nothing(world: Made)
         left = await talk.left.node("late")
         late = await left.create_publisher(Int32, "numbers", talk.publisher.qos)
         await late.wait_for_subscriptions()
-        wrong_ns += round(2 * WAIT_S) * second_ns  # as of one that was on its way for so long
+        wrong_ns += round(2 * WAIT_S) * second_ns  # as if it had been on the way for so long
         late.publish(Int32(data=100))
         await until(lambda: any(one.dropped.get("expired") for one in talk.other.bridge.status().routes))
         for hours in (1, 2, 0):

@@ -1,4 +1,4 @@
-"""Nothing goes round, and nothing comes twice, however buses are joined."""
+"""No message goes in a circle or arrives twice, however buses are joined."""
 
 import asyncio
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.either_loop
 
 
 def read_by(bridge: Running) -> int:
-    """How many far buses read what this one's publishers on /chat send."""
+    """The number of far buses that read messages of this bus's publishers on /chat."""
     writers = bridge.engine.writers.values()
     return sum(len(one.readers) for one in writers if one.local.topic == "/chat")
 
@@ -30,7 +30,8 @@ async def test_two_bridges_between_the_same_two_buses(world: Made) -> None:
         subscription = await listener.create_subscription(Int32, "numbers", 1000)
         echo = await listener.create_publisher(Int32, "numbers", 1000)
         heard = await talker.create_subscription(Int32, "numbers", 1000)
-        # The first way shows all four before there is a second one; else the second shows some of them.
+        # The first link must show all four endpoints before the second one opens; otherwise the second shows
+        # some.
         for saying in (publisher, echo):
             await saying.wait_for_subscriptions(2)
         for hearing in (subscription, heard):
@@ -42,11 +43,11 @@ async def test_two_bridges_between_the_same_two_buses(world: Made) -> None:
             publisher.publish(Int32(data=number))
         assert await received(subscription, 50) == list(range(50))
         echo.publish(Int32(data=100))
-        assert await received(subscription, 1) == [100]  # its own bus's, and nothing else before it
+        assert await received(subscription, 1) == [100]  # from its own bus, and no message before it
         assert await received(heard, 51) == [*range(50), 100]
         crossed = sum(link.crossed for link in made.network.links)
         assert crossed == 51
-        # When the first way ends, the second takes over.
+        # When the first link ends, the second takes over.
         made.network.links[0].down()
         await until(lambda: third.bridge.status().shown_here.publishers > 0)
         await publisher.wait_for_subscriptions(2)
@@ -138,13 +139,14 @@ async def test_in_a_ring_with_transit_the_last_messages_of_a_publisher_come_once
         await publisher.wait_for_subscriptions(3)
         for subscription in subscriptions:
             await subscription.wait_for_publishers(1)
-        # Each of the others has shown the third its mirror: a second way, which nobody reads.
+        # Both others have shown the third bus their mirror. That is a second path, and no bridge reads from
+        # it.
         await until(lambda: len(bridges[0].engine.endpoints) == len(bridges[1].engine.endpoints) == 4)
         for number in range(30):
             publisher.publish(Int32(data=number))
         for subscription in subscriptions:
             assert await received(subscription, 30) == list(range(30))
-        # One of the two receives the end later than the other, which reads its mirror in the meantime.
+        # One of the two learns of the end later than the other, which reads its mirror in the meantime.
         made.network.links[1].hang()
         await publisher.close()
         await until(lambda: read_by(bridges[1]) == 1)

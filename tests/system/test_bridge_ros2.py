@@ -1,4 +1,4 @@
-"""`bus bridge ros2`: a bus with nodes of ROS 2's own rclpy, Jazzy and Kilted, and with plain cyclonedds."""
+"""`bus bridge ros2`: a bus with nodes of ROS 2's rclpy, Jazzy and Kilted, and with plain cyclonedds."""
 
 import asyncio
 import contextlib
@@ -45,11 +45,11 @@ MESSAGES: tuple[tuple[Any, dict[str, Any]], ...] = (
         },
     ),
 )
-"""As this bus has them, and what the peer is told to send."""
+"""Messages as this bus has them, and as the orders to a peer have them."""
 
 
 def values_of(value: Any) -> Any:
-    """A message as a peer tells it."""
+    """A message in the form in which a peer reports it."""
     if isinstance(value, msgspec.Struct):
         return {name: values_of(getattr(value, name)) for name in value.__struct_fields__}
     return {"size": len(value), "crc": crc32(value)} if isinstance(value, bytes) else value
@@ -72,7 +72,7 @@ def node_of(world: World, distro: peer.Distro, name: str = "ros_node", namespace
 
 
 async def ask(one: Peer, order: str, **arguments: Any) -> Any:
-    """Without holding up the nodes of this process."""
+    """Does not block the nodes of this process."""
     return await asyncio.to_thread(one.ask, order, **arguments)
 
 
@@ -106,7 +106,7 @@ async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro
             found = await answers(ros, "info", lambda found: len(found) == 2, topic="/robot/cmd_vel")
             (shown,) = [one for one in found if one["kind"] == "publisher"]
             assert shown["reliability"] == "reliable" and shown["durability"] == "volatile"
-            if distro == "jazzy":  # Kilted can't tell whose endpoint of another vendor it is
+            if distro == "jazzy":  # Kilted can't tell the node of another vendor's endpoint
                 assert shown["node"] == "/robot/busd_node"
             await until(lambda: publisher.get_subscription_count() == 1)
 
@@ -125,7 +125,7 @@ async def test_each_lists_the_nodes_and_topics_of_the_other(world: World, distro
 async def test_a_node_as_ros_starts_it_is_found_on_loopback_whenever_it_comes(
     tmp_path: Path, forks: Forks, distro: peer.Distro
 ) -> None:
-    """It is on the network of its machine, and calls there, but not on loopback."""
+    """The node uses and announces the network of its machine, but not loopback."""
     if netns.why_not():
         pytest.skip(netns.why_not())
     with World(tmp_path, forks, "robot", "laptop") as world:
@@ -222,7 +222,7 @@ async def test_cyclonedds_alone_hears_and_is_heard(world: World) -> None:
 
 @on_one_loop
 async def test_a_burst_to_the_first_that_matches_comes_whole(world: World) -> None:
-    """It may come before there is a way for it: the bridge is matched before it shows the publisher."""
+    """It may arrive before the bridge has a route: the bridge matches before it shows the publisher."""
     side, bridge = join(world)
     with peer.cyclone(side.machine, domain=world.domain) as alone:
         async with side.node("busd_node") as node:
@@ -239,12 +239,12 @@ async def test_a_burst_to_the_first_that_matches_comes_whole(world: World) -> No
             assert subscription.statistics().dropped == {}
             (route,) = [one for one in bridge.status()["routes"] if one["topic"] == "/back"]
             assert (route["taken"], route["sent"], route["dropped"]) == (5000, 5000, {})
-            assert not route["counts_lost"]  # by DDS: there are no numbers
+            assert not route["counts_lost"]  # DDS has no numbers
 
 
 @on_one_loop
 async def test_in_transit_nothing_goes_back_to_where_it_came_from(world: World, tmp_path: Path) -> None:
-    """Else nodes of ROS 2 would hear each other twice, once directly and once through this bus."""
+    """Otherwise nodes of ROS 2 would receive each message twice: directly and through this bus."""
     config = tmp_path / "transit.toml"
     config.write_text('[[bridge.ros2.topics]]\npattern = "/**"\ntransit = true\n')
     side = world["robot"]
@@ -262,8 +262,8 @@ async def test_in_transit_nothing_goes_back_to_where_it_came_from(world: World, 
             await publisher.wait_for_subscriptions()
             await ask(talker, "send", topic="/chatter", data="one")
             assert (await subscription.receive())[0].data == "one"
-            await asyncio.to_thread(listener.wait, "/chatter", 1)  # it keeps one only
-            publisher.publish(String(data="two"))  # behind what went back, if that did
+            await asyncio.to_thread(listener.wait, "/chatter", 1)  # its depth is 1
+            publisher.publish(String(data="two"))  # arrives after a returned "one", if there is one
             heard = await asyncio.to_thread(listener.wait, "/chatter", 2)
             assert [one["data"] for one in heard] == ["one", "two"]
             found = await answers(listener, "matched", lambda found: found[1] >= 2, topic="/chatter")

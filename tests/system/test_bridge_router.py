@@ -1,4 +1,4 @@
-"""`bus bridge zenoh --router`: buses that a router of zenoh joins, which comes late and is restarted."""
+"""`bus bridge zenoh --router`: buses joined by a zenoh router, which starts late and is restarted."""
 
 import json
 import subprocess
@@ -36,7 +36,7 @@ def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 
 class Router:
-    """zenohd, as the package zenoh has it: on the machine `base`, with an address for each side."""
+    """zenohd of the package zenoh, on the machine `base`, with an address for each side."""
 
     def __init__(self, world: World, protocol: str = "tcp") -> None:
         self._machine = world["base"].machine
@@ -71,7 +71,7 @@ def join(world: World, router: Router, *more: str) -> list[Bridge]:
 
 
 async def say_and_hear(world: World) -> None:
-    """Both ways, all that is said, once and in order."""
+    """In both directions, every message arrives once and in order."""
     robot, laptop = SIDES
     async with (
         world[robot].node("robot_node") as one,

@@ -1,4 +1,4 @@
-"""Three buses, joined by zenoh in a star and in a ring: all reaches everybody, and nothing twice."""
+"""Three buses joined by zenoh, in a star and in a ring: each message reaches all buses once."""
 
 import asyncio
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 
 def _join(world: World, links: tuple[tuple[str, str], ...], *more: str, hub: tuple[str, ...] = ()) -> None:
-    """One bridge on each bus; the second of each link goes to the first. `hub`: words of that one only."""
+    """One bridge on each bus; in each link the second connects to the first. `hub`: options for that one."""
     words: dict[str, list[str]] = {name: ["--insecure", *more] for name in NAMES}
     for one, other in links:
         endpoint = world.lay(one, other)
@@ -40,7 +40,7 @@ def _join(world: World, links: tuple[tuple[str, str], ...], *more: str, hub: tup
 
 
 async def _all_hear_all(world: World, count: int = 50) -> None:
-    """A talker on each bus; the two others hear each of its messages once, in order."""
+    """A talker on each bus; the other two buses receive each of its messages once, in order."""
     async with AsyncExitStack() as stack:
         nodes = {name: await stack.enter_async_context(world[name].node(f"of_{name}")) for name in NAMES}
         streams = [
@@ -56,7 +56,7 @@ async def _all_hear_all(world: World, count: int = 50) -> None:
             stream.say()
             await stream.arrived()
             assert stream.check() == 0 and len({info.publisher_gid for info in stream.infos}) == 1
-        for name in NAMES:  # of each far publisher there is one mirror
+        for name in NAMES:  # each far publisher has one mirror
             graph = world[name].graph()
             for one, other in permutations(NAMES, 2):
                 assert len(graph.publishers_of(f"/from_{one}_to_{other}")) == 1, (name, one, other)
@@ -89,7 +89,7 @@ async def test_with_transit_what_came_goes_on_and_never_round(
     rules = ("--config", str(config))
     if shape == "ring":
         _join(world, (("hub", "left"), ("hub", "right"), ("left", "right")), *rules)
-    else:  # the middle's rule is enough
+    else:  # a rule at the hub is enough
         _join(world, (("hub", "left"), ("hub", "right")), hub=rules)
     await _all_hear_all(world)
 

@@ -1,4 +1,4 @@
-"""`bus bridge zenoh`: two buses on two machines; cables that are out, and processes that are killed."""
+"""`bus bridge zenoh`: two buses on two machines; unplugged cables and killed processes."""
 
 import asyncio
 import re
@@ -23,9 +23,9 @@ pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed: make setup 
 KEEP_ALL = bus.QoSProfile(history="keep_all")
 LATCHED = bus.QoSProfile(1, durability="transient_local")
 LATE = bus.QoSProfile(10, durability="transient_local")
-"""Room for what several latched publishers say at once."""
+"""Room for the samples of several latched publishers."""
 LEASE_S = 10.0
-"""After so long zenoh takes a link for dead."""
+"""zenoh declares a silent link dead after so long."""
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def world(tmp_path: Path, forks: Forks, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 
 class Talk(NamedTuple):
-    """A stream each way."""
+    """A stream in each direction."""
 
     there: Stream
     back: Stream
@@ -45,7 +45,7 @@ class Talk(NamedTuple):
         await asyncio.gather(self.there.flows(), self.back.flows())
 
     async def missing(self) -> tuple[int, int]:
-        """How many are missing of each, once no more is said."""
+        """Stops both streams; the number of missing messages in each."""
         for one in self:
             await one.stop()
             one.say()
@@ -56,7 +56,7 @@ class Talk(NamedTuple):
 
 @asynccontextmanager
 async def talking(world: World, hz: float = 100.0) -> AsyncIterator[Talk]:
-    """Both sides talk, and hear each other."""
+    """Both sides talk and listen to each other."""
     async with (
         world["robot"].node("robot_node") as robot,
         world["laptop"].node("laptop_node") as laptop,
@@ -68,7 +68,7 @@ async def talking(world: World, hz: float = 100.0) -> AsyncIterator[Talk]:
         yield talk
 
 
-# --- what crosses
+# --- messages
 
 
 @on_one_loop
@@ -87,7 +87,7 @@ async def test_a_talker_is_seen_and_heard_on_the_other_bus_as_if_it_were_there(w
             assert await asyncio.to_thread(echo.line) == "data: Hello"
         await until(lambda: publisher.get_subscription_count() == 0)
     await laptop.shows(lambda graph: not graph.publishers_of("/bot/chatter"))
-    await until(lambda: "/bot/talker" not in laptop.names())  # its node goes after its endpoints
+    await until(lambda: "/bot/talker" not in laptop.names())  # the node goes after its endpoints
 
 
 @on_one_loop
@@ -126,7 +126,7 @@ async def test_each_of_two_latched_publishers_reaches_a_late_joiner(world: World
             publisher.publish(String(data="earlier"))
             publisher.publish(String(data=node.name))
         await world["laptop"].shows(lambda graph: len(graph.publishers_of("/tf_static")) == 2)
-        for _ in range(2):  # the second joiner gets as much
+        for _ in range(2):  # the second joiner gets the same samples
             heard: list[str] = []
             await late.create_subscription(
                 String, "/tf_static", LATE, lambda message, into=heard: into.append(message.data)
@@ -174,7 +174,7 @@ async def test_services_are_called_across(world: World) -> None:
 
 @on_one_loop
 async def test_a_latched_publisher_flows_only_while_somebody_listens(world: World) -> None:
-    """Its route keeps what late joiners are to have, and is still one that nobody wants."""
+    """Its route keeps samples for late joiners, but does not flow without a subscription."""
     one, _ = world.join_by_zenoh()
     async with world["robot"].node("robot_node") as robot, world["laptop"].node("laptop_node") as laptop:
         publisher = await robot.create_publisher(String, "/map", LATCHED)
@@ -193,7 +193,7 @@ def _routes(world: World) -> list[object]:
     return [bridge.status()["routes"] for bridge in world.bridges]
 
 
-# --- what goes wrong
+# --- faults
 
 
 class Fault(NamedTuple):
@@ -226,7 +226,7 @@ async def test_after_a_fault_all_flows_again_and_losses_are_counted(world: World
             sent, came = out.route(stream.topic, "out"), into.route(stream.topic, "in")
             here = stream.subscription.statistics().dropped
             counted = sum(sent["dropped"].values()) + sum(came["dropped"].values()) + sum(here.values())
-            passed_over = stream.sent - sent["taken"]  # while the far side was taken for gone
+            passed_over = stream.sent - sent["taken"]  # while the far bus counted as gone
             assert lost <= counted + passed_over, f"{lost} are missing: {sent}, {came}, {here}"
             assert sent["taken"] == sent["sent"] + sent["waiting"] + sum(sent["dropped"].values())
             assert not sent["is_stuck"] and not came["is_stuck"]
@@ -293,7 +293,7 @@ async def test_a_full_link_is_given_up_while_its_cable_is_out(
 
 
 async def _fill(publisher: bus.Publisher[String]) -> None:
-    """Publish large messages without end."""
+    """Publishes large messages forever."""
     while True:
         if not publisher.publish(String(data="x" * 10_000)):
             await publisher.wait_for_room()
@@ -338,7 +338,7 @@ async def test_whoever_is_killed_and_comes_back_all_flows_again(world: World, vi
         for _ in range(2):
             killed = world[side].daemon if victim == "busd" else world[side].bridges[0]
             killed.kill()
-            await asyncio.sleep(0.5)  # away for so long
+            await asyncio.sleep(0.5)  # it is away for so long
             killed.restart()
             await talk.flow()
         await talk.missing()
@@ -375,7 +375,7 @@ async def test_twenty_restarts_make_no_copies(world: World) -> None:
 @pytest.mark.nightly
 @on_one_loop
 async def test_what_waits_for_a_bridge_that_hangs_holds_up_neither_loop_nor_others(world: World) -> None:
-    """A lossless stream can't go on; a lossy one to another machine, and both buses, do."""
+    """Only the lossless stream stops; a lossy stream to the other machine and both buses continue."""
     world.join_by_zenoh()
     async with (
         world["robot"].node("talker") as talker,

@@ -1,4 +1,4 @@
-"""The engine for zenoh, two of them in one process or two, over loopback."""
+"""The engine for zenoh: two engines in one process or two, over loopback."""
 
 import asyncio
 import socket
@@ -37,7 +37,7 @@ NODE = LocalNode(1, "talker", "/")
 
 @pytest.fixture(autouse=True, scope="module")
 def zenoh_runtime() -> None:
-    """What zenoh keeps for the whole process is there before the first test: none seems to leave it."""
+    """Makes zenoh open its per-process descriptors first, so that no test seems to leak them."""
 
     async def meet() -> None:
         async with pair() as (one, _):
@@ -47,7 +47,7 @@ def zenoh_runtime() -> None:
 
 
 class Far:
-    """A FarSide that remembers what is there, and lets a test wait for it."""
+    """A FarSide that records the far buses, nodes and endpoints, and lets a test wait for changes."""
 
     def __init__(self) -> None:
         self.buses: dict[str, FarBus] = {}
@@ -114,7 +114,7 @@ class Side:
 
 
 class Taken:
-    """What a reader has brought."""
+    """The samples that a reader has delivered."""
 
     def __init__(self) -> None:
         self.samples: list[Sample] = []
@@ -140,7 +140,7 @@ class Taken:
 
 
 class Publisher:
-    """A publisher of a side: writes as fast as its writer takes."""
+    """A publisher of one side; it writes as fast as its writer accepts."""
 
     def __init__(self, side: Side, qos: QoSProfile, gid: bytes = GID, rule: RouteRule | None = None) -> None:
         side.engine.announce_node(NODE)
@@ -171,7 +171,7 @@ class Publisher:
 
 @asynccontextmanager
 async def opened(**options: tuple[ZenohOptions, str]) -> AsyncIterator[list[Side]]:
-    """Engines that are closed in the end."""
+    """Open engines; closes them at the end."""
     before = open_descriptors()
     async with AsyncExitStack() as stack:
         sides = []
@@ -429,7 +429,7 @@ async def test_a_bridge_that_starts_anew_is_found() -> None:
 async def test_a_bridge_that_has_become_deaf_hears_again_once_a_link_has_ended(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Where a link ended as another to the same bus came, zenoh was seen to bring no token any more."""
+    """zenoh was seen to deliver no more tokens if a link ended while another link to the same bus opened."""
     monkeypatch.setattr(engine, "_LOOK_S", 0.1)
     here, there = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     robot, laptop = ZenohOptions(listen=(here,)), ZenohOptions(connect=(here,), listen=(there,))
@@ -448,7 +448,7 @@ async def test_a_bridge_that_has_become_deaf_hears_again_once_a_link_has_ended(
             looks = asyncio.Semaphore(0)
             assert other.engine._presence is not None
             monkeypatch.setattr(other.engine._presence, "poll", lambda linked: looks.release())
-            for _ in range(4):  # fleets come one by one: nothing is asked anew for that
+            for _ in range(4):  # fleets arrive one by one: no new query for that
                 await looks.acquire()
             assert not other.far.nodes
         await other.far.until(lambda: other.far.nodes)

@@ -1,4 +1,4 @@
-"""What Python knows of the threads in which zenoh calls back: kept from one message to the next."""
+"""Python's states of the threads in which zenoh calls back: each is kept from one message to the next."""
 
 import asyncio
 import os
@@ -22,12 +22,12 @@ from thread_states import this_state
 _KEY = "busd/test/threads"
 _MESSAGES = 10
 States: TypeAlias = defaultdict[int, set[int]]
-"""Those of each thread, by its native id."""
+"""States of each thread, by its native id."""
 
 
 @pytest.fixture(autouse=True, scope="module")
 def zenoh_runtime() -> None:
-    """What zenoh keeps for the whole process is there before the first test: none seems to leave it."""
+    """Makes zenoh open its per-process descriptors first, so that no test seems to leak them."""
     asyncio.run(_meet(States(set)))
 
 
@@ -40,8 +40,10 @@ async def test_it_is_the_same_for_all_messages_of_all_links() -> None:
 
 
 async def _meet(states: States) -> None:
-    """Two sessions, a link between them, and some messages: `states` gets those of the threads that bring
-    them."""
+    """Two sessions with a link between them exchange messages.
+
+    `states` gets the states of the threads that deliver them.
+    """
     where, faults = f"tcp/127.0.0.1:{free_port()}", list[Exception]()
     ways = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))
     ends = [Session(way, faults.append) for way in ways]

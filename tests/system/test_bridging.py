@@ -1,4 +1,4 @@
-"""What bridges ask of the bus: mirrors of nodes and endpoints of other buses, and taps."""
+"""The bus's services for bridges: mirrors of nodes and endpoints of other buses, and taps."""
 
 import asyncio
 import re
@@ -46,7 +46,7 @@ def mirror_of(name: str, origin: bus.Origin = FAR) -> bus.Node:
 
 @pytest.mark.usefixtures("daemon", "route")
 async def test_a_bridge_that_was_killed_and_is_back_is_heard(tmp_path: Path) -> None:
-    """From its first message on, though it has the gids that it had and numbers from 1."""
+    """From its first message, although its gids are the same as before and its numbers restart at 1."""
     program = tmp_path / "bridge.py"
     program.write_text(BRIDGE)
     async with bus.Node("listener", arguments=[]) as node:
@@ -146,7 +146,7 @@ def lines_of(block: str) -> dict[str, str]:
 
 
 async def until_told(node: bus.Node, gid: bytes, samples: int) -> None:
-    """The process of that endpoint has reported so many samples."""
+    """Wait until the process of that endpoint has reported so many samples."""
     async with asyncio.timeout(10):
         while True:
             graph = await node.graph(statistics=True)
@@ -158,7 +158,7 @@ async def until_told(node: bus.Node, gid: bytes, samples: int) -> None:
 
 @pytest.mark.usefixtures("daemon")
 async def test_a_thousand_endpoints_are_there_soon() -> None:
-    """Within what a program may make by default."""
+    """That many are within the default limits of a program."""
     async with mirror_of("many") as node, asyncio.timeout(10):
         made = await asyncio.gather(
             *(node.create_publisher(String, f"p{number}", gid=gid_of(number)) for number in range(500)),
@@ -176,7 +176,7 @@ def gid_of(number: int) -> bytes:
 
 
 async def test_an_older_busd_is_told_apart(socket_path: Path) -> None:
-    """It would match what came from a bus with what goes back there."""
+    """An older busd would match mirrors with taps, and so return messages to their own bus."""
     async with asyncio.timeout(10), FakeBroker(socket_path) as broker:
         opening = asyncio.ensure_future(mirror_of("talker").open())
         await broker.accept()

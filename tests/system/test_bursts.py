@@ -1,4 +1,4 @@
-"""What is said of messages that were lost because they were published without a pause."""
+"""The warning about messages lost because a loop published without a pause."""
 
 import asyncio
 import os
@@ -28,7 +28,7 @@ SAID = {
 
 
 async def said(capfd: Any, pattern: str) -> list[str]:
-    """What the log says up to the first line with `pattern`."""
+    """The lines of the log up to the first one with `pattern`."""
     text = ""
     async with asyncio.timeout(WAIT_S):
         while not re.search(pattern, text, re.MULTILINE):
@@ -38,7 +38,7 @@ async def said(capfd: Any, pattern: str) -> list[str]:
 
 
 async def test_a_loop_without_a_pause(node: bus.Node, daemon: Daemon, route: str, capfd: Any) -> None:
-    """Once in a while, not each time. busd stands still meanwhile: it could be fast enough."""
+    """It warns at intervals, not each time. busd is stopped meanwhile; otherwise it might be fast enough."""
     await node.create_subscription(String, "t", 5)
     publisher = await node.create_publisher(String, "t", 10)
     await publisher.wait_for_subscriptions()
@@ -78,7 +78,7 @@ async def test_where_nothing_is_said(
 
 
 async def test_pauses_are_enough(node: bus.Node, capfd: Any) -> None:
-    """What is lost then is the affair of who reads."""
+    """If messages are lost then, the subscription is too slow, and the publisher's process does not warn."""
     await node.create_subscription(String, "t", 1)
     publisher = await node.create_publisher(String, "t", 1)
     await publisher.wait_for_subscriptions()

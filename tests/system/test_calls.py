@@ -16,13 +16,13 @@ natively = pytest.mark.skipif(not has_core(), reason="the native core was not bu
 
 
 class Text(msgspec.Struct):
-    """Used without the core only: what the core makes for a type is kept."""
+    """Only for tests without the core, because the core caches its work for a type."""
 
     data: str = ""
 
 
 async def calls_of_a_message(kind: type[String] | type[Text]) -> CallCounter:
-    """By socket, some milliseconds after the one before."""
+    """The calls for one message by socket, sent some milliseconds after the one before."""
     async with bus.Node("talker", rosout=False, arguments=[]) as node:
         await node.create_subscription(kind, "calls", 10, lambda message: None)
         publisher = await node.create_publisher(kind, "calls", 10)
@@ -61,7 +61,7 @@ async def test_calls_of_an_encoded_message_by_shared_memory(monkeypatch: pytest.
         publisher = await node.create_publisher(String, "calls", 10)
         await publisher.wait_for_subscriptions(1)
         payload = msgspec.msgpack.encode(String(data="x" * 64))
-        publisher.publish_encoded(payload)  # the first asks for a report
+        publisher.publish_encoded(payload)  # the first one schedules a report
         with CallCounter() as counter:
             publisher.publish_encoded(payload)
         assert counter.python <= 2

@@ -1,4 +1,5 @@
-"""Storms over a bus: who is killed, stopped, cut off or starved, and what holds all the same (`tests/chaos`).
+"""Random faults on a bus (`tests/chaos`): processes killed, stopped, cut off or starved, and promises that
+still hold.
 
 BUSD_CHAOS_SEED repeats the faults of one run.
 """
@@ -43,7 +44,7 @@ def test_what_was_promised_holds_in_storms(tmp_path: Path) -> None:
 def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
     place, said = tmp_path / "place", tmp_path / "said"
     place.mkdir()
-    with said.open("w") as errors:  # no pipe, which children would keep open where this fails
+    with said.open("w") as errors:  # a file: children would keep a pipe open if this fails
         run = subprocess.Popen(
             [sys.executable, "-m", "chaos"],
             stdout=subprocess.DEVNULL,

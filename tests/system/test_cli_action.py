@@ -127,7 +127,7 @@ def server(daemon: object) -> Iterator[None]:
 
 
 def send_goal(order: int, *more: str) -> Result:
-    """With ID for the goal's."""
+    """The output has ID in place of the goal's id."""
     result = bus("action", "send_goal", "/fibonacci", TYPE, f"{{order: {order}}}", *more)
     return result._replace(out=re.sub(r"[0-9a-f]{32}", "ID", result.out))
 
@@ -154,7 +154,7 @@ def test_what_can_not_be(server: None) -> None:
 
 
 def test_a_server_that_is_up_is_no_mistake(daemon: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Though its client, just opened, is not ready yet, and another action has a similar name."""
+    """Even if its client, just opened, is not ready yet, and another action has a similar name."""
     monkeypatch.setattr(ActionClient, "server_is_ready", lambda _: False)
     with script(OWN.replace('"move", execute)', '"m1", execute), ActionServer(node, Move, "m2", execute)')):
         for action in ("/m1", "/m2"):

@@ -1,4 +1,4 @@
-"""`bus bag info`, `reindex`, `convert`: what they print, and one sentence for what is no bag."""
+"""`bus bag info`, `reindex`, `convert`: their output, and errors of one sentence if it is not a bag."""
 
 import json
 from pathlib import Path

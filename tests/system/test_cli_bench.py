@@ -1,4 +1,4 @@
-"""`bus bench`: real processes on the bus that runs or one of its own; whole, lossy, interrupted, broken."""
+"""`bus bench` with real processes, on the running bus or its own: good, lossy, interrupted, broken."""
 
 import os
 import signal
@@ -33,7 +33,7 @@ def alive(pid: int) -> bool:
 
 @asynccontextmanager
 async def watched() -> AsyncIterator[tuple[Node, Graph]]:
-    """A node, and the graph in which a bench has all its processes and has begun."""
+    """A node, and a graph in which all processes of a bench run and it has begun."""
 
     def has_begun(graph: Graph) -> bool:
         return any(one.topic.startswith("/_bench/") for one in graph.publishers) and bool(graph.matches)
@@ -43,14 +43,14 @@ async def watched() -> AsyncIterator[tuple[Node, Graph]]:
 
 
 async def hear_one(node: Node, graph: Graph) -> None:
-    """Wait until it publishes."""
+    """Wait for the first message of the bench."""
     topic = next(one.topic for one in graph.publishers if one.topic.startswith("/_bench/"))
     subscription = await node.create_subscription(String, topic)
     await subscription.receive()
 
 
 def pids_of(graph: Graph) -> dict[str, int]:
-    """By role."""
+    """The pids of the bench's processes, by role."""
     workers = [node for node in graph.nodes if node.name.startswith("_bench_")]
     return {node.name.split("_")[2]: node.pid for node in workers}
 
@@ -93,7 +93,7 @@ def test_fanout_in_json_on_a_bus_of_its_own(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_two_at_once_do_not_hear_each_other(daemon: object) -> None:
-    """One of them by socket, and as fast as it goes."""
+    """One of them uses the socket, and runs as fast as possible."""
     words = ("--publishers", "2", "--route", "socket", "--count", "2000")
     with (
         start("bench", "throughput", "--json", *words) as flood,

@@ -1,4 +1,4 @@
-"""`bus doctor` where something is wrong with a real busd, or with a program on it."""
+"""`bus doctor` with a fault in a real busd or in a program on it."""
 
 import os
 import signal
@@ -13,12 +13,12 @@ from neighbours import wait_until
 
 
 def is_stopped(pid: int) -> bool:
-    """By a signal, as the kernel says."""
+    """Stopped by a signal, according to the kernel."""
     return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].startswith("T")
 
 
 def test_a_daemon_that_is_stopped(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It says so, and waits no longer than it must; that it would answer later is of no help."""
+    """It reports that, and waits no longer than necessary: a later answer would not help."""
     os.kill(daemon.pid, signal.SIGSTOP)
     wait_until(lambda: is_stopped(daemon.pid))
     monkeypatch.setattr(module, "_ANSWER_S", 0.1)
@@ -38,7 +38,7 @@ def test_a_program_that_is_stopped(daemon: Daemon) -> None:
         result = bus("doctor")
     assert f"(pid {pid}) (/minimal_subscriber) is stopped (SIGSTOP, Ctrl-Z or a debugger)" in result.out
     assert f"-> kill -CONT {pid}, or fg in its terminal\n" in result.out
-    assert result.code == 0  # the others can work
+    assert result.code == 0  # the other programs can work
 
 
 @pytest.mark.parametrize("settings", ["[limits]\nendpoints_per_peer = 2\n"])
@@ -50,7 +50,7 @@ def test_a_program_at_its_limit(daemon: Daemon, settings: str) -> None:
 
 
 def test_a_daemon_whose_socket_is_gone(daemon: Daemon, tmp_path: Path) -> None:
-    """Nobody will ever find it again, and nobody knows of it but the kernel."""
+    """No program can ever find it again; only the kernel still knows its socket."""
     daemon.path.unlink()
     text = f"[warn] other daemons: busd (pid {daemon.pid}) listens on {daemon.path}, which is gone"
     assert text in bus("doctor", "--socket", str(tmp_path / "other.sock")).out

@@ -25,7 +25,7 @@ from cli import (
 )
 from conftest import WAIT_S
 
-# Publishes when it is told to, what a line of its input says: a Python expression.
+# Publishes the message of each line of its input, a Python expression.
 TELLER = """
 import asyncio, enum, sys, bus, msgspec
 from bus import QoSProfile
@@ -72,7 +72,7 @@ def test_yaml(daemon: object) -> None:
 
 
 def matched(count: int = 1) -> None:
-    """Wait until the one publisher of the topic is matched with `count` subscriptions."""
+    """Wait until the topic's only publisher is matched with `count` subscriptions."""
 
     def has_matches(graph: Graph) -> bool:
         (publisher,) = graph.publishers_of("/topic")
@@ -82,7 +82,7 @@ def matched(count: int = 1) -> None:
 
 
 def echo_all(message_type: str, message: str, outputs: dict[str, str]) -> None:
-    """Run an echo with each of the options side by side, publish one message, compare what each printed."""
+    """Runs an echo for each of the options side by side, publishes one message, compares the outputs."""
     with tell(message_type) as teller, ExitStack() as stack:
         running = {
             options: stack.enter_context(start("topic", "echo", "/topic", "--once", *options.split()))
@@ -233,7 +233,7 @@ def test_a_field_that_is_not_there_ends_it_at_once(daemon: object) -> None:
 
 
 def test_few_bytes_that_are_many_values_are_refused(daemon: object) -> None:
-    """Each of these lists has as many bytes as items, and a thousand values for each of them."""
+    """Each of these lists has one byte for each item, and each item decodes to a thousand values."""
     with tell("Bomb") as teller, start("topic", "echo", "/topic") as echo:
         matched()
         teller.write("Bomb([Wide()] * 3000)\nBomb([Wide()] * 128)\n")
@@ -384,7 +384,7 @@ def test_it_clears_the_screen_of_a_terminal(daemon: object) -> None:
         teller.write("String(data='x')\n")
         assert process.wait(WAIT_S) == 0
     expected, shown = b"\x1b[2J\x1b[Hdata: x\r\n---\r\n", b""
-    while len(shown) < len(expected):  # a terminal may give it in pieces
+    while len(shown) < len(expected):  # a terminal may deliver it in pieces
         shown += os.read(ours, 100)
     assert shown == expected
     os.close(ours)

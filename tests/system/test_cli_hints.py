@@ -1,4 +1,4 @@
-"""What `bus` says to a slip of the pen, and about types that differ."""
+"""Hints of `bus` for typing errors and for types that differ."""
 
 import os
 import pty
@@ -88,7 +88,7 @@ LISTS = ("topic list", "node list", "service list", "action list", "param list",
 
 
 def _at_a_terminal(line: str) -> tuple[str, str]:
-    """What a verb prints if only stderr is a terminal."""
+    """The output of a verb if only stderr is a terminal."""
     terminal, theirs = pty.openpty()
     out, into = os.pipe()
     with open(os.devnull) as nothing:  # noqa: PTH123

@@ -1,4 +1,4 @@
-"""`bus interface` as its users run it, in the words of `ros2 interface`; and types that only a file has."""
+"""`bus interface` as users run it, in the words of `ros2 interface`; and types that only exist in a file."""
 
 from pathlib import Path
 
@@ -130,7 +130,7 @@ def test_show_of_a_message_within_itself(package: Path) -> None:
 
 def test_the_topic_tools_know_types_that_only_a_file_has(daemon: object) -> None:
     with start("topic", "echo", "/wheel", "demo/msg/Spoke", "--once") as echo:
-        echo.error_line()  # nobody publishes yet
+        echo.error_line()  # no publisher yet
         result = bus("topic", "pub", "--once", "/wheel", "demo/msg/Spoke", "length: 2.5")
         assert result.code == 0, result.err
         assert echo.lines(2) == "length: 2.5\n---\n"

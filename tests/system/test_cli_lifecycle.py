@@ -115,7 +115,7 @@ def test_transitions(nodes: None) -> None:
 
 
 def test_a_node_that_dies_of_it(daemon: object) -> None:
-    """Whoever asked is told why, and does not wait for ever."""
+    """The caller gets the reason, and does not wait forever."""
     with script(BROKEN) as broken:
         why = (
             "TypeError: on_configure() of node '/lc_talker' must return a TransitionCallbackReturn,"

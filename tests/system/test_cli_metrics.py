@@ -1,4 +1,4 @@
-"""`bus metrics` as its users run it, with a real busd that comes and goes; and `bus daemon peers`."""
+"""`bus metrics` as users run it, with a real busd that starts and stops; and `bus daemon peers`."""
 
 import json
 import os
@@ -25,7 +25,7 @@ TOPIC = 'busd_topic_messages_total{topic="/topic"}'
 
 
 def values(text: str) -> dict[str, float]:
-    """Each sample as it is written, without its value; and that."""
+    """The value of each sample; the key is the rest of its line."""
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines)}
 
@@ -37,7 +37,7 @@ def fetch(url: str) -> str:
 
 
 def wait_for(url: str, name: str, least: float) -> dict[str, float]:
-    """Ask until a value is there; what came."""
+    """Poll until a value is at least `least`; the values then."""
     while (found := values(fetch(url))).get(name, -1.0) < least:
         time.sleep(_LOOK_S)
     return found
@@ -45,7 +45,7 @@ def wait_for(url: str, name: str, least: float) -> dict[str, float]:
 
 @contextmanager
 def exporter() -> Iterator[tuple[Running, str]]:
-    """It listens at that URL."""
+    """An exporter, and the URL at which it listens."""
     with start("metrics", "--listen", "127.0.0.1:0") as running:
         said, _, url = running.line().rpartition(" ")
         assert said == "metrics at"
@@ -60,7 +60,7 @@ def test_what_two_nodes_do(daemon: Daemon, route: str) -> None:
         assert found[f'busd_matches{{route="{route}",topic="/topic"}}'] == 1
         assert found["busd_nodes"] == 2
         assert 'busd_lost_total{node="/minimal_subscriber",topic="/topic"}' in found
-        assert found[f'busd_user_connections{{uid="{os.getuid()}"}}'] == 3  # one of them asks
+        assert found[f'busd_user_connections{{uid="{os.getuid()}"}}'] == 3  # one is the exporter's own
         if route == "socket":
             assert found["busd_routing_seconds_count"] >= 1
             assert found["busd_routed_messages_total"] >= found["busd_routed_runs_total"] >= 1

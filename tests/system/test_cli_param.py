@@ -9,7 +9,7 @@ import pytest
 from bus.parameters.file import read_file
 from cli import TALKER, Result, Running, bus, script
 
-# A node with parameters, whose name is the first argument. It serves them itself, so that this doesn't need
+# A node with parameters; its first argument is its name. It serves them itself, so this test does not need
 # the facade's engine.
 ROBOT = """
 import asyncio, sys, bus
@@ -58,7 +58,7 @@ async def main():
 bus.run(main())
 """
 
-# A node that has such a service, but can't answer.
+# A node with such a service that can't answer.
 BROKEN = """
 import asyncio, bus
 from bus_ros.rosidl import service_class

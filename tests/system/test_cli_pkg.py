@@ -37,14 +37,14 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for name in ("AMENT_PREFIX_PATH", "PYTHONPATH", "BUS_RCLPY_FORCE"):
         monkeypatch.delenv(name, raising=False)
-    # Where the tests run without an installed busd.
+    # For tests of a tree in which busd is not installed.
     monkeypatch.setenv("PYTHONPATH", sources())
     return tmp_path
 
 
 @pytest.fixture
 def run(here: Path) -> Run:
-    """Runs `bus` with these words."""
+    """Runs `bus` with the given arguments."""
     return run_bus
 
 
@@ -55,7 +55,7 @@ def program(path: Path, text: str) -> None:
 
 
 def install(prefix: Path, programs: Mapping[str, str]) -> Path:
-    """What a build of the package `arm` leaves under a prefix."""
+    """Writes the files that a build of the package `arm` leaves under a prefix."""
     for name, text in programs.items():
         program(prefix / "lib" / "arm" / name, text)
     marker = prefix / "share/ament_index/resource_index/packages/arm"

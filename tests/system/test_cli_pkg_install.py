@@ -1,4 +1,4 @@
-"""Packages that pip or colcon installed: their programs, and what Python says of them."""
+"""Packages installed by pip or colcon: their programs, and their metadata in Python."""
 
 import importlib.util
 import os
@@ -19,14 +19,14 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for name in ("AMENT_PREFIX_PATH", "PYTHONPATH", "BUS_RCLPY_FORCE"):
         monkeypatch.delenv(name, raising=False)
-    # Where the tests run without an installed busd.
+    # For tests of a tree in which busd is not installed.
     monkeypatch.setenv("PYTHONPATH", sources())
     return tmp_path
 
 
 @pytest.fixture
 def environment(here: Path) -> Path:
-    """A virtual environment that has what this one has."""
+    """A virtual environment with the same packages as this one."""
     folder = here / "env"
     venv.create(folder)
     site = folder / "lib" / VERSION / "site-packages"
@@ -170,7 +170,7 @@ def main():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_package_on_the_bus(here: Path, environment: Path, daemon: object, number: signal.Signals) -> None:
-    """One that catches nothing ends without a traceback."""
+    """A program that catches nothing ends without a traceback."""
     distribution(environment, "[console_scripts]\ntalker = arm_talker:main\nlistener = arm_listener:main\n")
     site = environment / "lib" / VERSION / "site-packages"
     (site / "arm_talker.py").write_text(TALKER)
@@ -206,4 +206,4 @@ def test_the_tests_of_a_new_package_pass_without_ros(here: Path) -> None:
         check=False,
     )
     assert "3 skipped" in done.stdout, done.stdout
-    assert done.returncode == 5 or done.returncode == 0  # 5: nothing but skipped modules
+    assert done.returncode == 5 or done.returncode == 0  # 5: all modules are skipped

@@ -1,4 +1,4 @@
-"""Each verb of `bus` once in an interpreter that starts for it; other tests fork one that has imported it."""
+"""Each verb of `bus` once in a fresh interpreter; other tests fork an interpreter that has imported it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -83,7 +83,7 @@ LINES = {
     "doctor": "",
     "completion": "bash",
 }
-"""In this order, for each command."""
+"""Arguments for each command; the tests run in this order."""
 ELSEWHERE = {
     *(f"topic {verb}" for verb in COMMANDS["topic"][1]),
     *(
@@ -99,7 +99,7 @@ ELSEWHERE = {
         "bag play",
     ),
 }
-"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_web.py`,
+"""Verbs that other tests start as processes: `tests/system/test_cli_{tool,metrics,run}.py`, `test_web.py`,
 `test_launch*.py`, `test_bag_*.py`."""
 
 

@@ -10,7 +10,7 @@ from cli import LISTENER, Result, Running, bus, script, start, without_hint
 
 STRING = "std_msgs/msg/String"
 
-# Prints what it hears as JSON, in the order in which it comes.
+# Prints each message that arrives as JSON, in order of arrival.
 HEARER = """
 import asyncio, sys, msgspec, bus
 from bus.msg.std_msgs import *
@@ -129,7 +129,7 @@ def test_a_type_that_is_only_on_the_bus(daemon: object) -> None:
             "publisher: beginning loop\npublishing #1: local.msg.Car(name='x', wheels=[1, 2])\n\n"
         )
         assert hearer.line() == '{"name":"x","wheels":[1,2]}'
-        # On any topic, not only where it is used.
+        # On any topic, not only on the topics that use the type.
         assert bus("topic", "pub", "--once", "-w", "0", "/other", "local/Car", "name: y").code == 0
 
 

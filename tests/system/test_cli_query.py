@@ -1,4 +1,4 @@
-"""The verbs that look at the graph, against the texts of the real `ros2` with the lesson's two nodes."""
+"""The verbs that query the graph, against the texts of the real `ros2`, with the two nodes of the lesson."""
 
 import re
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ NODE_INFO = """\
 
 @pytest.fixture
 def lesson(daemon: object) -> Iterator[None]:
-    """The lesson's publisher and subscriber; the publisher sends one message at once and then waits."""
+    """The lesson's publisher and subscriber; the publisher sends one message at once, and no second one."""
     with script(LISTENER), script(TALKER, "1000"):
         yield
 
@@ -104,7 +104,7 @@ def test_what_is_not_there(lesson: None) -> None:
 
 
 def wait_for_counters(*, published: int, **expected: object) -> None:
-    """Until the publisher and the subscription of /topic have reported these."""
+    """Wait until the publisher and the subscription of /topic have reported these counters."""
 
     def have_come(graph: Graph) -> bool:
         (subscription,) = graph.subscriptions_of("/topic")

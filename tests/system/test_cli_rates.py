@@ -19,7 +19,7 @@ HZ = (
 )
 FLOW = rf"\tpublished: {NUMBER}{{3}} received: {NUMBER}{{3}}( dropped: .+)?"
 REPORTS = 20
-"""So many reports, one a second, may be wrong because the machine was busy."""
+"""So many reports, one a second, may be wrong because the machine is busy."""
 
 STAMPER = """
 import asyncio, time, bus
@@ -45,7 +45,7 @@ def number(text: str, name: str) -> float:
 
 
 def report_that(fits: Callable[[T], object], read: Callable[[], T]) -> T:
-    """The first report that fits: what a stall has held up comes in a burst, and later ones outweigh that."""
+    """The first report that fits: a stall makes messages arrive in a burst; later reports even that out."""
     seen = []
     for _ in range(REPORTS):
         seen.append(read())
@@ -55,7 +55,7 @@ def report_that(fits: Callable[[T], object], read: Callable[[], T]) -> T:
 
 
 def hz_lines(running: Running) -> str:
-    """A report with the publishers' rate, which is known after a second."""
+    """A report that includes the publishers' rate, which is known after a second."""
     lines = [running.line_with("average")]
     while not lines[-1].startswith("\tpublished"):
         line = running.line()
@@ -69,7 +69,7 @@ def json_line(running: Running) -> Any:
 
 def test_hz(daemon: object) -> None:
     def fits(text: str) -> bool:
-        """Nothing is lost, so both ends have the same rate."""
+        """No message is lost, so both ends have the same rate."""
         published, received = number(text, "published"), number(text, "received")
         return 0 < number(text, "average rate") < 11 and 8 < published == received < 10.5
 
@@ -88,7 +88,7 @@ def test_hz_window(daemon: object) -> None:
 
 
 def test_hz_filter(daemon: object) -> None:
-    """One in five is measured; all are received."""
+    """It measures one in five messages and receives all."""
 
     def fits(record: Any) -> bool:
         received_hz = record["received_hz"]
@@ -109,7 +109,7 @@ def test_hz_of_several_topics(daemon: object) -> None:
         start("topic", "hz", "/topic", "/other") as running,
     ):
         assert running.lines(2) == "Subscribed to [/topic]\nSubscribed to [/other]\n"
-        # In the first tables one of them may be missing still.
+        # The first tables may lack one of them.
         table: list[str] = []
         while len(table) != 4:
             table = [running.line()]
@@ -146,7 +146,7 @@ def test_hz_tells_published_from_received(route: str, daemon: object) -> None:
         before = messages_on_topic(wait_for_graph(messages_on_topic))
         wait_for_graph(lambda graph: messages_on_topic(graph) >= before + 50)
         running.process.send_signal(signal.SIGCONT)
-        # The counters of the two ends are reported by themselves.
+        # The two ends report their counters at different times.
         report_that(
             lambda record: (
                 record["dropped"].get("replaced")

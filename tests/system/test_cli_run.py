@@ -1,4 +1,4 @@
-"""`bus run`: scripts and modules run as Python itself would run them. Nothing here needs a daemon."""
+"""`bus run`: scripts and modules run as Python itself would run them. No test here needs a daemon."""
 
 import os
 import signal
@@ -138,7 +138,7 @@ def test_standard_input_is_the_programs(here: Path) -> None:
 
 
 class Started:
-    """A program that has said `up`."""
+    """A program that has printed `up`."""
 
     def __init__(self, *command: str) -> None:
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -196,7 +196,7 @@ def test_where_no_daemon_is_one_line_says_so(here: Path, run: Run) -> None:
 def test_a_safe_path(
     here: Path, run: Run, option: str, variable: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Only where the user wants it: the first line of an installed `bus` may have -P."""
+    """Only if the user asks for it: the first line of an installed `bus` may have -P."""
     monkeypatch.setenv("PYTHONSAFEPATH", variable)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path[1:]))
     (here / "near.py").write_text("")
@@ -290,7 +290,7 @@ def test_force_is_for_the_programs_that_it_starts_too(here: Path, run: Run) -> N
 
 
 def test_it_imports_little(here: Path, run: Run) -> None:
-    """What a script does not need does not slow its start."""
+    """Modules that a script does not need do not slow its start."""
     (here / "show.py").write_text("import sys; print(*sys.modules)")
     loaded = set(run(*BUS, "run", "show.py").out.split())
     assert not loaded & {

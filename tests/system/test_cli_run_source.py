@@ -39,7 +39,7 @@ sys.exit(len(sys.argv))
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A workspace in which nothing was built."""
+    """A workspace without any build."""
     monkeypatch.chdir(tmp_path)
     for name in ("AMENT_PREFIX_PATH", "BUS_RCLPY_FORCE"):
         monkeypatch.delenv(name, raising=False)
@@ -61,7 +61,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def run(here: Path) -> Run:
-    """Runs `bus` with these words."""
+    """Runs `bus` with the given arguments."""
     return run_bus
 
 

@@ -1,4 +1,4 @@
-"""What is the same for all verbs of `bus`; and `bus daemon`, `bus doctor` and completion."""
+"""Behaviour common to all verbs of `bus`; and `bus daemon`, `bus doctor` and completion."""
 
 import os
 import re
@@ -25,7 +25,7 @@ def test_signals_end_every_verb_that_stays(daemon: object, verb: str, number: si
         else ["topic", verb, "/topic"]
     )
     with start(*words, is_fresh=True) as running:
-        # Each says something once it runs: why it is silent, or what it publishes.
+        # Each verb prints a line once it runs: the reason for its silence, or the message that it publishes.
         running.line() if verb == "pub" else running.error_line()
         result = running.end(number)
     assert result.code == -number
@@ -44,7 +44,7 @@ def test_a_reader_that_has_seen_enough_is_no_error(daemon: object) -> None:
 
 @pytest.mark.parametrize("verb", ["echo", "hz", "bw", "delay", "top"])
 def test_a_reader_that_goes_ends_who_only_prints(daemon: object, verb: str) -> None:
-    """At once, not when the next thing is printed: that may be in an hour."""
+    """They end at once, not at the next line of output, which may be an hour away."""
     words = ("top", "--json", "-d", "3600") if verb == "top" else ("topic", verb, "/topic")
     with (
         script(TALKER, "1000"),
@@ -174,7 +174,7 @@ def test_topic_info_shows_the_route_of_each_match(daemon: object, route: str) ->
 
 
 def complete(line: str, tmp_path: Path) -> list[str]:
-    """What argcomplete offers for a command line, by its protocol (descriptor 8 takes the answer)."""
+    """The completions of argcomplete for a command line, by its protocol (descriptor 8 takes the answer)."""
     answer = tmp_path / "answer"
     environ = {
         **os.environ,

@@ -1,4 +1,4 @@
-"""`bus top` as its users run it: every key, what it prints, and how it ends; with a real busd."""
+"""`bus top` as users run it: every key, its output and its end, with a real busd."""
 
 import json
 import re
@@ -56,7 +56,7 @@ async def main():
             await asyncio.sleep(0.01)
 bus.run(main())
 """
-"""A hundred messages, of which a subscription loses 98; two ends that don't match."""
+"""A hundred messages, of which a subscription loses 98; and two endpoints that don't match."""
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def test_an_object_every_so_often_until_a_signal(world: None) -> None:
 
 
 def test_objects_go_on_over_a_restart(daemon: Daemon, start_daemon: Callable[..., Daemon]) -> None:
-    """busd is away for a while, and nobody but its owner may start it."""
+    """busd is away for a while, and only its owner may start it."""
     with start("top", "--json", "-d", "0.2") as running:
         running.line()
         daemon.stop()
@@ -131,7 +131,7 @@ def test_objects_go_on_over_a_restart(daemon: Daemon, start_daemon: Callable[...
 
 
 def test_once_of_one_that_answers_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is said, and the verb ends: who wants one look has no use for one that comes some time."""
+    """It reports that and ends: a user who wants one look does not wait for a later one."""
     ours, theirs = socket.socketpair()
     ours.sendall(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
     monkeypatch.setattr(bus_cli.query, "try_to_connect", lambda path: theirs)
@@ -143,7 +143,7 @@ def test_once_of_one_that_answers_no_more(monkeypatch: pytest.MonkeyPatch) -> No
 def test_objects_of_one_that_answers_no_more(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is said once, and the looks go on when it answers again."""
+    """It reports that once, and continues when busd answers again."""
     tries: list[Path] = []
 
     def query(path: Path) -> Query:
@@ -194,7 +194,7 @@ class Screen:
         self.top, self.pilot = top, pilot
 
     def text(self, part: str = "") -> str:
-        """What a part of it shows; nothing for all of it."""
+        """The text of one part of the screen, or of all of it."""
         strips = self.top.screen._compositor.render_strips()
         region = self.top.screen.region if not part else self.top.query_one(f"#{part}").region
         lines = ["".join(segment.text for segment in strip) for strip in strips]
@@ -203,7 +203,7 @@ class Screen:
         ).rstrip()
 
     async def until(self, pattern: str, part: str = "") -> str:
-        """Wait until it shows this; returns all that it shows."""
+        """Wait until the text has the pattern; the whole text then."""
         end = monotonic() + WAIT_S
         while not re.search(pattern, shown := self.text(part)):
             assert monotonic() < end, self.text()
@@ -372,7 +372,7 @@ async def test_a_reason_that_a_terminal_would_obey(daemon: Daemon) -> None:
 
 @pytest.mark.either_loop
 async def test_busd_stands_still(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For longer than it is waited for."""
+    """busd stops for longer than `bus top` waits for an answer."""
     async with screen() as shown:
         await shown.until("/rosout|nothing lost", "sums")
         monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)

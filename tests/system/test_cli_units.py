@@ -31,7 +31,7 @@ Bus = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where a user's units lie."""
+    """The folder of a user's units."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("BUSD_SOCKET", raising=False)
@@ -41,7 +41,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def bus(capfd: pytest.CaptureFixture[str]) -> Bus:
-    """The command line, within this process: exit code, stdout, stderr."""
+    """Runs the command line in this process: exit code, stdout, stderr."""
 
     def call(*arguments: str) -> tuple[int, str, str]:
         code = run(["daemon", *arguments])
@@ -59,7 +59,7 @@ def analyze(*arguments: str) -> str:
 
 
 def write(folder: Path, texts: dict[Path, str]) -> list[str]:
-    """As files under their names; returns their paths."""
+    """Writes the texts as files with their names; the paths."""
     for path, text in texts.items():
         (folder / path.name).write_text(text)
     return [str(folder / path.name) for path in texts]
@@ -153,7 +153,7 @@ class TestMistakes:
         assert not folder.exists()
 
     def test_of_a_configuration(self, folder: Path, tmp_path: Path, bus: Bus) -> None:
-        """Now, and not when somebody connects for the first time."""
+        """At once, not at the first connection."""
         config = tmp_path / "busd.toml"
         config.write_text("[limits]\ndepht = 3\n")
         code, _, said = bus("install", "--config", str(config))
@@ -164,7 +164,7 @@ class TestMistakes:
     def test_not_of_where_we_are(
         self, folder: Path, tmp_path: Path, bus: Bus, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Neither what lies in this folder nor this terminal's bus has a say in it."""
+        """Files of the current folder and this terminal's bus have no effect."""
         config = tmp_path / "busd.toml"
         config.write_text("[limits]\ndepht = 3\n")
         (tmp_path / "busd.py").touch()
@@ -200,7 +200,7 @@ class TestAsSystemdReadsThem:
     def test_memory_is_bounded_above_what_hostile_users_make_busd_hold(
         self, units: Units, users: int
     ) -> None:
-        """Of the machine's busd, its own user and a guest. A fifth is for what allocators waste."""
+        """The machine's busd has two users: its own and a guest. A fifth is left for allocators."""
         (_, service) = units.texts("busd", None).values()
         (most,) = re.findall(r"^MemoryMax=(\d+)G$", service, re.MULTILINE)
         held = users * Limits().bytes_per_user
@@ -220,7 +220,7 @@ class TestAsSystemdReadsThem:
 
 @pytest.mark.skipif(not shutil.which("systemd-socket-activate"), reason="needs systemd-socket-activate")
 def test_systemd_keeps_the_socket(tmp_path: Path) -> None:
-    """The first who connects starts busd; a restart goes on with the same socket."""
+    """The first connection starts busd; after a restart it has the same socket."""
     path = tmp_path / "s"
     manager = subprocess.Popen(
         ["systemd-socket-activate", f"--listen={path}", sys.executable, "-m", "busd"],

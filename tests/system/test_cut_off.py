@@ -1,4 +1,4 @@
-"""A subscriber's process that stands still and loses its connection, and publishers that leave meanwhile."""
+"""A subscriber's process stands still and loses its connection, while publishers leave."""
 
 import asyncio
 import os
@@ -18,7 +18,7 @@ from programs import Program, running
 from semantics import until
 
 LONG = "x" * 20_000
-"""Ten of these fill a socket: the rest waits in busd."""
+"""Ten of these fill a socket; further ones wait in busd."""
 
 LISTENER = """
 import asyncio
@@ -44,7 +44,7 @@ bus.run(main())
 
 @pytest.fixture
 def proxy(daemon: Daemon, tmp_path: Path) -> Iterator[Proxy]:
-    """Between the listener and busd, so that their connection can be cut."""
+    """A proxy between the listener and busd, so that a test can cut their connection."""
     with Proxy(tmp_path / "proxy.sock", daemon.path) as proxy:
         yield proxy
 
@@ -69,7 +69,7 @@ async def publish(publisher: bus.Publisher[String], count: int) -> None:
 
 
 def closed(listener: Program, expected: int) -> re.Match[str] | None:
-    """The line in which all of so many are accounted for."""
+    """The listener's line that accounts for all expected messages."""
     for line in listener.lines:
         found = re.search(
             rf"expected {expected} delivered (\d+) dropped {{(?:'disconnected': (\d+))?}}$", line
@@ -80,7 +80,7 @@ def closed(listener: Program, expected: int) -> re.Match[str] | None:
 
 
 async def until_told(node: bus.Node, expected: int, lost: int) -> None:
-    """The graph says the same, once it is back."""
+    """Wait until the listener is back and the graph has the same counters."""
     due = (expected, expected - lost, lost)
     while True:
         for subscription in (await node.graph(statistics=True)).subscriptions:
@@ -94,9 +94,10 @@ async def until_told(node: bus.Node, expected: int, lost: int) -> None:
 async def test_what_a_publisher_that_has_left_had_published(
     route: str, listener: Program, proxy: Proxy, node: bus.Node, leaves: str
 ) -> None:
-    """It leaves before or after the process that stands still is cut off.
+    """The publisher leaves before or after busd cuts off the stopped process.
 
-    Its ring has grown before: that was told, and lies unread in the socket.
+    The publisher's ring has grown before. busd has reported that, but the report is still unread in the
+    socket.
     """
     publisher = await node.create_publisher(String, "topic", 1000)
     await publisher.wait_for_subscriptions()
@@ -106,7 +107,7 @@ async def test_what_a_publisher_that_has_left_had_published(
     await publish(publisher, 30)
     if leaves == "before":
         await publisher.close()
-    await node.graph()  # busd has heard all that, and has sent what it tells the listener
+    await node.graph()  # busd has read all that, and has sent its reports to the listener
     proxy.hang_up()
     while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
         await asyncio.sleep(0.01)
@@ -128,7 +129,7 @@ async def test_what_a_publisher_that_has_left_had_published(
 async def test_what_was_published_into_a_ring_of_which_it_was_not_told_in_time(
     daemon: Daemon, listener: Program, proxy: Proxy, node: bus.Node, leaves: bool
 ) -> None:
-    """Its ring grew a moment before the subscription was cut off: lost only where it has gone."""
+    """The ring grew just before the cut-off: messages in it are lost only if the publisher has left."""
     publisher = await node.create_publisher(String, "topic", 1000)
     await publisher.wait_for_subscriptions()
     await publish(publisher, 5)
@@ -156,7 +157,7 @@ async def test_what_was_published_into_a_ring_of_which_it_was_not_told_in_time(
 async def test_what_a_publisher_has_left_in_a_ring_that_was_never_read(
     listener: Program, proxy: Proxy, node: bus.Node
 ) -> None:
-    """Its ring grew while the subscription was cut off, and went with it."""
+    """The ring grew during the cut-off, and is gone with its publisher."""
     publisher = await node.create_publisher(String, "topic", 1000)
     await publisher.wait_for_subscriptions()
     await publish(publisher, 5)

@@ -1,4 +1,4 @@
-"""A lossless stream between processes whose connections to a busd that lives are cut, or that are killed."""
+"""A lossless stream while connections to a living busd are cut, or processes are killed."""
 
 import asyncio
 from collections.abc import AsyncIterator, Iterator
@@ -81,7 +81,7 @@ async def test_nothing_is_lost_whenever_the_connection_of_the_subscription_is_cu
 async def test_one_that_is_killed_is_not_waited_for(
     route: str, daemon: Daemon, node: bus.Node, tmp_path: Path
 ) -> None:
-    """It can't come back: its publisher goes on long before the lease has ended."""
+    """A killed subscriber can't return, so its publisher continues long before the lease ends."""
     async with running(tmp_path, "-c", DEAF) as deaf:
         await deaf.line("ready")
         publisher = await node.create_publisher(Int64, "topic", KEEP_ALL)

@@ -1,4 +1,4 @@
-"""The program busd as its user meets it: it starts, refuses, runs short of things, stops."""
+"""The program busd, as users run it: its start, its refusals, shortages, its end."""
 
 import asyncio
 import contextlib
@@ -32,7 +32,7 @@ TICK_S = 1 / os.sysconf("SC_CLK_TCK")
 
 @pytest.fixture(params=["uvloop", "asyncio"])
 def loop(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The event loop of daemons that the test starts: without uvloop they use asyncio's own."""
+    """The event loop of daemons that the test starts: with "asyncio" they don't find uvloop."""
     if request.param == "asyncio":
         hidden = tmp_path / "hidden"
         hidden.mkdir()
@@ -42,7 +42,7 @@ def loop(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """busd, run to its end."""
+    """Runs busd to its end."""
     return subprocess.run(
         [sys.executable, "-m", "busd", *map(str, arguments)],
         capture_output=True,
@@ -54,7 +54,7 @@ def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProce
 
 
 def refusal(*arguments: str | Path, **environment: str) -> str:
-    """The one line that busd says when it cannot start."""
+    """The single line that busd prints if it cannot start."""
     done = run(*arguments, **environment)
     assert (done.returncode, done.stdout) == (1, ""), done
     (line,) = done.stderr.splitlines()
@@ -63,7 +63,7 @@ def refusal(*arguments: str | Path, **environment: str) -> str:
 
 
 def activated(listening: socket.socket, *arguments: str) -> subprocess.Popen[bytes]:
-    """busd with a socket that was handed over, as `systemd-socket-activate` does it."""
+    """busd with an inherited socket, as `systemd-socket-activate` passes it."""
     return subprocess.Popen(
         ["sh", "-c", 'LISTEN_PID=$$ exec "$0" -m busd "$@"', sys.executable, *arguments],
         env={**os.environ, "LISTEN_FDS": "1"},
@@ -109,7 +109,7 @@ class TestEnding:
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
     def test_by_a_signal_at_the_first_moment(self, tmp_path: Path, loop: str, number: signal.Signals) -> None:
-        """The socket is there before the event loop is."""
+        """The socket exists before the event loop."""
         path = tmp_path / "s"
         busd = subprocess.Popen([sys.executable, "-m", "busd", "--socket", str(path)], stderr=subprocess.PIPE)
         wait_until(path.exists)
@@ -147,7 +147,7 @@ class TestEnding:
         with socket.socket(socket.AF_UNIX) as listening:
             listening.bind(str(path))
             listening.listen()
-            with RawPeer(path) as peer:  # connected before there was a busd that could be idle
+            with RawPeer(path) as peer:  # connected before busd could be idle
                 busd = activated(listening, "--idle-exit", "0.2")
                 peer.hello()
                 with RawPeer(path) as another:
@@ -178,12 +178,12 @@ class TestReadiness:
             assert manager.recv(4096) == b"STOPPING=1"
 
     def test_a_socket_that_was_handed_over(self, tmp_path: Path) -> None:
-        """The file stays, for it is not busd's."""
+        """The file stays, because it does not belong to busd."""
         path = tmp_path / "activated.sock"
         with socket.socket(socket.AF_UNIX) as listening:
             listening.bind(str(path))
             listening.listen()
-            with RawPeer(path) as early:  # connected before there was a busd
+            with RawPeer(path) as early:  # connected before busd was there
                 busd = activated(listening)
                 early.write(HELLO)
                 assert early.expect(m.Hello).pid == busd.pid
@@ -326,7 +326,7 @@ class TestOptions:
 
 class TestShortOfThings:
     def test_out_of_descriptors(self, loop: str, start_daemon: Start) -> None:
-        """Those who are connected are served; others wait in the queue until there is room."""
+        """busd serves its connected clients; further clients wait in the queue until there is room."""
         daemon = start_daemon()
         with RawPeer(daemon.path) as talker, RawPeer(daemon.path) as listener:
             listener.hello().subscription(listener.node(), "/t")
@@ -365,10 +365,10 @@ class TestShortOfThings:
             await until(lambda: subscription.statistics().queued)
             async with asyncio.timeout(WAIT_S):
                 while not await self.is_quiet(daemon):
-                    pass  # on a busy machine the last report of the counters may still be on its way
+                    pass  # on a busy machine the last report of the counters may be pending
 
     async def is_quiet(self, daemon: Daemon) -> bool:
-        """Whether neither busd nor this process does anything for longer than any period of theirs."""
+        """Whether busd and this process are idle for longer than their longest period."""
         before, mine_s = cpu_ticks(daemon.pid), time.process_time()
         await asyncio.sleep(2)
         return cpu_ticks(daemon.pid) - before <= 1 and time.process_time() - mine_s <= 2 * TICK_S

@@ -89,7 +89,7 @@ class TestDelivery:
         await sending
 
     async def test_nothing_is_lost_where_the_publisher_leaves(self, node: bus.Node) -> None:
-        """More than fits into a socket is on its way then."""
+        """When it exits, more messages are in transit than fit into a socket."""
         subscription = await node.create_subscription(String, "topic", 1000)
         program = await asyncio.create_subprocess_exec(sys.executable, "-c", _LEAVING)
         heard = [(await subscription.receive())[0].data for _ in range(500)]
@@ -214,7 +214,7 @@ class TestDepth:
         publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
 
         async def flood() -> None:
-            for number in range(100_000):  # to nobody: there is always room
+            for number in range(100_000):  # without a subscription there is always room
                 await publisher.send(Int32(data=number))
 
         flooding = asyncio.create_task(flood())

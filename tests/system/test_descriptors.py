@@ -1,4 +1,4 @@
-"""Descriptors that peers send: the good ones reach whom they are for, the bad are refused, none is left."""
+"""Descriptors from peers: good ones reach their recipients, bad ones are refused, and none stays open."""
 
 import errno
 import fcntl
@@ -60,7 +60,7 @@ BAD_DOORBELLS: dict[str, tuple[Callable[[], Descriptor], str]] = {
 
 
 def same(one: Descriptor, other: Descriptor) -> bool:
-    """Whether both are one file. (All eventfds are, to this question.)"""
+    """Whether both are one file. (All eventfds count as one.)"""
     return os.path.sameopenfile(one.fileno(), other.fileno())
 
 
@@ -158,7 +158,7 @@ class TestBad:
 
 
 class TestStrange:
-    """Of files whose closing takes long, wherever busd comes by them."""
+    """Descriptors that take long to close, in each way by which busd can receive them."""
 
     @pytest.mark.parametrize(
         "way", ["claimed", "unclaimed", "many", "before Hello", "behind a fault", "behind garbage"]
@@ -166,7 +166,7 @@ class TestStrange:
     def test_a_socket_that_lingers_holds_up_nobody(self, daemon: Daemon, other: RawPeer, way: str) -> None:
         with lingering_socket() as strange, RawPeer(daemon.path) as peer:
             node = 0 if way in ("before Hello", "behind garbage") else peer.hello().node()
-            daemon.process.send_signal(signal.SIGSTOP)  # else the test could be the last that closes it
+            daemon.process.send_signal(signal.SIGSTOP)  # otherwise the test might close it last
             match way:
                 case "claimed":
                     create_publisher(peer, node, strange)
@@ -174,7 +174,7 @@ class TestStrange:
                     peer.carry(m.Ping(), *[strange] * 100)
                 case "before Hello":
                     peer.carry(m.Hello(version=PROTOCOL_VERSION), strange)
-                case _:  # "unclaimed", and where what comes first ends the connection
+                case _:  # "unclaimed", or behind bytes that end the connection
                     peer.write(b"" if way == "unclaimed" else b"\xff" * 64)
                     peer.carry(m.Ping(), strange)
             strange.close()
@@ -226,7 +226,7 @@ class TestGood:
                 assert descriptors_of(daemon.pid) == before
 
     def test_one_that_does_not_read_is_told_nothing_and_holds_nothing(self, daemon: Daemon) -> None:
-        """What waited for it goes with it."""
+        """At its end busd drops everything queued for it."""
         with RawPeer(daemon.path) as talker, RawPeer(daemon.path, receive_buffer=1) as sleeper:
             share(sleeper.hello())
             share(talker.hello())
@@ -248,7 +248,7 @@ class TestLimits:
         assert resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE) == (hard, hard)
 
     def test_rings_leave_room_for_connections(self, daemon: Daemon, other: RawPeer) -> None:
-        """256 connections and some: with more than the rest busd does without rings, and says so."""
+        """busd reserves 256 descriptors for connections; once the others are used, it reports lost rings."""
         _, hard = resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE)
         resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (320, hard))
         with RawPeer(daemon.path) as peer:
@@ -264,7 +264,7 @@ class TestLimits:
                 late.hello().barrier()
 
     def test_out_of_descriptors(self, daemon: Daemon, other: RawPeer) -> None:
-        """The kernel does not deliver what has no room; the rest of the message is heard."""
+        """The kernel does not deliver descriptors beyond the limit; the rest of the message arrives."""
         _, hard = resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE)
         with RawPeer(daemon.path) as peer:
             node = peer.hello().node()
@@ -278,7 +278,7 @@ class TestLimits:
 
 
 def test_a_segment_that_busd_accepts_cannot_be_written_by_others() -> None:
-    """The seals are what the checks rely on; so look at what the kernel makes of them."""
+    """The checks rely on seals, so test how the kernel enforces them."""
     ring = memfd()
     with pytest.raises(PermissionError):
         mmap.mmap(ring.fileno(), SIZE)

@@ -1,4 +1,4 @@
-"""diagnostic_updater in a node: what it publishes, and what it logs."""
+"""diagnostic_updater in a node: its messages and its log."""
 
 from typing import Any
 

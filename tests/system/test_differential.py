@@ -1,4 +1,4 @@
-"""Programs print under busd what they print under rclpy, but for what docs/rclpy-differences.md says."""
+"""Programs print the same under busd as under rclpy, except for docs/rclpy-differences.md."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from differential.compare import PROGRAMS, SHARE, asks, difference, normalized, 
 from packaged import run_bus
 
 WITH_ARRAYS = ("action_services", "actions")
-"""They print arrays of a fixed size, which are NumPy's where that is installed."""
+"""Programs that print fixed-size arrays, which are NumPy arrays if NumPy is installed."""
 every_program = pytest.mark.parametrize("name", PROGRAMS)
 
 

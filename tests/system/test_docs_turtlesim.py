@@ -1,4 +1,4 @@
-"""What docs/turtlesim.md shows is run, in its order and beside one turtlesim_node: output has that shape."""
+"""The commands of docs/turtlesim.md run in their order, beside one turtlesim_node, and print such output."""
 
 import re
 import signal

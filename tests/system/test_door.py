@@ -1,4 +1,4 @@
-"""The way in: storms of connections, a full backlog, and who waits until he is heard."""
+"""Connecting to busd: storms of connections, a full backlog, and clients that wait for their turn."""
 
 import asyncio
 import contextlib
@@ -42,7 +42,7 @@ while True:
     if len(held) > 100:
         held.pop(0).close()
 """
-"""Garbage, silence, Hellos that nobody waits for: as many as it can, some of them held."""
+"""Sends garbage, nothing, or a Hello and reads no answer, as fast as it can; keeps some connections."""
 
 
 @contextlib.contextmanager
@@ -60,7 +60,7 @@ def storms(daemon: Daemon, number: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def full_backlog(daemon: Daemon) -> Iterator[None]:
-    """A busd that stands still, with no place left in its backlog."""
+    """A stopped busd whose backlog is full."""
     daemon.process.send_signal(signal.SIGSTOP)
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(BlockingIOError):
@@ -77,7 +77,7 @@ def full_backlog(daemon: Daemon) -> Iterator[None]:
 @pytest.mark.either_loop
 @pytest.mark.usefixtures("neighbours")
 async def test_programs_get_in_through_a_storm(daemon: Daemon) -> None:
-    """And their neighbours, by socket, lose nothing; the log stays readable."""
+    """Their neighbours, by socket, lose nothing; the log stays readable."""
     with storms(daemon, 2):
         await until(lambda: "turned away" in daemon.log.read_text())
         for at in range(10):
@@ -143,7 +143,7 @@ class TestFullBacklog:
 
 
 def count_tries(monkeypatch: pytest.MonkeyPatch, module: object) -> list[None]:
-    """One for each try to connect, from now on."""
+    """A list that gets an item at each later attempt to connect."""
     tries, attempt = list[None](), bus.link.reach.try_to_connect
 
     def counted(path: object) -> object:

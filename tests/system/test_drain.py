@@ -1,4 +1,4 @@
-"""A busd that ends in order: what was sent to it arrives, what waits for somebody who reads is sent."""
+"""A busd that stops in order: it delivers all received samples, and sends queued ones to readers."""
 
 import signal
 import socket
@@ -16,11 +16,11 @@ from raw_peer import RawPeer, data, text
 
 POLITE = m.Hello(version=PROTOCOL_VERSION, capabilities=(LEAVING,), program="polite peer")
 LONG_S = 3600
-"""Far longer than a test may take: who waits for that hangs."""
+"""Far longer than a test may take: a test that waits for it hangs."""
 
 
 def words(peer: RawPeer) -> list[str]:
-    """The texts of all samples up to the end."""
+    """The last letters of all samples up to the end of the connection."""
     return [
         str(bytes(payload)[-1:], "ascii")
         for item in peer.until_end()
@@ -30,7 +30,7 @@ def words(peer: RawPeer) -> list[str]:
 
 
 def stopped_while(daemon: Daemon, action: Callable[[], None]) -> None:
-    """`action` happens while busd does not run, and a SIGTERM comes with it."""
+    """Runs `action` while busd is stopped, so that busd then finds its effect and a SIGTERM together."""
     daemon.process.send_signal(signal.SIGSTOP)
     wait_until(lambda: state(daemon.pid) == "T")
     action()
@@ -104,14 +104,14 @@ class TestWhatWaits:
                 talker.write(data(publisher, text(long + letter), first_seq=at))
             talker.barrier()
             daemon.process.terminate()
-            assert talker.receive() is None  # has ended for those for whom nothing waits
+            assert talker.receive() is None  # busd has closed connections without queued messages
             assert daemon.process.poll() is None
             assert words(listener) == [*"abcde"]
         assert daemon.process.wait(WAIT_S) == 0
 
     @with_limits(drain_s=LONG_S)
     def test_what_was_dropped_is_told(self, daemon: Daemon) -> None:
-        """Usually that is told a little later, all at once."""
+        """Usually busd reports drops a little later, several at once."""
         with RawPeer(daemon.path) as talker, RawPeer(daemon.path) as listener:
             subscription = listener.hello().subscription(listener.node(), "/t").id
             publisher = talker.hello().publisher(talker.node(), "/t").id
@@ -150,7 +150,7 @@ class TestWhatWaits:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda number: number.name)
 def test_nobody_can_connect_meanwhile(daemon: Daemon, number: signal.Signals) -> None:
-    """Another busd may be started at once."""
+    """So another busd can start at once."""
     with RawPeer(daemon.path) as sleeper:
         sleeper.hello()
         daemon.process.send_signal(number)

@@ -1,7 +1,7 @@
-"""A signal at any moment of a start ends the program: by that signal, without a traceback, and always.
+"""A signal at any moment of a start ends the program: always, by that signal, and without a traceback.
 
 Each case prints its ends (`pytest --nightly -s -n0`). BUSD_EARLY_STARTS is the number of starts with SIGINT;
-a fifth as many get SIGTERM. BUSD_EARLY_SEED repeats the moments of a run, whose seed was printed.
+a fifth as many get SIGTERM. BUSD_EARLY_SEED repeats the moments of a run; each run prints its seed.
 """
 
 import os

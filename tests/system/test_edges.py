@@ -1,4 +1,4 @@
-"""Corners of publishing and taking: threads, restarts, expiry, slow and failing callbacks."""
+"""Edge cases of publishing and taking: threads, restarts, expiry, slow and failing callbacks."""
 
 import asyncio
 import threading
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("route")
 
 
 class Picky(msgspec.Struct):
-    """A class that refuses in its own way what decodes well."""
+    """Its constructor refuses some values that decode well."""
 
     number: int = 0
 
@@ -98,7 +98,7 @@ class TestRestart:
         for number in range(100):
             publisher.publish(Int32(data=number))
         await until(lambda: subscription.statistics().queued == 100)
-        await other.close()  # so that the ids of the next broker are others
+        await other.close()  # so that the next broker assigns other ids
         daemon.kill()
         await until(lambda: not publisher.matches)
         daemon.restart()

@@ -1,4 +1,4 @@
-"""Messages as bytes: what is encoded already goes out, and comes in undecoded."""
+"""Messages as bytes: busd sends encoded messages as they are, and delivers raw ones undecoded."""
 
 import array
 import asyncio
@@ -22,7 +22,7 @@ LONG = 300_000
 
 
 def encoded(size: int = 5) -> bytes:
-    """A Wheel of a whole number of doubles."""
+    """An encoded Wheel; its size is a multiple of 8 bytes."""
     data = msgspec.msgpack.encode(Wheel("w" * size))
     missing = -len(data) % 8
     return msgspec.msgpack.encode(Wheel("w" * (size + missing)))
@@ -167,7 +167,7 @@ class TestPublishers:
                 publisher.publish(what)
 
     async def test_what_is_passed_on_stays_as_it_was(self, node: bus.Node) -> None:
-        """As a bridge does: nobody between the two knows the class."""
+        """As in a bridge: no program on the way knows the class."""
         first = await node.create_publisher(Wheel, "here", 10)
         last = await node.create_subscription(Wheel, "there", 10)
         incoming = await node.create_subscription(None, "here", 10, raw=True)
@@ -179,7 +179,7 @@ class TestPublishers:
             assert (await last.receive())[0] == Wheel(str(number), [0.5] * number)
 
     async def test_the_hash_is_that_of_the_schema(self, node: bus.Node) -> None:
-        """Another program may describe types in another way: what it says holds."""
+        """Another program may hash types differently: a schema keeps the hash that came with it."""
         strange = bus.MessageSchema("robot/msg/Wheel", "BUS01_other", bus.MessageSchema.of(Wheel).encoded)
         publisher = await node.create_publisher(strange, "t", 10)
         raw = await node.create_subscription(None, "t", 10, raw=True)
@@ -285,7 +285,7 @@ class TestArrivals:
 
 
 class TestPacks:
-    """By socket, and of what is long, there are none: the other ways are there for these."""
+    """By socket, and for long messages, there are no packs; then the other ways work."""
 
     @pytest.mark.parametrize("qos", [50, KEEP_ALL], ids=["keep last", "keep all"])
     async def test_they_are_passed_on_as_single_messages_are(
@@ -351,7 +351,7 @@ class TestSourceTime:
         await node.create_subscription(Wheel, "t", 50, plain.append, raw=raw)
         await publisher.wait_for_subscriptions(3)
         expected = encoded(size) if raw else msgspec.msgpack.decode(encoded(size), type=Wheel)
-        for number in range(3):  # alone, and several in a run
+        for number in range(3):  # single messages, and several in a run
             for _ in range(1 + 4 * number):
                 assert publisher.publish_encoded(encoded(size), source_time_ns=THEN_NS + number)
                 publisher.publish_encoded(encoded(size))
@@ -366,7 +366,7 @@ class TestSourceTime:
         assert all(message == expected for message in plain)
 
     async def test_order_and_lifespan_go_by_the_publishing(self, node: bus.Node) -> None:
-        """A time of long ago makes a message neither old, nor part of the history."""
+        """An old source time makes a message neither expired nor part of the history."""
         qos = bus.QoSProfile(50, lifespan=30.0)
         publishers = [await node.create_publisher(Wheel, "t", qos) for _ in range(2)]
         subscription = await node.create_subscription(Wheel, "t", qos)

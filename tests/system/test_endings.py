@@ -1,4 +1,4 @@
-"""How programs end by Ctrl-C and SIGTERM: cleaned up, silent, and by that very signal."""
+"""Programs ended by Ctrl-C and SIGTERM: they clean up, print nothing, and die of that signal."""
 
 import os
 import pty
@@ -50,7 +50,7 @@ def script(folder: Path, text: str) -> Path:
 async def ended(
     folder: Path, number: int, way: Sequence[str], text: str, **variables: str
 ) -> tuple[int, list[str]]:
-    """The status of a program that is up and gets a signal, and what it says then."""
+    """The status of a program that gets a signal once it is up, and its lines after that."""
     async with running(folder, *way, script(folder, text), **variables) as program:
         await program.line("^up$")
         program.process.send_signal(number)
@@ -146,7 +146,7 @@ LOOPS = {
 
 
 def after_ctrl_c(command: str, says: bytes = b"up") -> tuple[int, str]:
-    """Types Ctrl-C on a terminal once a `command` says so; bash's status, and all that was printed."""
+    """Types Ctrl-C on a terminal once a `command` prints `says`; the status of bash, and all output."""
     loop = f"for i in 1 2 3; do {command}; done; echo went on"
     pid, terminal = pty.fork()
     if not pid:
@@ -178,7 +178,7 @@ def test_one_ctrl_c_ends_a_loop_of_the_shell(tmp_path: Path, kind: str, way: Seq
 
 
 def test_one_ctrl_c_ends_a_loop_of_bus(tmp_path: Path) -> None:
-    # Not earlier: before Python has begun, nothing of bus can catch it.
+    # Not earlier: before Python runs, no code of bus can catch the signal.
     command = f"{sys.executable} -m bus_cli topic echo /nothing std_msgs/msg/String"
     status, text = after_ctrl_c(command, b"no node publishes")
     assert status == -signal.SIGINT, text
@@ -214,7 +214,7 @@ def test_a_callback_of_many_threads_that_shuts_down_is_no_failure(tmp_path: Path
 
 
 def test_another_threads_shutdown_is_an_error_as_in_rclpy(tmp_path: Path) -> None:
-    """No signal came, so the program does not look as if one had ended it."""
+    """No signal came, so the exit status must not look like one."""
     how = "threading.Timer(0.2, rclpy.shutdown).start()"
     done = result_of(tmp_path, RUN, SHUTS_DOWN.format(executor="SingleThreadedExecutor", how=how))
     assert (done.returncode, done.stdout) == (1, "")
@@ -257,7 +257,7 @@ STARTS = {
     ],
 )
 def test_while_modules_load(tmp_path: Path, modules: int, start: str, line: str) -> None:
-    """It dies by Ctrl-C without a word, with whichever module it has just begun."""
+    """Ctrl-C ends it without output, whichever module it is importing."""
     command = [sys.executable, "-c", LOADING + STARTS[start], str(modules), *line.split()]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S, cwd=tmp_path, check=False)
     assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, "", "")

@@ -130,7 +130,7 @@ class TestEvents:
         await until(lambda: sum(one.alive_count_change + one.not_alive_count_change for one in told) == 0)
 
     async def test_automatic_liveliness_is_kept_up_by_the_library(self, node: bus.Node) -> None:
-        """For leases on end. A machine that held us up for one may have lost it before, but not for good."""
+        """It stays alive for several leases. On a slow machine it may be lost before, but it must recover."""
         lease_s = 0.15
         told: list[tuple[float, LivelinessChanged]] = []
         loop = asyncio.get_running_loop()

@@ -1,4 +1,4 @@
-"""The lesson's talker and listener, and the demo, run as their users run them."""
+"""The lesson's talker and listener, and the demo, as users run them."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""What the first message of a program waits for: imports, and answers of busd. No clock is in it."""
+"""The costs before a program's first message: imports, and answers of busd. The tests use no clock."""
 
 import asyncio
 import logging
@@ -89,7 +89,7 @@ _UNUSED = {
     "bus.blocking",
     "bus.process.foreground",
 }
-"""What neither end needs, and what takes a while to import."""
+"""Modules that neither end needs, and that take a while to import."""
 
 _RECEIVING = {
     "bus.delivery.counters",
@@ -102,7 +102,7 @@ _RECEIVING = {
 
 
 def _modules(program: str) -> set[str]:
-    # Without `site`, where an editable installation has put an import hook with imports of its own.
+    # Without `site`: there an editable installation has an import hook with further imports.
     path = [*sys.path, str(Path(bus.__file__).parents[1])]
     command = [sys.executable, "-I", "-S", "-c", program.format(path=path)]
     return set(subprocess.run(command, check=True, timeout=60, capture_output=True, text=True).stdout.split())
@@ -125,7 +125,7 @@ def test_a_listener_imports_only_what_it_uses() -> None:
 @pytest.mark.usefixtures("daemon")
 def test_a_talker_of_rclpy_imports_only_what_it_uses() -> None:
     modules = _modules(_RCLPY_TALKER)
-    # The last three are there, and are loaded when a name in them is asked for.
+    # The last three are lazy: they load at the first access to a name in them.
     assert modules >= {"bus_ros.rclpy.node", "ssl", "inspect", "asyncio.sslproto"}
     assert not modules & {"_ssl", "ast", "argparse", "dataclasses", "hashlib", "json", "pathlib", "yaml"}
     assert not modules & {
@@ -168,7 +168,7 @@ async def broker(socket_path: Path) -> AsyncIterator[FakeBroker]:
 
 
 async def _opened(broker: FakeBroker) -> tuple[bus.Node, FakeConnection, m.CreatePublisher]:
-    """A node whose /rosout busd has not yet answered."""
+    """A node that still waits for busd's answer about /rosout."""
     node = bus.Node("node", arguments=[])
     opening = asyncio.ensure_future(node.open())
     client = await broker.accept()
@@ -182,7 +182,7 @@ async def _opened(broker: FakeBroker) -> tuple[bus.Node, FakeConnection, m.Creat
 async def test_nobody_waits_for_the_topic_of_the_log(broker: FakeBroker) -> None:
     node, client, rosout = await _opened(broker)
     making = asyncio.ensure_future(node.create_publisher(String, "chatter"))
-    chatter = await client.expect(m.CreatePublisher)  # so three answers are waited for, Hello's among them
+    chatter = await client.expect(m.CreatePublisher)  # so three requests are pending at most, with Hello
     client.send(m.Created(request=chatter.request, id=3, depth=10, max_message_bytes=1 << 20))
     assert (await making)._core.id == 3
     client.send(m.Created(request=rosout.request, id=2, depth=1000, max_message_bytes=1 << 20))

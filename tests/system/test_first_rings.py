@@ -1,4 +1,4 @@
-"""What a publisher begins with: little, and what it needs as soon as it needs it."""
+"""A publisher's first ring: it is small, and grows as soon as the publisher needs more."""
 
 import asyncio
 import gc
@@ -32,7 +32,7 @@ LAP = FIRST // 64
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The capacity of each ring that is made from here on."""
+    """The capacity of each ring made during the test."""
     made: list[int] = []
     make_ring = segments.make_ring
 
@@ -52,7 +52,7 @@ def none_early(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """Makes all that was published seem to be long ago."""
+    """Makes all earlier messages seem old."""
     laps_slowly = ring_size.laps_slowly
 
     def pass_by() -> None:
@@ -72,7 +72,7 @@ async def take(subscription: bus.Subscription[Int32], count: int) -> list[int]:
 
 
 def rings() -> Counter[str]:
-    """Those that this process has mapped, and those that it has open."""
+    """The number of rings that this process has mapped, and that it has open."""
     found: Counter[str] = Counter()
     for entry in Path("/proc/self/fd").iterdir():
         try:
@@ -91,7 +91,7 @@ class TestMatch:
     async def test_it_grows_with_the_first_one(
         self, node: bus.Node, made: list[int], qos: bus.QoS, grown: int
     ) -> None:
-        """So that busd is not needed for it once messages flow. What was published before counts no more."""
+        """So it needs no busd later, while messages flow. Messages before the match don't count."""
         publisher = await node.create_publisher(Int32, "t", qos)
         for message in numbers(0, 3):
             publisher.publish(message)
@@ -115,7 +115,7 @@ class TestMatch:
             await node.create_subscription(Int32, f"t{index}")
             await publishers[index].wait_for_subscriptions()
         assert made == [FIRST] * 5 + [USUAL] * 2
-        await publishers[0].close()  # another one may have its place
+        await publishers[0].close()  # another publisher may take its place
         await publishers.pop().close()
         publishers.append(await node.create_publisher(Int32, "t4"))
         await publishers[-1].wait_for_subscriptions()
@@ -142,12 +142,12 @@ class TestSize:
         assert LAP // 2 < publisher.statistics().published <= LAP + 1
         await send_all(publisher, numbers(publisher.statistics().published, 20 * LAP))
         assert len(made) == 2
-        await until(lambda: accounted(subscription) == 20 * LAP)  # it has found its way to the larger one
+        await until(lambda: accounted(subscription) == 20 * LAP)  # the reader has moved to the larger ring
         depth = qos if isinstance(qos, int) else 20 * LAP
         assert await take(subscription, depth) == list(range(20 * LAP - depth, 20 * LAP))
 
     async def test_nothing_is_lost_on_the_way(self, node: bus.Node, made: list[int]) -> None:
-        """Not even where the reader has not yet heard of the larger one."""
+        """Even if the reader does not know the larger ring yet."""
         subscription = await node.create_subscription(Int32, "t", 10_000)
         publisher = await node.create_publisher(Int32, "t", 10_000)
         for message in numbers(0, 10_000):
@@ -159,7 +159,7 @@ class TestSize:
     async def test_one_that_says_little_stays_small(
         self, node: bus.Node, made: list[int], later: Callable[[], None]
     ) -> None:
-        """It goes round and round, and its depth is there all the same."""
+        """Its messages wrap around, and it still keeps its depth."""
         publisher = await node.create_publisher(Int32, "t", bus.QoSProfile(10, durability="transient_local"))
         later()
         for message in numbers(0, 3 * LAP):
@@ -207,7 +207,7 @@ class TestSize:
     async def test_where_there_is_no_memory_for_the_usual_one(
         self, node: bus.Node, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """The first one is enough for its depth: nothing is lost, and memory is not asked for each time."""
+        """The first ring can hold its depth: it loses nothing, and does not ask for memory each time."""
         subscription = await node.create_subscription(Int32, "t", 10)
         publisher = await node.create_publisher(Int32, "t", 10)
         asked = 0
@@ -229,7 +229,7 @@ class TestSize:
 @by_shared_memory
 @pytest.mark.usefixtures("none_early")
 class TestWithoutBroker:
-    """Readers hear of a larger ring by busd: until it is back, the one that they have must do."""
+    """busd tells readers of a larger ring. Without busd, the publisher keeps its ring until busd is back."""
 
     @pytest.mark.parametrize("qos", [10, KEEP_ALL], ids=["keep last", "keep all"])
     async def test_messages_flow(self, node: bus.Node, daemon: Daemon, made: list[int], qos: bus.QoS) -> None:
@@ -244,7 +244,7 @@ class TestWithoutBroker:
         assert made == [FIRST]
         daemon.restart()
         await until(lambda: publisher._core.id and subscription._core.id)
-        while made == [FIRST]:  # what was published before it was back may seem slow
+        while made == [FIRST]:  # messages before the reconnection may count as slow
             await send_all(publisher, numbers(0, 10))
             assert await take(subscription, 10) == list(range(10))
             await asyncio.sleep(0.001)
@@ -274,7 +274,7 @@ class TestCost:
 
     @by_shared_memory
     async def test_many_nodes(self, daemon: Daemon) -> None:
-        """Each has a publisher, a subscription and its log: 51 KiB and 1.2 descriptors, 500 have 25 MiB."""
+        """A node with a publisher, a subscription and its log: 51 KiB and 1.2 descriptors. 500: 25 MiB."""
         number = 100
 
         def now() -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""A process that forks: the child is told that the parent's node is not its own, and does it no harm."""
+"""A process that forks: the child gets an error if it uses the parent's node, and does it no harm."""
 
 import asyncio
 import contextlib
@@ -23,14 +23,14 @@ pytestmark = pytest.mark.usefixtures("route")
 
 
 class Frame(msgspec.Struct):
-    """A long field of bytes."""
+    """A message with a long field of bytes."""
 
     number: int = 0
     data: bytes = b""
 
 
 def in_a_child(act: Callable[[], Any]) -> int:
-    """Runs `act` in a child; returns its exit status, which is what `act` returns (None: 0)."""
+    """Runs `act` in a child; the child's exit status, which is the result of `act` (None: 0)."""
     child = os.fork()
     if not child:
         status = 99
@@ -48,7 +48,7 @@ def exit_status(child: int) -> int:
 async def test_the_child_is_told(node: bus.Node) -> None:
     publisher = await node.create_publisher(Int32, "t", 10)
     subscription = await node.create_subscription(Int32, "t", 10)
-    publisher.publish(Int32(data=1))  # with a run that is still open, which the child must not add to
+    publisher.publish(Int32(data=1))  # its run is still open, and the child must not add to it
     publisher.publish(Int32(data=2))
     child = os.fork()
     if not child:
@@ -66,7 +66,7 @@ async def test_the_child_is_told(node: bus.Node) -> None:
 async def failures(
     node: bus.Node, publisher: bus.Publisher[Int32], subscription: bus.Subscription[Int32]
 ) -> int:
-    """In the child: 0 where everything says ForkError."""
+    """In the child: 0 if every call raises ForkError."""
     failed = 0
     with contextlib.suppress(bus.ForkError):
         publisher.publish(Int32(data=666))
@@ -91,7 +91,7 @@ async def failures(
 
 
 def test_a_child_has_a_node_of_its_own(daemon: Daemon) -> None:
-    """As with multiprocessing's fork: the parent's link is there and must not be taken."""
+    """As with multiprocessing's fork: the child must not take the parent's link."""
 
     async def parent() -> None:
         async with asyncio.timeout(WAIT_S), bus.Node("parent", arguments=[], rosout=False) as node:
@@ -122,7 +122,7 @@ def test_a_child_has_a_node_of_its_own(daemon: Daemon) -> None:
 
 
 async def test_a_child_takes_nothing_from_the_parents_subscription(node: bus.Node) -> None:
-    """What is taken is told to a lossless publisher, and must be the parent's word."""
+    """A lossless publisher gets acknowledgements of taken messages, and only the parent may send them."""
     subscription = await node.create_subscription(Int32, "t", KEEP_ALL)
     publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
     sent = 0
@@ -156,7 +156,7 @@ async def test_a_child_can_read_a_view_and_does_not_release_it(node: bus.Node) -
         return 0 if is_whole else 1
 
     assert in_a_child(drop) == 0
-    for number in range(1, 50):  # many laps
+    for number in range(1, 50):  # many laps of the ring
         publisher.publish(Frame(number, bytes(len(image))))
         assert (await subscription.receive())[0].number == number
     assert held[0].data == image
@@ -185,7 +185,7 @@ async def test_a_loan_is_not_the_childs(node: bus.Node) -> None:
 
 
 async def test_a_child_that_lives_on_keeps_nobody_asleep(node: bus.Node) -> None:
-    """It has the parent's doorbell, too; the ring of it must wake the parent all the same."""
+    """It has the parent's doorbell, too; still, each notification must wake the parent."""
     subscription = await node.create_subscription(Int32, "t", 10)
     publisher = await node.create_publisher(Int32, "t", 10)
     child = os.fork()
@@ -205,7 +205,7 @@ async def test_a_child_that_lives_on_keeps_nobody_asleep(node: bus.Node) -> None
 
 @pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 async def test_a_child_leaves_the_parents_descriptors(node: bus.Node) -> None:
-    """What it lets go of is its own copy: the parent's ring and doorbell still serve new matches."""
+    """The child only drops its own copies: the parent's ring and doorbell still serve new matches."""
     publisher = await node.create_publisher(Int32, "t", 10)
 
     def let_go() -> None:

@@ -1,4 +1,4 @@
-"""A busd that restarts: the process and its socket stay, nobody's connect fails, and no message is lost."""
+"""A busd that restarts: its process and socket stay, every connect succeeds, and no message is lost."""
 
 import os
 import random
@@ -23,14 +23,14 @@ from survivors import Ear
 
 RESTARTS = 3
 KNOCK_S = WAIT_S / 400
-"""So seldom that all who knock in a test's patience find room in the backlog."""
+"""Rare enough that all attempts within a test's patience fit into the backlog."""
 
 DEPTH = 50_000
-"""What a talker of this file says in 50 s."""
+"""A talker of this file publishes so many in 50 s."""
 
 
 def restart(path: Path) -> m.Hello:
-    """Returns what the new one says."""
+    """Restarts busd; the Hello of the new one."""
     with RawPeer(path) as peer:
         answer = peer.hello().ask(m.StopBroker(request=1, restart=True))
         assert isinstance(answer, m.Done), answer
@@ -41,7 +41,7 @@ def restart(path: Path) -> m.Hello:
 
 
 def until_alone(peer: RawPeer) -> None:
-    """Wait until busd has noticed that those who were connected before are gone."""
+    """Wait until busd has noticed the end of all earlier connections."""
 
     def peers() -> int:
         answer = peer.ask(m.GetPeers(request=peer.request()))
@@ -93,7 +93,7 @@ class TestTheProcess:
             until_equal(before, look)
 
     def test_takes_nobody_for_gone_meanwhile(self, daemon: Daemon) -> None:
-        """Whoever connects, at any moment, is served: some by the old one, some by the new one."""
+        """At any moment, each connection is served by the old busd or by the new one."""
         served = 0
         failures: list[BaseException] = []
         is_over = threading.Event()
@@ -161,9 +161,9 @@ def nursery(route: str, daemon: Daemon, tmp_path: Path) -> Iterator[Nursery]:
 
 
 class TestStreams:
-    @with_limits(drain_s=60)  # nobody is cut short who is held up for a moment
+    @with_limits(drain_s=60)  # so that busd cuts off no process that is delayed
     def test_lose_nothing(self, daemon: Daemon, nursery: Nursery, route: str) -> None:
-        """Neither those that keep all nor those that keep enough, by either route: no gap, no repetition."""
+        """Streams with keep all, and with enough depth, by either route: no message is lost or repeated."""
         notes = "publish" if route == "shm" else "flush"
         listener = nursery.listener(Ear(), Ear(DEPTH)).ready()
         talkers = [
@@ -181,9 +181,9 @@ class TestStreams:
 
     @with_limits(drain_s=0.1, keep_all_window_messages=5_000)
     def test_lose_nothing_for_one_that_sleeps(self, daemon: Daemon, nursery: Nursery) -> None:
-        """What busd could not hand over in time, a publisher that keeps all sends once more."""
+        """A keep-all publisher resends samples that busd could not deliver in time."""
         listener = nursery.listener(Ear()).ready()
-        # Its window is full long before the lease of a listener that sleeps ends, on a busy machine, too.
+        # Its window is full long before the lease of the stopped listener ends, even on a busy machine.
         talker = nursery.talker(depth=0, burst=1_000, notes="flush").ready()
         listener.hears(talker, 100)
         listener.stop()

@@ -1,4 +1,4 @@
-"""A peer that breaks the protocol is told why and cut off; the others do not notice."""
+"""A peer that breaks the protocol gets the reason and is cut off; the other peers do not notice."""
 
 import select
 import signal
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("neighbours")
 
 
 def told_by_id(number: int) -> list[m.Message]:
-    """Every message about something that the broker gave an id to."""
+    """Every message about an object with an id from the broker."""
     return [
         m.DestroyNode(node=number),
         m.DestroyEndpoint(endpoint=number),
@@ -45,7 +45,7 @@ GARBAGE = [
     (b"GET / HTTP/1.1\r\nHost: busd\r\n\r\n", "frame of unknown kind 47"),
     (bytes(64), "frame of unknown kind 0"),
     (b"\xff" * 64, "frame of unknown kind 255"),
-    # lengths that lie: nothing, less than a head, too much, all there is
+    # wrong lengths: zero, less than a head, too much, the maximum
     (FRAME_HEAD.pack(0, CONTROL, 0, 0), "frame of 0 bytes"),
     (FRAME_HEAD.pack(3, CONTROL, 0, 0), "frame of 3 bytes"),
     (FRAME_HEAD.pack(5 + MAX_CONTROL_BYTES, CONTROL, 0, 0), "frame of 1048581 bytes"),
@@ -79,7 +79,7 @@ AFTER_HELLO = [
 
 
 class TestBytes:
-    """What is no frame, or no frame yet."""
+    """Bytes that are not a frame, or an incomplete one."""
 
     @pytest.mark.parametrize(
         ("opening", "special"),
@@ -101,7 +101,7 @@ class TestBytes:
         assert isinstance(fault, m.Fault)
 
     def test_a_frame_that_never_ends(self, daemon: Daemon, other: RawPeer) -> None:
-        """Cut at every place, then the sender goes: its node goes with it, and nothing else happens."""
+        """Cut at every place, then closed: busd removes the sender's node, and nothing else happens."""
         with RawPeer(daemon.path) as measure:
             publisher = measure.hello().publisher(measure.node("measure"), "/t").id
         frame = data(publisher + 2, text("never heard"))
@@ -131,7 +131,7 @@ class TestBytes:
         assert not knows_of(other, "half")
 
     def test_one_that_will_not_listen(self, peer: RawPeer, other: RawPeer) -> None:
-        """What it says is still heard, until it goes."""
+        """busd still reads its messages until it leaves."""
         peer.hello().node("deaf")
         peer.socket.shutdown(socket.SHUT_RD)
         peer.send(m.Ping(), m.CreateNode(request=1, name="mute"), m.CreateNode(request=2, name="dumb"))
@@ -140,7 +140,7 @@ class TestBytes:
         wait_until(lambda: not knows_of(other, "deaf"))
 
     def test_what_it_said_before_it_went_is_heard(self, peer: RawPeer, other: RawPeer) -> None:
-        """Its answers have nowhere to go, which must not cost the rest of what it sent."""
+        """busd cannot deliver the answers, but must still handle everything that it sent."""
         subscription = other.subscription(other.node(), "/t", qos=QoSProfile(depth=10_000)).id
         node = peer.hello().node()
         publisher = peer.publisher(node, "/t").id
@@ -157,7 +157,7 @@ class TestBytes:
 
     @with_limits(lease_s=3600)
     def test_it_goes_with_answers_unread(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
-        """Then the kernel reports an error with what it said last, which some loops report once only."""
+        """Then the kernel reports an error with the last bytes; some event loops report that only once."""
         publisher = peer.hello().publisher(peer.node("hasty"), "/t").id
         peer.send(m.Ping(number=1))
         assert peer.socket.recv(1, socket.MSG_PEEK)
@@ -194,7 +194,7 @@ class TestHello:
 
     @with_limits(handshake_s=1.0)
     def test_one_that_comes_too_slowly(self, peer: RawPeer) -> None:
-        """Each byte is a sign of life, but not a Hello."""
+        """Each byte is a sign of life, but they are not a Hello in time."""
         for byte in HELLO[:-1]:
             if select.select([peer.socket], [], [], 0.02)[0]:
                 break
@@ -203,7 +203,7 @@ class TestHello:
 
     @with_limits(handshake_s=0.5, lease_s=1.0)
     def test_one_that_is_silent_after_it(self, daemon: Daemon, peer: RawPeer) -> None:
-        """It may stay: nobody waits for it."""
+        """It may stay, because no other client waits for it."""
         peer.hello()
         wait_until(lambda: "no sign of life from raw" in daemon.log.read_text())
         assert peer.node("awake")
@@ -224,7 +224,7 @@ class TestHello:
 
 
 class TestIds:
-    """Numbers that the peer was never given."""
+    """Numbers that busd never gave to this peer."""
 
     def test_that_do_not_exist(self, daemon: Daemon) -> None:
         for message in told_by_id(999_999):
@@ -287,4 +287,4 @@ class TestIds:
         with RawPeer(daemon.path) as peer:
             subscription = peer.hello().subscription(peer.node(), "/lossless", qos=keep_all).id
             peer.send(m.Ack(subscription=subscription, source=publisher + 1000, seq=7))
-            peer.barrier()  # of a publisher that went a moment ago: not a fault
+            peer.barrier()  # the publisher may just have gone: not a fault

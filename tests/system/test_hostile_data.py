@@ -1,4 +1,4 @@
-"""Data frames that lie, and declarations that break the rules: the sender pays, the receiver goes on."""
+"""Wrong data frames, and declarations that break the rules: only the sender suffers, receivers continue."""
 
 import asyncio
 from typing import Any
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("neighbours")
 
 _I64 = 1 << 63
 BROKEN_BODIES = [
-    # samples claimed, body, samples delivered, samples undecodable
+    # claimed samples, body, delivered samples, undecodable samples
     (2, text("the only one of two, long enough for the lie to stand a chance"), 1, 1),
     (3, text("a") + RECORD_HEAD.pack(10_000, 1) + b"not so many bytes", 1, 2),
     (1, RECORD_HEAD.pack(0xFFFFFFFF, 1) + b"x", 0, 1),
@@ -81,12 +81,12 @@ class TestBodies:
 
     @with_limits(message_bytes=1 << 20)
     def test_more_than_fits_into_a_message(self, peer: RawPeer, other: RawPeer) -> None:
-        """A frame may carry small messages before a large one, so it is the sample that counts."""
+        """The limit applies to each sample, because a frame may carry small messages before a large one."""
         other.subscription(other.node(), "/t")
         publisher = peer.hello().publisher(peer.node(), "/t").id
         peer.write(data(publisher, frame_record(bytes((1 << 20) + 1), 1)))
         peer.write(data(publisher, text("small"), first_seq=2))
-        heard: dict[type, Any] = {}  # busd tells of losses a little later, so in either order
+        heard: dict[type, Any] = {}  # in either order: busd reports drops a little later
         while not {Run, m.Dropped} <= heard.keys():
             item = other.receive()
             assert item is not None
@@ -205,7 +205,7 @@ class TestDeclarations:
         assert answer.text == "depth 1000000 is more than busd's limit of 100000"
 
     def test_the_shortest_leases_and_lifespans(self, peer: RawPeer, other: RawPeer) -> None:
-        """A nanosecond each: nothing lives, and busd does not spin."""
+        """One nanosecond for each: every sample expires, and busd does not spin."""
         shortest: dict[str, Any] = {"liveliness_lease_duration": 1e-9, "lifespan": 1e-9, "deadline": 1e-9}
         node = peer.hello().node()
         publishers = [peer.publisher(node, "/t", qos=QoSProfile(**shortest)).id for _ in range(50)]
@@ -260,7 +260,7 @@ class TestDeclarations:
 
     @pytest.mark.parametrize("depth", [960, 50_000])
     async def test_a_schema_that_nests_too_deep(self, peer: RawPeer, depth: int) -> None:
-        """busd passes it on as it is; who asks for it gets an error, and keeps the connection."""
+        """busd passes it on unchanged. A client that asks for it gets an error, and keeps its connection."""
         peer.hello().send(m.DeclareType("bad/msg/T", "hash", b"\x91" * depth + b"\xc0"))
         peer.barrier()
         async with asyncio.timeout(WAIT_S), bus.Node("curious", arguments=[], rosout=False) as node:

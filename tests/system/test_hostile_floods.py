@@ -1,4 +1,4 @@
-"""A peer that wants too much of everything: bounded, refused with numbers or cut off; the others carry on."""
+"""A peer that asks for too much: busd bounds, refuses or cuts it off; the other peers continue."""
 
 import asyncio
 import contextlib
@@ -33,7 +33,7 @@ def dropped(asker: RawPeer, subscription: int) -> dict[str, int]:
 
 @contextlib.contextmanager
 def written(peer: RawPeer, raw: bytes) -> Iterator[None]:
-    """`raw` is written in the background, while the test reads."""
+    """Writes `raw` in the background, while the test reads."""
     writer = threading.Thread(target=peer.write, args=(raw,))
     writer.start()
     try:
@@ -43,7 +43,7 @@ def written(peer: RawPeer, raw: bytes) -> Iterator[None]:
 
 
 def peers(asker: RawPeer) -> tuple[m.PeerRecord, ...]:
-    """What busd holds of each process."""
+    """busd's figures about each process."""
     answer: m.Peers = asker.ask(m.GetPeers(request=asker.request()))
     return answer.peers
 
@@ -59,7 +59,7 @@ class TestOneThatNeverReads:
         ],
     )
     def test_samples(self, daemon: Daemon, peer: RawPeer, other: RawPeer, size: int) -> None:
-        """What waits for it is bounded and counted, however small the samples; it may stay."""
+        """busd bounds and counts the samples queued for it, however small they are; the peer may stay."""
         sleeper = peer.hello().subscription(peer.node("sleeper"), "/flood", qos=KEEP_ALL).id
         publisher = other.publisher(other.node("talker"), "/flood").id
         before = resident_bytes(daemon.pid)
@@ -82,7 +82,7 @@ class TestOneThatNeverReads:
 
     @with_limits(lease_s=3600)
     def test_one_that_dies_before_it_has_read(self, daemon: Daemon, other: RawPeer) -> None:
-        """It leaves the graph at once: nobody waits for it to take what waits for it."""
+        """It leaves the graph at once: busd does not wait until it has read its queue."""
         for number in range(300):
             other.ask(m.CreateNode(request=other.request(), name=f"n{number}"))
         present = len(peers(other))
@@ -95,7 +95,7 @@ class TestOneThatNeverReads:
 
     @with_limits(
         control_bytes_per_peer=MiB,
-        # Changes close together are told as one: how many it takes depends on how busy the machine is.
+        # busd combines changes that are close together, so their number depends on the load of the machine.
         declarations_per_s_per_peer=1_000_000,
         declarations_per_s_per_user=1_000_000,
     )
@@ -169,7 +169,7 @@ class TestOneThatWantsTooMuch:
         assert resident_bytes(daemon.pid) - before < 48 * MiB
 
     def test_ten_thousand_types(self, peer: RawPeer) -> None:
-        """A type is declared without being asked for, so it is its first use that is refused."""
+        """Declaring a type has no answer, so busd refuses its first use."""
         node = peer.hello().node()
         peer.send(*(m.DeclareType(f"small/msg/T{number}", "hash") for number in range(10_000)))
         answer = peer.publisher(node, "/t", type_name="small/msg/T9999", type_hash="hash")
@@ -199,7 +199,7 @@ class TestOneThatWantsTooMuch:
 
     @with_limits(matches_per_peer=100)
     def test_matches(self, peer: RawPeer) -> None:
-        """Endpoints are counted, and so must be what they multiply to."""
+        """Endpoints are limited, and so must be the matches that they multiply to."""
         node = peer.hello().node()
         for _ in range(10):
             assert isinstance(peer.publisher(node, "/t"), m.Created)
@@ -222,13 +222,13 @@ class TestOneThatMakesBusdTalk:
             return daemon.log.read_text().count("more than one node named /twin")
 
         wait_until(left_out)
-        wait_until(lambda: left_out() + lines() >= 999)  # the last second's are told by the next one's first
+        wait_until(lambda: left_out() + lines() >= 999)  # the next second's first line counts these
         assert 0 < lines() < 1000
 
     async def test_and_so_is_that_of_who_matches_none_of_its_endpoints(
         self, daemon: Daemon, peer: RawPeer, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        """16,000 warnings, in busd's log and in a program's: some of each, and how many more there were."""
+        """16,000 warnings, in busd's log and in a program's: some are printed, and the rest is counted."""
         best_effort = QoSProfile(10, reliability="best_effort")
         said = ""
 
@@ -279,7 +279,7 @@ class TestOneThatComesTooOften:
 
     @with_limits(connections=20)
     def test_hundreds_that_stay_silent(self, daemon: Daemon) -> None:
-        """They have no place of those who say Hello."""
+        """They take no places of clients that have said Hello."""
         with contextlib.ExitStack() as stack:
             for _ in range(300):
                 stack.enter_context(RawPeer(daemon.path))

@@ -1,4 +1,4 @@
-"""Requests, answers and clocks that lie: who gets them goes on, and nobody is sent what is too large."""
+"""Wrong requests, answers and clocks: their receivers continue, and oversized ones are never sent on."""
 
 import asyncio
 import signal
@@ -29,7 +29,7 @@ _SUPPORT = service_support(AddTwoInts)
 _encode = msgspec.msgpack.encode
 _GID = b"x" * GID_BYTES
 _HEADS: list[Any] = [
-    # what is wrong with whose call it is, and which
+    # a wrong client's gid or a wrong number of the call
     [b"", 1],
     [_GID[1:], 1],
     [b"x" * 1_000_000, 1],
@@ -95,7 +95,7 @@ async def other(daemon: Daemon) -> AsyncIterator[bus.Node]:
 
 
 async def liar(node: bus.Node, topic: str, support: Any) -> Publisher[Any]:
-    """A publisher that says it has the type of `support`, and sends any bytes."""
+    """A publisher that claims the type of `support`, so that a test can send any bytes."""
     publisher: Publisher[Any] = Publisher(
         node._opened(), topic, support, bus.QoSProfile(1000), PublisherEvents()
     )
@@ -113,7 +113,7 @@ class TestLies:
     async def test_requests(self, node: bus.Node, other: bus.Node) -> None:
         service = await node.create_service(AddTwoInts, "add", add)
         client = await other.create_client(AddTwoInts, "add")
-        questions = [_SUPPORT.encode_question(_GID, number) for number in range(50)]  # of a stranger's calls
+        questions = [_SUPPORT.encode_question(_GID, number) for number in range(50)]  # for a stranger's calls
         send(await liar(other, "/add/_request", _SUPPORT.requests), [*questions, *BAD_REQUESTS])
         await until(lambda: service.statistics().dropped == {"undecodable": len(BAD_REQUESTS)})
         assert (await client.call(asked(1, 2))).sum == 3
@@ -160,7 +160,7 @@ class TestLies:
 
 @on_one_loop
 async def test_a_server_that_is_stopped(node: bus.Node, tmp_path: Path) -> None:
-    """Its clients wait, or give up; when it goes on, so do they."""
+    """Its clients wait or cancel their calls; they continue when it does."""
     async with running(tmp_path, "-c", SERVER) as server:
         await server.line("ready")
         client = await node.create_client(AddTwoInts, "add")
@@ -181,7 +181,7 @@ class TestFacade:
         return world.node("victim", start_parameter_services=True, allow_undeclared_parameters=True)
 
     def test_clocks(self, world: World, node: Node) -> None:
-        """They were exceptions out of the program's `spin`."""
+        """These clocks used to raise exceptions out of the program's `spin`."""
         node.set_parameters([Parameter("use_sim_time", value=True)])
         message = message_class("rosgraph_msgs/msg/Clock")
         publisher = world.node("liar").create_publisher(message, "/clock", 10)

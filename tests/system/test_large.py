@@ -1,4 +1,4 @@
-"""Messages with a field of bytes, long or not: put in from any buffer, filled in place, read in place."""
+"""Messages with a field of bytes, long or short: copied from any buffer, filled in place, read in place."""
 
 import array
 import asyncio
@@ -27,7 +27,7 @@ MIB = 1 << 20
 
 
 class Image(msgspec.Struct):
-    """What a camera sees."""
+    """A camera's image."""
 
     number: int = 0
     data: bytes = b""
@@ -35,7 +35,7 @@ class Image(msgspec.Struct):
 
 
 class Stereo(msgspec.Struct):
-    """Messages in a message."""
+    """Messages inside a message."""
 
     left: Image
     right: Image
@@ -92,7 +92,7 @@ class TestBuffers:
 
     @by_shared_memory
     async def test_a_long_field_is_copied_once_in_and_once_out(self, node: bus.Node) -> None:
-        """Into the ring, which is no memory of Python's; and out of it."""
+        """Into the ring, which is not Python's memory, and out of it."""
         subscription = await node.create_subscription(Image, "t", 10)
         publisher = await node.create_publisher(Image, "t", 10)
         image = Image(1, bytes(4 * MIB))
@@ -141,12 +141,12 @@ class TestViews:
 
     @by_shared_memory
     async def test_are_the_place_that_was_written(self, node: bus.Node) -> None:
-        """No copy on either side: what is written there afterwards, against the rules, shows."""
+        """No copy on either side: a later write to the place, although forbidden, is visible."""
         subscription = await node.create_subscription(Image, "t", 10, views=True)
         publisher = await node.create_publisher(Image, "t", 10)
         publisher.publish(Image(0))
         await subscription.receive()
-        await node.graph()  # now the publisher knows where pins are told
+        await node.graph()  # now the publisher knows where readers report pins
         loan = publisher.loan(Image(1), "data", LONG)
         assert loan is not None
         place = memoryview(loan.buffer)
@@ -162,13 +162,13 @@ class TestViews:
         held, _ = await subscription.receive()
         data = held.data
         del held
-        for number in range(1, 100):  # many laps
+        for number in range(1, 100):  # many laps of the ring
             publisher.publish(Image(number, pattern(number)))
             assert (await subscription.receive())[0].number == number
         assert data == pattern(0)
 
     async def test_any_number_may_be_held(self, node: bus.Node) -> None:
-        """Seven are pinned, those beyond are copies; that is not to be seen."""
+        """Seven are pinned and the others are copies; a user sees no difference."""
         subscription = await node.create_subscription(Image, "t", 10, views=True)
         publisher = await node.create_publisher(Image, "t", 10)
         held = []
@@ -192,7 +192,7 @@ class TestViews:
         assert held.data == pattern(1)
 
     async def test_hold_nobody_back_who_keeps_all(self, node: bus.Node) -> None:
-        """A view that is kept costs its place in the ring, and the messages go on."""
+        """A view that is kept occupies its place in the ring, and the messages continue."""
         subscription = await node.create_subscription(Image, "t", KEEP_ALL, views=True)
         publisher = await node.create_publisher(Image, "t", KEEP_ALL)
         await publisher.send(Image(0, pattern(0)))
@@ -328,7 +328,7 @@ class TestLoans:
             publisher.loan(Stereo(Image(), Image()), "data", 10)  # type: ignore[arg-type]
         with pytest.raises(bus.PayloadTooLarge):
             publisher.loan(Image(1), "data", 1 << 30)
-        assert publisher.publish(Image(1)) is True  # nothing is lent
+        assert publisher.publish(Image(1)) is True  # no loan is open
 
     async def test_of_a_closed_publisher(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Image, "t", 10)

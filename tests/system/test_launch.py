@@ -1,4 +1,4 @@
-"""`bus launch` as a process: what it prints, how it ends, and that nothing is left behind."""
+"""`bus launch` as a process: its output, its end, and no processes left behind."""
 
 import asyncio
 import os
@@ -77,7 +77,7 @@ def generate_launch_description():
         Node(executable=os.path.join(HERE, "listener"), output="screen", remappings=[("chatter", "/talk")]),
     ])
 """
-# Handlers write by `os`: one that comes before the `print` of "ready" has returned may not print.
+# The handlers write by `os`: during the `print` of "ready" they may not print.
 STUBBORN = """
 import os, signal, time
 for number in (signal.SIGINT, signal.SIGTERM):
@@ -89,7 +89,7 @@ while True:
 
 
 def write(folder: Path, **files: str) -> Path:
-    """Programs and launch files; returns the folder."""
+    """Writes programs and launch files; the folder."""
     for name, text in files.items():
         path = folder / name.replace("__", ".")
         path.write_text(text)
@@ -142,7 +142,7 @@ async def test_two_nodes_talk_and_ctrl_c_ends_all(here: Path) -> None:
 
 @on_one_loop
 async def test_signals_escalate(here: Path) -> None:
-    """Also for what a shell has started."""
+    """Also for processes started by a shell."""
     write(
         here,
         stubborn__py=STUBBORN,
@@ -221,7 +221,7 @@ async def test_ctrl_z_and_a_second_ctrl_c_reach_all(here: Path) -> None:
 
 @on_one_loop
 async def test_a_killed_launch_leaves_nothing(here: Path) -> None:
-    """Not even what a shell has started in the background."""
+    """Including background processes of a shell."""
     write(
         here,
         two__launch__yaml="""
@@ -233,7 +233,7 @@ async def test_a_killed_launch_leaves_nothing(here: Path) -> None:
         for number in (
             1,
             2,
-        ):  # a launch killed before it says this may leave the process that it just started
+        ):  # a launch killed earlier may leave the process that it just started
             await launch.line(rf"^\[INFO\] \[\w+-{number}\]: process started")
         await until(lambda: len(launch.family("sleep 100")) >= 3)
         os.kill(launch.process.pid, signal.SIGKILL)

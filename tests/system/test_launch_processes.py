@@ -1,4 +1,4 @@
-"""Launch descriptions with processes: events, respawn, output, what children inherit, tests of launches."""
+"""Launch descriptions with processes: events, respawn, output, inherited environment, tests of launches."""
 
 import signal
 import sys
@@ -42,7 +42,7 @@ def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_events_of_a_process(capsys: pytest.CaptureFixture[str]) -> None:
-    """The tutorial's chain: one after the other, each started when the one before has ended."""
+    """The tutorial's chain: each process starts when the one before has ended."""
     found: list[Any] = []
     first = ExecuteProcess(cmd=["echo", "a b"], name="first", output="screen")
     second = ExecuteProcess(cmd=["sh", "-c", "exit 3"], name="second")
@@ -81,7 +81,7 @@ def test_events_of_a_process(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_signals_by_events(capsys: pytest.CaptureFixture[str]) -> None:
-    """One process ends by a signal, another as at a shutdown, the last one with all."""
+    """The first process ends by a signal, the second as in a shutdown, the third in the shutdown of all."""
     first, second, third = (ExecuteProcess(cmd=["sleep", "1000"]) for _ in range(3))
 
     def when_started(process: ExecuteProcess, *actions: Any) -> RegisterEventHandler:
@@ -120,7 +120,7 @@ def test_an_error_at_the_end_keeps_no_process(capsys: pytest.CaptureFixture[str]
 
 
 def test_an_error_behind_a_process_that_was_started() -> None:
-    """It ends in order, as all do."""
+    """The process ends in order, as in any shutdown."""
     process = ExecuteProcess(cmd=["sleep", "1000"])
     assert run(GroupAction([process]), OpaqueFunction(function=lambda context: [][1])) == 1
     assert process.return_code == -signal.SIGINT
@@ -213,7 +213,7 @@ print(subprocess.run(["ros2", "--version"], capture_output=True, text=True).stdo
 
 @on_one_loop
 async def test_what_children_inherit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A Python that the launch file starts by its name finds ROS 2's modules, and a ros2."""
+    """If the launch file starts Python by its name, that Python finds ROS 2's modules and a `ros2`."""
     (tmp_path / "temporary").mkdir()
     write(
         tmp_path,
@@ -315,7 +315,7 @@ main()
 @pytest.mark.usefixtures("daemon")
 @on_one_loop
 async def test_a_lifecycle_node(tmp_path: Path) -> None:
-    """Its transitions are asked for and heard of by the names that ROS 2 has."""
+    """The launch requests its transitions and receives its events by ROS 2's names."""
     folder = write(tmp_path / "here", {"managed": MANAGED, "a.launch.py": LIFECYCLE})
     (tmp_path / "temporary").mkdir()
     command = ("-m", "bus_cli", "launch", folder / "a.launch.py")

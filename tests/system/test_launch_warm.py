@@ -1,4 +1,4 @@
-"""Nodes that a launch forks from a warm process: as if they had been started anew."""
+"""Nodes that a launch forks from a warm process behave like freshly started ones."""
 
 import json
 import os
@@ -63,7 +63,7 @@ def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def look(folder: Path, end: str = "") -> Path:
-    """A program that writes down how it finds itself, and then does this."""
+    """A program that writes down its environment, and then runs `end`."""
     return write(folder, {"look.py": LOOK.replace("END", end)}) / "look.py"
 
 
@@ -93,7 +93,7 @@ def test_a_forked_node_finds_what_a_started_one_does(tmp_path: Path, emulate_tty
 
 
 def test_ends_of_forked_nodes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Exit codes, signals and tracebacks are those of a node that was started anew."""
+    """Exit codes, signals and tracebacks equal those of a freshly started node."""
     end = "import os; print('here', flush=True); os.kill(os.getpid(), 9) if END2 else 1 / 0"
     program = look(tmp_path, end)
     text = program.read_text().replace("END2", "sys.argv[1].endswith('killed')")
@@ -113,7 +113,7 @@ def test_ends_of_forked_nodes(tmp_path: Path, capfd: pytest.CaptureFixture[str])
 
 
 def test_which_are_started_anew(tmp_path: Path) -> None:
-    """Those with an environment, a folder or a prefix of their own."""
+    """Nodes with their own environment, folder or prefix."""
     program = look(tmp_path)
     nodes = [
         node(program, "0"),
@@ -131,7 +131,7 @@ def test_which_are_started_anew(tmp_path: Path) -> None:
 
 
 def test_nodes_outlive_the_warm_process(tmp_path: Path) -> None:
-    """Killed, it takes no node with it, and others are started anew."""
+    """If it is killed, its nodes continue, and later nodes are started without it."""
     program = look(tmp_path, "import sys; sys.argv[1].endswith('1') and sys.stdin.read()")
     nodes = [node(program, str(number)) for number in range(3)]
 

@@ -1,4 +1,4 @@
-"""The ROS 2 beginner lesson: its programs, as it prints them (tests/lesson), started as it says."""
+"""The ROS 2 beginner lesson: its programs (tests/lesson), started by the lesson's commands."""
 
 import asyncio
 import importlib.util
@@ -33,7 +33,7 @@ HEARD = re.compile(STAMP + r' \[minimal_subscriber\]: I heard: "Hello World: (\d
 
 
 def numbers(program: Program, pattern: re.Pattern[str]) -> list[int]:
-    """What its lines say; all of them must fit, but that two listeners have one name."""
+    """The numbers in its lines. Every line must fit, except the warning about two nodes with one name."""
     found = [pattern.fullmatch(line) for line in program.lines if NAMESAKE not in line]
     assert all(found), program.lines
     return [int(one[1]) for one in found if one]
@@ -45,7 +45,7 @@ async def interrupt(program: Program, number: int = signal.SIGINT) -> int:
 
 
 async def said_too(talker: Program, *listeners: Program) -> None:
-    """Wait until it has said what these have heard: it publishes first."""
+    """Wait until the talker has printed all received messages: it publishes before it prints."""
     for listener in listeners:
         await talker.line(f'"Hello World: {numbers(listener, HEARD)[-1]}"$')
 
@@ -57,7 +57,7 @@ def assert_consecutive(heard: list[int], published: list[int]) -> None:
 
 
 async def subscribed(topic: str) -> None:
-    """Wait until somebody listens, and would hear the first message."""
+    """Wait until a subscription exists and would receive the first message."""
     async with bus.Node("look", arguments=()) as node:
         publisher = await node.create_publisher(String, topic)
         await publisher.wait_for_subscriptions()
@@ -80,7 +80,7 @@ async def subscribed(topic: str) -> None:
 async def test_a_publisher_and_two_subscribers(
     tmp_path: Path, way: tuple[str, ...], form: str, code: int
 ) -> None:
-    """Every subscriber hears all from the first message that it hears; Ctrl-C says nothing more."""
+    """Every subscriber receives all messages after its first one; at Ctrl-C it prints nothing more."""
     async with AsyncExitStack() as stack:
         listener = await stack.enter_async_context(running(tmp_path, *way, LESSON / f"subscriber_{form}.py"))
         await subscribed("topic")
@@ -121,7 +121,7 @@ async def test_sigterm_ends_them_quietly(tmp_path: Path, way: tuple[str, ...], f
 @pytest.mark.usefixtures("daemon")
 @on_one_loop
 async def test_all_of_it_goes_to_stderr(tmp_path: Path) -> None:
-    """And stdout is the program's own."""
+    """stdout only has the program's own output."""
     err = tmp_path / "stderr"
     with err.open("wb") as file:
         process = await asyncio.create_subprocess_exec(
@@ -175,7 +175,7 @@ async def test_one_end_of_the_native_api(tmp_path: Path, is_native: str) -> None
 async def test_no_daemon_need_be_started(
     tmp_path: Path, socket_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first program brings one along; it goes when nobody needs it."""
+    """The first program starts a daemon, which exits when it is no longer needed."""
     monkeypatch.delenv("BUSD_AUTOSTART")
     async with (
         running(tmp_path, *RUN, LESSON / "subscriber_node.py") as listener,
@@ -193,7 +193,7 @@ async def test_a_daemon_that_dies_and_comes_back(tmp_path: Path, daemon: Daemon,
         await listener.line("I heard: ")
         daemon.kill()
         said = len(talker.lines)
-        await talker.line(f"Hello World: {said + 1}")  # it goes on, heard or not
+        await talker.line(f"Hello World: {said + 1}")  # it continues without a subscription
         daemon.restart()
         heard = len(listener.lines)
         await until(lambda: sum("I heard" in line for line in listener.lines[heard:]) >= 3)
@@ -232,7 +232,7 @@ async def test_a_service_and_its_client(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("daemon")
 @on_one_loop
 async def test_ctrl_c_while_the_client_waits(tmp_path: Path) -> None:
-    """Nobody serves, and nobody catches it."""
+    """There is no server, and the program does not catch the exception."""
     async with running(tmp_path, *RUN, LESSON / "client_member_function.py", "2", "3") as client:
         await client.line("waiting again")
         assert await interrupt(client) == -signal.SIGINT
@@ -269,7 +269,7 @@ def package_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _fill(package: Path) -> None:
-    """What the lesson writes into it."""
+    """Adds the lesson's files and entry points."""
     scripts = ""
     for kind, name in (("publisher", "talker"), ("subscriber", "listener")):
         file = f"{kind}_member_function.py"

@@ -1,4 +1,4 @@
-"""The lesson's chapter on transforms: its programs, as docs/lesson.md prints them, beside each other."""
+"""The lesson's chapter on transforms: its programs, as docs/lesson.md prints them, run together."""
 
 import asyncio
 import re
@@ -23,11 +23,11 @@ PROGRAMS = {
     re.findall(r"`(\w+\.py)`", before)[-1]: program
     for before, program in re.findall(r"(.*?)^```python\n(.*?)^```$", CHAPTER, re.MULTILINE | re.DOTALL)
 }
-"""The name that stands before each."""
+"""Each program's name is the last one in the text before it."""
 
 
 class Terminals:
-    """Programs of the chapter, each in a terminal of its own."""
+    """Programs of the chapter, as if each had its own terminal."""
 
     def __init__(self, stack: AsyncExitStack, folder: Path) -> None:
         self._stack, self._folder = stack, folder

@@ -1,4 +1,4 @@
-"""Each limit of a process and of a user, reached on purpose: who does is told, and nobody else notices."""
+"""Each limit of a process and of a user: a process that exceeds it gets an error; others don't notice."""
 
 import asyncio
 import contextlib
@@ -62,7 +62,7 @@ async def test_connections_of_a_user(daemon: Daemon) -> None:
 
 @with_limits(connections_per_user=10)
 def test_connections_that_come_and_go(daemon: Daemon, other: RawPeer) -> None:
-    """Ten connections are served at once, then ten a second; a process that is connected notices nothing."""
+    """busd accepts ten connections at once, then ten a second; a connected process notices nothing."""
     newcomers_s: list[float] = []
     others_s: list[float] = []
     for _ in range(24):
@@ -73,14 +73,14 @@ def test_connections_that_come_and_go(daemon: Daemon, other: RawPeer) -> None:
         other.barrier()
         newcomers_s.append(asked_s - began_s)
         others_s.append(time.monotonic() - asked_s)
-    assert sum(newcomers_s) + sum(others_s) > 1.2  # 13 of them come after the first eleven, `other` too
-    # On a busy machine both take longer, but only newcomers wait for the tenth of a second.
+    assert sum(newcomers_s) + sum(others_s) > 1.2  # 13 of them come after the first eleven (with `other`)
+    # On a busy machine both take longer, but only new connections wait for a tenth of a second.
     assert median(others_s) < median(newcomers_s[12:]) / 2
 
 
 @with_limits(endpoints_per_user=12, endpoints_per_peer=6, topics_per_user=20, topics_per_peer=10)
 def test_endpoints_of_a_user(daemon: Daemon) -> None:
-    """The neighbours have two of them."""
+    """The neighbours have two of the user's endpoints."""
     with crowd(daemon, 2) as (one, two):
         node = one.node()
         answers = [one.publisher(node, f"/t{at}") for at in range(7)]
@@ -96,7 +96,7 @@ def test_endpoints_of_a_user(daemon: Daemon) -> None:
 
 @with_limits(topics_per_peer=5, topics_per_user=8)
 def test_topics(daemon: Daemon) -> None:
-    """The neighbours talk on one of them."""
+    """The neighbours use one of the topics."""
     with crowd(daemon, 2) as (one, two):
         node = one.node()
         answers = [one.publisher(node, f"/t{at}") for at in range(6)]
@@ -109,7 +109,7 @@ def test_topics(daemon: Daemon) -> None:
 
 @with_limits(descriptors_per_peer=10)
 def test_descriptors(daemon: Daemon) -> None:
-    """Of its connection one, two for what it shares, and one for each ring."""
+    """One for its connection, two for its shared memory, and one for each ring."""
     with crowd(daemon, 1) as (greedy,):
         node = greedy.node()
         share(greedy)
@@ -126,7 +126,7 @@ def test_descriptors(daemon: Daemon) -> None:
 
 @with_limits(descriptors_per_peer=10)
 def test_descriptors_of_publishers_that_come_and_go(daemon: Daemon) -> None:
-    """What waits for one that does not read is charged to who sent it, and does not use up busd's own."""
+    """Descriptors queued for a stopped reader count for their sender, and do not use up busd's own."""
     with crowd(daemon, 1) as (flood,), RawPeer(daemon.path, receive_buffer=4096) as sleeper:
         share(sleeper.hello())
         sleeper.subscription(sleeper.node(), "/t")
@@ -158,7 +158,7 @@ def test_declarations_per_second(daemon: Daemon) -> None:
 
 @with_limits(queued_bytes_per_peer=8 * MiB, queued_bytes_per_user=8 * MiB, message_bytes=MiB)
 def test_queued_bytes_of_a_user(daemon: Daemon, other: RawPeer) -> None:
-    """The processes for which most waits lose; the neighbours, of the same user, lose nothing."""
+    """The processes with the longest queues lose messages; the neighbours, of the same user, lose none."""
     with crowd(daemon, 4) as sleepers:
         subscriptions = [
             sleeper.subscription(sleeper.node(), "/flood", qos=KEEP_ALL).id for sleeper in sleepers
@@ -194,7 +194,7 @@ def test_history_bytes_of_a_user(daemon: Daemon) -> None:
 
 @with_limits(control_bytes_per_peer=MiB, control_bytes_per_user=2 * MiB)
 def test_control_bytes_of_a_user(daemon: Daemon, other: RawPeer) -> None:
-    """Observers that do not read: the one for which most waits is cut off, before each alone had too much."""
+    """Observers that do not read: busd cuts off the longest queue, before any reaches its own limit."""
     with contextlib.ExitStack() as stack:
         watchers = [stack.enter_context(RawPeer(daemon.path, receive_buffer=4096)) for _ in range(8)]
         for watcher in watchers:
@@ -212,7 +212,7 @@ def test_control_bytes_of_a_user(daemon: Daemon, other: RawPeer) -> None:
 
 @with_limits(queued_bytes_per_peer=16 * MiB, queued_bytes_per_user=16 * MiB, message_bytes=8 * MiB)
 def test_messages_that_never_come_whole(daemon: Daemon, other: RawPeer) -> None:
-    """Many that begin a long message and do not end it are bounded together, which the neighbours look at."""
+    """busd bounds the total of unfinished long messages; meanwhile the neighbours keep talking."""
     with crowd(daemon, 30) as peers:
         head = struct.pack("<I", 8 * MiB) + data(1, b"")[4:]
         for peer in peers:
@@ -222,7 +222,7 @@ def test_messages_that_never_come_whole(daemon: Daemon, other: RawPeer) -> None:
 
 
 def test_long_messages_before_hello(daemon: Daemon) -> None:
-    """Nobody is there yet whom they could be charged to: nothing is kept of them."""
+    """Before Hello, no process can be charged for a message, so busd keeps nothing of it."""
     with contextlib.ExitStack() as stack:
         peers = [stack.enter_context(RawPeer(daemon.path)) for _ in range(5)]
         before = resident_bytes(daemon.pid)
@@ -255,7 +255,7 @@ def test_schemas_of_a_user(daemon: Daemon) -> None:
 @pytest.mark.either_loop
 @with_limits(schema_bytes=KiB)
 async def test_a_schema_that_is_too_long(daemon: Daemon, tmp_path: Path) -> None:
-    """Refused to who makes an endpoint of it, who keeps all else, and gets it where the limit is raised."""
+    """Its endpoint is refused; the node keeps its other endpoints, and may use it at a higher limit."""
     small, large, huge = (defstruct("Wide", [(f"a{at}", int) for at in range(n)]) for n in (3, 200, 40_000))
     refusal = (
         r"the schema of local/msg/Wide has \d+ bytes, the limit is 1024; in busd.toml it is schema_bytes"
@@ -290,7 +290,7 @@ def test_what_everybody_holds(daemon: Daemon, other: RawPeer) -> None:
 
 @with_limits(message_bytes=MiB, endpoints_per_peer=2)
 def test_other_limits_for_who_is_there(daemon: Daemon, tmp_path: Path, peer: RawPeer, other: RawPeer) -> None:
-    """Both connected when a message of 2 MiB was too long, and when two endpoints were all."""
+    """Both connected while a message of 2 MiB was too long, and while two endpoints were the limit."""
     listener = other.subscription(other.node(), "/t").id
     node = peer.hello().node()
     first = peer.publisher(node, "/t")

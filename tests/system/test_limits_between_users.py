@@ -1,4 +1,4 @@
-"""Limits of one user are no matter of another: who reaches his is alone with it."""
+"""Limits of one user do not affect another: only the user who reaches a limit notices it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -25,7 +25,7 @@ def stack() -> Iterator[ExitStack]:
 
 @pytest.fixture
 def come(stack: ExitStack) -> Callable[[Guests, int], RawPeer]:
-    """A peer of that user, who says nothing yet."""
+    """Connects a peer of that user, which has sent nothing yet."""
 
     def come(busd: Guests, uid: int) -> RawPeer:
         with acting_as(uid):
@@ -80,7 +80,7 @@ def test_declarations(stack: ExitStack, come: Callable[[Guests, int], RawPeer]) 
 
 
 def test_bytes(stack: ExitStack, come: Callable[[Guests, int], RawPeer]) -> None:
-    """What the owner's slow process has yet to read is not dropped for those of the guest."""
+    """busd does not drop samples queued for the owner's slow process because of the guest's queues."""
     busd = busd_with(
         stack,
         message_bytes=MiB,

@@ -1,4 +1,4 @@
-"""The link to the broker: what is declared anew, what is undone, and what one failure must not take along."""
+"""The link to the broker: declarations repeated or undone, and the limits of one failure."""
 
 import asyncio
 import logging
@@ -28,13 +28,13 @@ from semantics import KEEP_ALL, node, until
 __all__ = ["node"]
 
 SILENT_S = 1e6
-"""A lease with which no sign of life helps a test along."""
+"""With so long a lease, no heartbeat can help a test to continue."""
 
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
     monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
-    monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
+    monkeypatch.setenv("BUS_ROUTE", "socket")  # the broker does not see messages in rings
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
 
@@ -85,7 +85,7 @@ class TestTheGraph:
     async def test_changes_that_follow_each_other_are_looked_at_together(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """The graph is large: to put it together takes its time."""
+        """The graph is large, so each new snapshot of it takes time."""
         monkeypatch.setattr(bus.link.graph_watch, "_LONGEST_REST_S", 0.1)
         monkeypatch.setattr(bus.link.graph_watch, "_REST", 1e9)
         node, client = await opened(broker)
@@ -111,7 +111,7 @@ class TestTheGraph:
         await node.close()
 
     async def test_what_is_read_with_the_snapshot_counts(self, broker: FakeBroker) -> None:
-        """Changes may stand in the same read, behind the snapshot and before it."""
+        """The same read may hold changes before and after the snapshot."""
         node, client = await opened(broker)
         graphs = node.watch_graph()
         watching = asyncio.ensure_future(anext(graphs))
@@ -158,7 +158,7 @@ class TestDeclaringAgain:
     async def test_what_failed_halfway_is_undone(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """As where one of many answers does not come in time."""
+        """For example, one of many answers is late."""
         node, client = await opened(broker)
         publisher = await with_publisher(node, client, 2)
         declare_again, failures = Declarations.declare_again, [TimeoutError("too slow")]
@@ -211,7 +211,7 @@ class TestDeclaringAgain:
     async def test_a_node_that_the_new_broker_has_no_room_for(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """It is asked again, and meanwhile nothing of the node is lost."""
+        """The client asks again, and meanwhile the node loses nothing."""
         monkeypatch.setattr(declarations, "AGAIN_S", 0.01)
         caplog.set_level(logging.INFO)
         node, client = await opened(broker)
@@ -235,7 +235,7 @@ class TestDeclaringAgain:
     async def test_a_publisher_whose_gid_is_taken_at_the_new_broker(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """By its own earlier connection, perhaps, which is not seen to have ended: it is asked again."""
+        """Perhaps busd has not noticed the end of its earlier connection yet, so the client asks again."""
         monkeypatch.setattr(declarations, "AGAIN_S", 0.01)
         caplog.set_level(logging.INFO)
         node, client = await opened(broker)
@@ -304,7 +304,7 @@ class TestDeclaringAgain:
 
 class TestClosing:
     async def test_a_node_closed_while_its_endpoint_is_made(self, broker: FakeBroker) -> None:
-        """The broker took the endpoint away with the node: nothing is to be said about it any more."""
+        """The broker has removed the endpoint with its node, so the client sends nothing about it."""
         node, client = await opened(broker)
         opening = asyncio.ensure_future(opened_too("staying"))
         await client.create(m.CreateNode, 3)
@@ -374,7 +374,7 @@ class TestReceiving:
 
 class TestSigns:
     async def test_counters_follow_what_is_taken(self, node: bus.Node) -> None:
-        """Nothing comes in any more, but what waited goes."""
+        """No more messages arrive, and the queue drains."""
         publisher = await node.create_publisher(Int32, "t")
         subscription = await node.create_subscription(Int32, "t")
         for number in range(5):
@@ -399,7 +399,7 @@ class TestSigns:
         beat = Connection.beat
 
         def recorded(connection: Connection, interval_s: float) -> None:
-            if beats[-1:] != [interval_s]:  # else it is the next one
+            if beats[-1:] != [interval_s]:  # otherwise it repeats
                 beats.append(interval_s)
             beat(connection, interval_s)
 

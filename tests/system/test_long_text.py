@@ -1,4 +1,4 @@
-"""Messages with long text: copied once into the ring where it is ASCII, and the same whatever it is."""
+"""Messages with long text: ASCII is copied once into the ring, and all text arrives unchanged."""
 
 import asyncio
 import tracemalloc
@@ -22,7 +22,7 @@ LONG = LONG_TEXT + 3
 
 
 class Page(msgspec.Struct):
-    """Text before, between and after other fields, with a head of an array of its own."""
+    """Text before, between and after other fields, with its own array head."""
 
     number: int = 0
     text: str = ""
@@ -31,7 +31,7 @@ class Page(msgspec.Struct):
 
 
 class Note(msgspec.Struct, array_like=True):
-    """As the ready-made messages are encoded."""
+    """Encoded like the ready-made messages."""
 
     author: str = ""
     text: str = ""
@@ -101,7 +101,7 @@ async def test_what_is_wrong_beside_long_text_is_named(node: bus.Node) -> None:
 
 @by_shared_memory
 async def test_ascii_is_copied_once_in_and_once_out(node: bus.Node) -> None:
-    """Into the ring, which is no memory of Python's; and out of it."""
+    """Into the ring, which is not Python's memory, and out of it."""
     subscription = await node.create_subscription(String, "t", 10)
     publisher = await node.create_publisher(String, "t", 10)
     message = String(data="x" * (4 * MIB))
