@@ -30,8 +30,7 @@ async def test_two_bridges_between_the_same_two_buses(world: Made) -> None:
         subscription = await listener.create_subscription(Int32, "numbers", 1000)
         echo = await listener.create_publisher(Int32, "numbers", 1000)
         heard = await talker.create_subscription(Int32, "numbers", 1000)
-        # The first link must show all four endpoints before the second one opens; otherwise the second shows
-        # some.
+        # The first link must show all four before the second one opens; otherwise the second shows some.
         for saying in (publisher, echo):
             await saying.wait_for_subscriptions(2)
         for hearing in (subscription, heard):
@@ -139,8 +138,7 @@ async def test_in_a_ring_with_transit_the_last_messages_of_a_publisher_come_once
         await publisher.wait_for_subscriptions(3)
         for subscription in subscriptions:
             await subscription.wait_for_publishers(1)
-        # Both others have shown the third bus their mirror. That is a second path, and no bridge reads from
-        # it.
+        # Both others have shown the third bus their mirror: a second path, from which no bridge reads.
         await until(lambda: len(bridges[0].engine.endpoints) == len(bridges[1].engine.endpoints) == 4)
         for number in range(30):
             publisher.publish(Int32(data=number))

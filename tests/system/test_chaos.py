@@ -1,5 +1,4 @@
-"""Random faults on a bus (`tests/chaos`): processes killed, stopped, cut off or starved, and promises that
-still hold.
+"""Random faults on a bus (`tests/chaos`): processes killed, stopped, cut off or starved; kept promises.
 
 BUSD_CHAOS_SEED repeats the faults of one run.
 """

@@ -1,4 +1,4 @@
-"""Many matches in one process: each of them costs it the same, however many there are."""
+"""Many matches in one process: the cost of each is the same, whatever their number."""
 
 from typing import Any, TypeAlias
 
@@ -20,7 +20,7 @@ Costs: TypeAlias = dict[tuple[type, str], list[int]]
 
 @pytest.fixture
 def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
-    """Bytecodes that each message from busd made this process run, by what it is and what it is for."""
+    """The bytecodes that this process ran for each message from busd, by kind of message and of endpoint."""
     costs: Costs = {}
     handle = Incoming._handle
 

@@ -1,4 +1,4 @@
-"""A program with more topics than its limit of open files: its own files can be opened all the same."""
+"""A program with more topics than its limit of open files can still open its own files."""
 
 import json
 import subprocess
@@ -37,7 +37,7 @@ bus.run(main())
 
 
 def run(*numbers: int) -> tuple[list[str], int, int, str]:
-    """Routes of the first and last topic, the soft limit then, the program's highest number, its log."""
+    """The routes of the first and last topic, the final soft limit, the program's highest number, its log."""
     arguments = [sys.executable, "-c", PROGRAM, *map(str, numbers)]
     done = subprocess.run(arguments, capture_output=True, text=True, timeout=WAIT_S, check=False)
     assert not done.returncode, done.stderr
@@ -55,7 +55,7 @@ class TestOpenFiles:
         assert log == ""
 
     def test_of_the_hard_limit_some_are_left(self, route: str, daemon: Daemon) -> None:
-        """What comes after that goes by socket, and works."""
+        """Further topics use the socket route, and work."""
         routes, _, _, log = run(400, 400, 500, 128)
         assert routes == ["shm", "socket"]
         assert log.count("\n") == 1

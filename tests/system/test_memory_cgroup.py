@@ -1,4 +1,4 @@
-"""Programs in a memory cgroup, as in a container: at its limit they get errors, and the kernel kills nobody.
+"""Programs in a memory cgroup, as in a container: at its limit they get errors, and the kernel kills none.
 
 Needs a machine that lets the tests make cgroups, of either version;
 tests/unit/bus/shm/test_headroom.py does not.
@@ -75,14 +75,14 @@ def remove(place: Path) -> None:
 
 
 def start(cgroup: Path, *arguments: object) -> subprocess.Popen[str]:
-    """Run PROGRAM in it."""
+    """Runs PROGRAM in the cgroup."""
     enter = f"import os; open({str(cgroup / 'cgroup.procs')!r}, 'w').write(str(os.getpid()))\n"
     words = [sys.executable, "-c", enter + PROGRAM, *map(str, arguments)]
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def end(program: subprocess.Popen[str]) -> tuple[list[int], dict[str, int], str, str]:
-    """What it heard, what it lost, its error, its log."""
+    """The messages that a program received, those that it lost, its error, and its log."""
     output, log = program.communicate(timeout=WAIT_S)
     assert program.returncode != -signal.SIGKILL, f"killed by the kernel: {log}"
     assert not program.returncode, log
@@ -116,7 +116,7 @@ class TestGrowth:
             remove(inner)
 
     def test_several_at_a_time(self, route: str, cgroup: Path) -> None:
-        """One of them may have all that is left; nobody is killed."""
+        """One program may use up the rest of the memory; the kernel kills none."""
         programs = [start(cgroup, f"p{number}", 300, MiB, 300, 0) for number in range(3)]
         for program in programs:
             program.wait(WAIT_S)
@@ -127,7 +127,7 @@ class TestGrowth:
 
 @pytest.mark.parametrize("route", ["socket"], indirect=True)
 def test_queues_by_socket_take_no_more_than_there_is(route: str, cgroup: Path) -> None:
-    """Nobody takes the messages: 240 MiB, of which the process can have a part."""
+    """There is no reader: of 240 MiB, the process can keep a part."""
     _, _, error, log = end(start(cgroup, "p", 80, 4 * MiB, 1000, 0))
     assert error == log == ""
 
@@ -136,7 +136,7 @@ def test_queues_by_socket_take_no_more_than_there_is(route: str, cgroup: Path) -
 @pytest.mark.parametrize("route", ["shm"], indirect=True)
 @pytest.mark.parametrize("change", ["mount -t tmpfs -o size=4k none /dev/shm", "mount -t tmpfs none /dev"])
 def test_no_folder_of_shared_memory_is_needed(route: str, daemon: Daemon, change: str) -> None:
-    """Containers have a small /dev/shm, or none: rings are not in it."""
+    """Containers have a small /dev/shm or none, and rings do not need it."""
     words = ["unshare", "-m", "sh", "-c", f'{change} && exec "$@"', "-", sys.executable, "-c", PROGRAM]
     arguments = ["p", "60", str(MiB), "60", "0"]
     try:

@@ -1,4 +1,4 @@
-"""message_filters in a node: topics whose messages come together by their stamps."""
+"""message_filters in a node: messages of several topics that belong together by their stamps."""
 
 from typing import Any
 

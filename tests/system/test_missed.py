@@ -1,4 +1,4 @@
-"""A subscription that was lost, and what a broker then tells it that it has missed; the broker is a fake."""
+"""A subscription that has reconnected, and the report of a (fake) broker about the samples it has missed."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -25,7 +25,7 @@ LATCHED = QoSProfile(depth=3, durability="transient_local")
 
 
 class Talk:
-    """A subscription, and the connection that it has at the moment."""
+    """A subscription and its current connection."""
 
     client: FakeConnection
     subscription: bus.Subscription[Int32]
@@ -51,7 +51,7 @@ class Talk:
         await self._node.close()
 
     async def come_back(self) -> dict[bytes, int]:
-        """It loses the connection and has another; returns up to where it says that it has heard whom."""
+        """Reconnects; returns the last number of each publisher that the subscription reports."""
         await self.client.close()
         self.client = await self._broker.accept()
         await self.client.create(m.CreateNode, 1)
@@ -74,7 +74,7 @@ class Talk:
         self.client.send(m.Dropped(subscription=2, dropped={}, missed=missed, before=before))
 
     async def totals(self) -> tuple[int, int, dict[str, int]]:
-        """What was published to it, what it has and what it has lost, by all that was said until now."""
+        """The totals of expected, queued and lost samples after all messages so far."""
         self.client.send(m.Ping(number=1))
         await self.client.expect(m.Pong)
         totals = self.subscription.statistics()
@@ -100,13 +100,13 @@ async def test_a_publisher_that_has_left(broker: FakeBroker) -> None:
         talk.tell({GID: (1, 9)})
         assert await talk.totals() == (9, 3, {"disconnected": 6}), "told twice, counted once"
         assert await talk.come_back() == {GID: 9}
-        talk.match(8, GID, 12)  # it is back after all, and has published
+        talk.match(8, GID, 12)  # it has returned, and has published
         talk.send(8, 12, 1)
         assert await talk.totals() == (12, 4, {"disconnected": 8})
 
 
 async def test_a_publisher_of_which_it_never_heard(broker: FakeBroker) -> None:
-    """From number 4 on its samples were for it; 9 is the last that there was before the match."""
+    """Its samples were for the subscription from number 4 on; 9 is the last one before the match."""
     async with Talk(broker, DEEP) as talk:
         assert await talk.come_back() == {}
         talk.tell({GID: (4, 0), OTHER: (2, 3)})
@@ -119,7 +119,7 @@ async def test_a_publisher_of_which_it_never_heard(broker: FakeBroker) -> None:
 
 
 async def test_why_it_was_dropped(broker: FakeBroker) -> None:
-    """As far as that was not told before, whatever comes of it by which publisher."""
+    """For samples not reported before, the broker's reasons count, from whichever publisher they come."""
     async with Talk(broker, DEEP) as talk:
         talk.match(7, GID, 1)
         talk.send(7, 1, 1)
@@ -136,7 +136,7 @@ async def test_why_it_was_dropped(broker: FakeBroker) -> None:
 
 
 async def test_a_history_that_was_cut_short(broker: FakeBroker) -> None:
-    """It has not had what has not come, so that a broker sends it when it is back."""
+    """The subscription does not claim samples that have not arrived, so a broker sends them again."""
     async with Talk(broker, LATCHED) as talk:
         talk.match(7, GID, 10)
         assert await talk.totals() == (0, 0, {})

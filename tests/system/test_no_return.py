@@ -1,4 +1,4 @@
-"""A reader that does not come back to the next busd: what waited for it goes on."""
+"""A reader does not return to the next busd: a publisher that waited for it continues."""
 
 import asyncio
 import random

@@ -1,4 +1,4 @@
-"""Nodes and what is around them: command-line arguments, timers, callbacks, `bus.run`, the public names."""
+"""Nodes and related things: command-line arguments, timers, callbacks, `bus.run`, the public names."""
 
 import asyncio
 import functools
@@ -89,7 +89,7 @@ class TestTimers:
 
     async def test_those_that_nobody_wants_any_more_are_let_go(self, node: bus.Node) -> None:
         calls: list[int] = []
-        node.create_timer(0.001, lambda: calls.append(1))  # runs, and so is wanted
+        node.create_timer(0.001, lambda: calls.append(1))  # it runs, so it stays
         kept = node.create_timer(0.001, lambda: calls.append(2))
         kept.cancel()
         for _ in range(9):

@@ -1,4 +1,4 @@
-"""A pack is taken out of a ring while its writer, another process, overtakes the reader again and again."""
+"""A reader takes packs out of a ring while their writer, another process, overtakes it again and again."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ from bus_bridge.packed import RECORD
 
 ends = pytest.importorskip("shm_ends", reason="the native core was not built")
 _SIZE, _KINDS = 700, 256
-"""Of a payload, all of whose bytes are its number less one; of the ring's 4096 bytes it takes a good part."""
+"""The size of a payload, a good part of the ring's 4096 bytes. Each byte is the sample's number minus one."""
 
 READER = f"""
     import sys

@@ -98,7 +98,7 @@ def test_tools_see_both_apis_alike(daemon: object, tmp_path: Path) -> None:
             words = verb.replace("FILE", str(path))
             calls = [words.replace("NODE", name).split() for name in ("one", "two")]
             one, two = threads.map(lambda call: cli("param", *call), calls)
-            # Nodes of rclpy have a parameter more, as in ROS 2.
+            # Nodes of rclpy have one parameter more, as in ROS 2.
             out = [line for line in two.out.splitlines(True) if "start_type_description_service" not in line]
             assert (one.out.replace("one", "two"), *one[1:]) == ("".join(out), *two[1:]), verb
         assert "speed: 50" in one.out and "name: right" in one.out
@@ -328,7 +328,7 @@ class TestServices:
         assert await set_remotely(node, "wheels", speed=2.5) == [(True, "")]
 
 
-# Sets a parameter of the native node, and waits until that has set one of its own.
+# Sets a parameter of the native node, and waits until the native node has set one of the client's.
 CLIENT = """
 import bus.rclpy_compat
 import rclpy
@@ -450,7 +450,7 @@ def parameter(name: str, value: Any) -> Any:
 
 
 async def set_remotely(node: bus.Node, owner: str, /, **values: Any) -> list[tuple[bool, str]]:
-    """Set parameters of the node of that name, each by itself; returns what it says."""
+    """Sets parameters of the named node, one by one; the results."""
     kind: Any = service_class("rcl_interfaces/srv/SetParameters")
     client = await node.create_client(kind, f"/{owner}/set_parameters")
     await client.wait_for_service()

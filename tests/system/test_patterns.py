@@ -1,4 +1,4 @@
-"""Every program of the pages of patterns, of any type and of CDR is run as its user would run it."""
+"""Every program on the pages about patterns, any type and CDR runs as a user would run it."""
 
 import ast
 import inspect
@@ -25,7 +25,7 @@ SERVERS = {
     "web_aiohttp.py": "python web_aiohttp.py",
 }
 PORT = 8000
-"""The page's own; tests run side by side, and take another."""
+"""The port on the page; tests run side by side and use others."""
 
 pytestmark = pytest.mark.usefixtures("daemon")
 
@@ -53,7 +53,7 @@ def test_in_pytest(tmp_path: Path, start: Start) -> None:
 
 
 def ask(url: str, method: str = "GET") -> str:
-    """The first answer of a server that is about to start."""
+    """The first answer of a server that is still starting."""
     until = time.monotonic() + WAIT_S
     while True:
         try:
@@ -83,7 +83,7 @@ def test_a_node_in_a_web_server(name: str, tmp_path: Path, start: Start) -> None
 
 
 async def test_the_cells_of_a_notebook(daemon: Daemon) -> None:
-    """As a kernel runs them: one after the other in its own event loop, with `await` allowed in each."""
+    """As a kernel runs them: one after the other in one event loop, with `await` allowed in each."""
     cells = [text for language, text in BLOCK.findall(PAGE) if language == "jupyter"]
     names: dict[str, Any] = {}
     for cell in cells:

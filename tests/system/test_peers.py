@@ -1,4 +1,4 @@
-"""What the tests of bridges stand on: machines with cables, and peers that are no busd."""
+"""The basis of the bridges' tests: machines with cables, and peers other than busd."""
 
 import subprocess
 import sys

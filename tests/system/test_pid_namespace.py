@@ -1,4 +1,4 @@
-"""A busd in another pid namespace than its clients, as with containers that share a socket: all pids are 0.
+"""A busd in another pid namespace than its clients, as in containers that share a socket: all pids are 0.
 
 Needs root, for a pid namespace.
 """
@@ -38,7 +38,7 @@ def path(tmp_path: Path) -> Iterator[Path]:
             wait_until(lambda: is_listening(path))
             yield path
         finally:
-            process.kill()  # and the kernel the process in the namespace
+            process.kill()  # and the kernel kills the process in the namespace
 
 
 def is_listening(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Delivery by one native call beside delivery step by step: kinds of subscriptions mixed, odd callbacks."""
+"""Delivery by one native call and delivery step by step: different subscriptions together, odd callbacks."""
 
 import asyncio
 import os
@@ -23,7 +23,7 @@ ROUNDS = 120
 
 
 class Ear:
-    """A subscription of some kind, and what it heard."""
+    """A subscription of the given kind, and the messages that it received."""
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
@@ -77,7 +77,7 @@ class Ear:
         self(message)
 
     def late(self, message: UInt64) -> None:
-        """Has its turn end now and then, so that the next is scheduled."""
+        """Uses up its turn now and then, so that delivery continues in the next one."""
         self(message)
         if message.data % 200 == 0:
             end = asyncio.get_running_loop().time() + 0.006
@@ -195,7 +195,7 @@ async def test_a_cancelled_error_of_a_callback_does_not_end_delivery(
 async def test_what_came_with_the_message_of_a_cancelled_error_is_delivered(
     node: bus.Node, route: str, depth: int
 ) -> None:
-    """Also to others, and where the receiver had to be emptied while it was read."""
+    """Also to other subscriptions, and if the receiver had to be emptied during delivery."""
     heard: dict[str, list[int]] = {"bad": [], "good": []}
     told: list[dict[str, Any]] = []
 

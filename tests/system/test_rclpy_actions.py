@@ -1,4 +1,4 @@
-"""rclpy.action, by both routes: servers, clients, handles, bad ends; and a server of the bus."""
+"""rclpy.action, by both routes: servers, clients, handles, failures; and servers of the native API."""
 
 import threading
 from collections.abc import Callable
@@ -38,7 +38,7 @@ TYPE = "example_interfaces/action/Fibonacci"
 
 
 def execute(goal_handle: ServerGoalHandle) -> Any:
-    """As many numbers as are asked for, each told on the way."""
+    """The requested number of integers, each also sent as feedback."""
     sequence: list[int] = []
     for number in range(goal_handle.request.order):
         sequence.append(number)
@@ -48,7 +48,7 @@ def execute(goal_handle: ServerGoalHandle) -> Any:
 
 
 class Ends:
-    """A server's node and a client's, and the goals between them."""
+    """A server's node, a client's node, and the goals between them."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -63,7 +63,7 @@ class Ends:
         return server
 
     def send(self, order: int = 3, **options: Any) -> Any:
-        """A goal's handle."""
+        """Sends a goal; its handle."""
         future = self.client.send_goal_async(Fibonacci.Goal(order=order), self.hear, **options)
         return self.done(future)
 
@@ -72,7 +72,7 @@ class Ends:
         return future.result()
 
     def spin_until(self, condition: Callable[[], object]) -> None:
-        """Always by the same executor, which keeps the tasks of goals."""
+        """Always with the same executor, which keeps the tasks of goals."""
         if self._executor is None:
             self._executor = self.world.executor(self.server_node, self.node)
         self.world.spin_executor_until(condition, self._executor)
@@ -99,11 +99,11 @@ def test_feedback_and_result(ends: Ends) -> None:
     ends.spin_until(lambda: goal_handle.status == GoalStatus.SUCCEEDED)
     assert ends.result(goal_handle)[0] is GoalStatus.SUCCEEDED  # once more
     assert server.action_type is Fibonacci
-    assert ends.done(goal_handle.cancel_goal_async()).return_code == 3  # it has ended
+    assert ends.done(goal_handle.cancel_goal_async()).return_code == 3  # the goal has ended
 
 
 def test_the_answer_to_a_goal_is_told_before_its_feedback(ends: Ends) -> None:
-    """Also where both wait when the client is spun: callbacks for feedback may use the goal's handle."""
+    """Even if both are queued when the client's node spins: feedback callbacks may use the goal's handle."""
     ended: list[ServerGoalHandle] = []
 
     def run(goal_handle: ServerGoalHandle) -> Any:
@@ -176,7 +176,7 @@ def test_by_default_a_cancellation_is_rejected(ends: Ends) -> None:
 
 
 def test_deferred_goals_one_after_the_other(ends: Ends) -> None:
-    """As the examples of rclpy do it: a queue, and each goal that ends begins the next."""
+    """As in rclpy's examples: a queue of goals, in which the end of each starts the next."""
     queue: list[ServerGoalHandle] = []
     order: list[int] = []
 
@@ -201,7 +201,7 @@ def test_deferred_goals_one_after_the_other(ends: Ends) -> None:
 
 
 def test_a_goal_that_is_begun_while_nobody_spins(ends: Ends) -> None:
-    """It holds no group, so that it can be canceled."""
+    """It holds no callback group, so that it can be canceled."""
     accepted: list[ServerGoalHandle] = []
     is_asked = Future[bool]()
 
@@ -305,7 +305,7 @@ def test_execute_raises_or_forgets_the_state(
 
 @pytest.mark.parametrize("which", ["goal_callback", "cancel_callback"])
 def test_a_callback_raises(ends: Ends, which: str) -> None:
-    """The client is told, and the exception comes out of `spin`."""
+    """The client gets the error, and `spin` raises the exception."""
 
     def refuse(asked: Any) -> Any:
         raise ValueError("too far")
@@ -324,7 +324,7 @@ def test_a_callback_raises(ends: Ends, which: str) -> None:
 
 
 def test_a_result_that_is_none(ends: Ends) -> None:
-    """The program gets its error, and the client an end."""
+    """The program gets an exception, and the client a result."""
 
     def forget(goal_handle: ServerGoalHandle) -> Any:
         goal_handle.succeed()
@@ -364,7 +364,7 @@ def test_what_a_handle_refuses(ends: Ends) -> None:
         for wrong in (5, Fibonacci.Result()):
             with pytest.raises(TypeError):
                 goal_handle.publish_feedback(wrong)
-        goal_handle.publish_feedback(Fibonacci.Feedback())  # after the end: as in rclpy
+        goal_handle.publish_feedback(Fibonacci.Feedback())  # allowed after the end, as in rclpy
         return Fibonacci.Result()
 
     ends.serve(run)
@@ -408,7 +408,7 @@ def test_arguments_that_are_wrong(ends: Ends) -> None:
             ends.client._get_result_async(wrong)
     with pytest.raises(TypeError, match="Failed to register goal execution callback: not callable"):
         ActionServer(ends.node, Fibonacci, "x", None)  # type: ignore[arg-type]
-    # Their texts are compared with rclpy's own: tests/differential/programs/actions.py.
+    # tests/differential/programs/actions.py compares their texts with rclpy's.
     for name in ("", "1x"):
         with pytest.raises(ValueError, match="Failed to create action client"):
             ActionClient(ends.node, Fibonacci, name)
@@ -426,7 +426,7 @@ def test_after_the_end(ends: Ends) -> None:
     assert ends.result(goal_handle)[0] is GoalStatus.SUCCEEDED
     theirs = next(iter(server._goal_handles.values()))
     server.destroy()
-    theirs.succeed()  # as in rclpy, of a server that has gone
+    theirs.succeed()  # allowed without its server, as in rclpy
     assert (theirs.status, theirs.is_active) == (0, False)
     with pytest.raises(ValueError, match="not in list"):
         server.destroy()
@@ -488,7 +488,7 @@ def test_a_server_of_the_bus_that_dies(ends: Ends) -> None:
 
 @pytest.mark.skipif(not has_core(), reason="the native core was not built")
 def test_calls_of_an_action(ends: Ends, route: str) -> None:
-    """Of client and server together: goal, ten feedbacks, result; each status has the 20 goals that ended."""
+    """Both ends' calls for a goal, ten feedbacks and a result; each status lists the 20 ended goals."""
     if route != "shm":
         pytest.skip("by the socket it depends on what comes together")
     ends.serve()

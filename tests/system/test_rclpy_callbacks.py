@@ -1,4 +1,4 @@
-"""Callbacks in the facade's executors: what they may do, who excludes whom, what goes on while one lasts."""
+"""Callbacks in the facade's executors: nested calls, mutual exclusion, and other work while one runs."""
 
 import threading
 from typing import Any
@@ -66,7 +66,7 @@ class TestCallbacks:
         wait_until(lambda: node.executor is None)
 
     def test_nested_spinning(self, world: World, node: Node) -> None:
-        """With the same executor: the rest of the node goes on, and the outer spin too."""
+        """With the same executor: the node's other callbacks and the outer spin continue."""
         told: list[str] = []
         node.create_service(AddTwoInts, "add", add)
         client = node.create_client(AddTwoInts, "add")
@@ -115,7 +115,7 @@ class TestCallbacks:
     def test_async_callbacks_of_one_group_exclude_each_other(
         self, world: World, node: Node, kind: Kind
     ) -> None:
-        """One that awaits holds its group; others of the node, in another group, go on."""
+        """While an async callback awaits, it holds its group; callbacks of another group continue."""
         told: list[str] = []
         gate: Future[None] = Future()
 
@@ -225,7 +225,7 @@ class TestGroups:
         assert most[0] == 2
 
     def test_threads_by_default_and_one_alone(self, world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-        """As many as there are CPUs that the process may use."""
+        """The default number of threads is the number of CPUs that the process may use."""
         text = "Use the SingleThreadedExecutor instead"
         with pytest.warns(UserWarning, match=text):
             world.executor(kind=lambda: MultiThreadedExecutor(1))
@@ -237,7 +237,7 @@ class TestGroups:
 
 
 class TestLongCallbacks:
-    """The rest of the process goes on while a callback lasts, in a single thread that spins."""
+    """The rest of the process continues during a callback, although only one thread spins."""
 
     def test_a_service_is_found(self, world: World, node: Node) -> None:
         client = node.create_client(AddTwoInts, "add")
@@ -254,7 +254,7 @@ class TestLongCallbacks:
         assert found == [True]
 
     def test_matches_come_and_go(self, world: World, node: Node) -> None:
-        """Without a call in the callback that would move the loop."""
+        """Without a call in the callback that would run the loop."""
         publisher = node.create_publisher(Int64, "t", 10)
         counts: list[int] = []
         began = threading.Event()

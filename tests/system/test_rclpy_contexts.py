@@ -1,4 +1,4 @@
-"""Contexts of the facade, and the functions of `rclpy` itself."""
+"""Contexts of the facade, and functions of the module `rclpy`."""
 
 import subprocess
 import sys
@@ -89,7 +89,7 @@ def test_domain_ids(world: World) -> None:
 
 
 def test_domains_are_apart(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each has a busd of its own."""
+    """Each domain has its own busd."""
     (tmp_path / "busd").mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("BUSD_SOCKET")
@@ -149,11 +149,11 @@ def test_shutdown_in_a_callback_ends_the_spin(world: World) -> None:
 
 
 def test_shutdown_in_a_callback_of_many_threads_ends_the_spin(world: World) -> None:
-    """The thread that spins waits meanwhile, and it is no error there either."""
+    """The spinning thread waits at the time, and gets no error either."""
     executor = world.executor(node := world.node(), kind=MultiThreadedExecutor)
 
     def shut_down() -> None:
-        timer.cancel()  # or a second call waits once nobody spins, until it has no more patience
+        timer.cancel()  # without this, another call would wait with no thread spinning, until it times out
         wait_until(lambda: is_waiting(executor))
         rclpy.shutdown()
 
@@ -179,7 +179,7 @@ def test_create_node(world: World) -> None:
     ids=["spin", "executor", "rate", "service"],
 )
 def test_a_program_that_ends_beside_its_daemon_threads(daemon: Daemon, beside: str) -> None:
-    """Nothing is said of them."""
+    """They print nothing."""
     program = f"""
 import threading, time
 import bus_ros.rclpy as rclpy

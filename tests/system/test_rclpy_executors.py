@@ -1,4 +1,4 @@
-"""Executors of the facade: what they call, when, in which thread, and how they end."""
+"""Executors of the facade: the callbacks that they run, the time, the thread, and the end."""
 
 import asyncio
 import threading
@@ -46,7 +46,7 @@ class TestNodes:
 
     @every_kind
     def test_a_node_moves(self, world: World, node: Node, kind: Kind) -> None:
-        """What came meanwhile is there for the next."""
+        """Messages that arrive during the move are there for the next executor."""
         heard: list[int] = []
         node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 1000)
         publisher = node.create_publisher(Int64, "t", 1000)
@@ -76,7 +76,7 @@ class TestNodes:
         assert sorted(heard) == ["n0", "n1", "n2"]
 
     def test_several_executors_in_threads(self, world: World) -> None:
-        """Each node's callbacks come in the thread of its executor."""
+        """Each node's callbacks run in the thread of its executor."""
         seen: dict[str, set[int]] = {}
         nodes = [world.node(f"n{index}") for index in range(3)]
         counts = dict.fromkeys((one.get_name() for one in nodes), 0)
@@ -221,7 +221,7 @@ class TestSpinning:
         assert executor.shutdown() is True
 
     def test_shutdown_waits_for_all_calls(self, world: World, node: Node) -> None:
-        """Not only for the first that ends; in two threads alike."""
+        """It waits for all of them, not only for the first to end, also if two threads call it."""
         gates = [threading.Event(), threading.Event()]
         ended: list[int] = []
         answers: list[bool] = []
@@ -247,7 +247,7 @@ class TestSpinning:
         assert answers == [True, True]
 
     def test_shutdowns_amid_work(self, world: World, node: Node) -> None:
-        """Of an executor of threads, while they have all they can do: spin just ends."""
+        """An executor with busy threads is shut down: its spin just ends."""
         counts = [0]
 
         def count() -> None:
@@ -352,7 +352,7 @@ class TestTasks:
         assert task.result() == [1, 2]
 
     def test_waiting_for_a_future_leaves_nothing_behind(self, world: World, node: Node) -> None:
-        """Nothing that a later spin_once would take for its one call."""
+        """A later spin_once has its one call for real work."""
         executor = world.executor(node)
         future: Future[int] = Future(executor=executor)
         for _ in range(3):

@@ -1,4 +1,4 @@
-"""Messages that an executor is handed as they come, while it just waits for them: nothing is different."""
+"""Messages handed directly to an executor that only waits for them: the results are the same."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ COUNT = 50
 
 @pytest.fixture
 def handed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The numbers of the messages that were handed over."""
+    """The numbers of the directly handed messages."""
     numbers: list[int] = []
     handed = Handover.receive
 
@@ -30,7 +30,7 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def publish_singly(publisher: Any, numbers: range, heard: list[int], executor: Any) -> None:
-    """Each one when the executor has nothing to do."""
+    """Publishes each one when the executor is idle."""
     for number in numbers:
         wait_until(lambda: is_waiting(executor))
         publisher.publish(Int64(data=number))
@@ -101,7 +101,7 @@ def test_another_executor_goes_on(world: World, handed: list[int]) -> None:
                 publisher.publish(Int64(data=number))
                 wait_until(lambda number=number: len(heard) > number)
         number_handed = len(handed)
-        publisher.publish(Int64(data=20))  # nobody works for the node
+        publisher.publish(Int64(data=20))  # no executor has the node
         first.add_node(node)
         wait_until(lambda: len(heard) > 20)
         publish_singly(publisher, range(21, 30), heard, first)
@@ -173,7 +173,7 @@ def test_an_interrupt_keeps_what_was_handed_over(
 
 @pytest.mark.parametrize("route", ["shm"], indirect=True)
 def test_one_that_waits_for_messages_alone_is_given_up(world: World, handed: list[int]) -> None:
-    """Whatever else comes meanwhile ends the wait: another topic, a task, another executor, the end."""
+    """Any other event ends this way of waiting: another topic, a task, another executor, the end."""
     heard: list[int] = []
     node, other = world.node(), world.node("other")
     subscription = node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10)
@@ -198,7 +198,7 @@ def test_one_that_waits_for_messages_alone_is_given_up(world: World, handed: lis
 
 @pytest.mark.parametrize("route", ["shm"], indirect=True)
 def test_executors_that_pass_a_node_to_and_fro_keep_the_order(world: World) -> None:
-    """One may just have taken a message, waiting for it alone, when the other works for the node."""
+    """One executor may have taken a message directly just before the other one gets the node."""
     heard: list[int] = []
     node, other = world.node(), world.node("other")
     node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10_000)

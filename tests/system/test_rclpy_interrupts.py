@@ -1,4 +1,4 @@
-"""Ctrl-C at chosen instructions of the facade: it comes once, at the next place where it may."""
+"""Ctrl-C at chosen instructions of the facade: it arrives once, at the next permitted place."""
 
 import textwrap
 from pathlib import Path
@@ -47,7 +47,7 @@ interrupt()
 @pytest.mark.parametrize("what", [IN_THE_EXECUTOR, TWO], ids=["in the executor", "two"])
 @on_one_loop
 async def test_it_comes_once(tmp_path: Path, what: str) -> None:
-    """Not as the end of the context, and not again where things are tidied up."""
+    """It does not end the context, and does not come again during the cleanup."""
     script = tmp_path / "program.py"
     script.write_text(PROGRAM.format(what=textwrap.indent(what, "    ")))
     async with running(tmp_path, "-m", "bus_cli", "run", script) as one:
@@ -73,7 +73,7 @@ async def test_one_that_waits_at_the_end(tmp_path: Path) -> None:
             engine().loop.guard.release()
         """)
     )
-    # A variable of the interpreter, so that one starts: in a fork, rclpy was imported before the program.
+    # With this variable `bus run` starts an interpreter; a fork would have imported rclpy before the program.
     async with running(tmp_path, "-m", "bus_cli", "run", script, PYTHONNODEBUGRANGES="1") as one:
         assert await one.end() == 0, one.lines
     assert one.lines == ["None"]

@@ -1,4 +1,4 @@
-"""Lifecycle nodes of the facade: callbacks and what follows from them, publishers, services, events."""
+"""Lifecycle nodes of the facade: callbacks and their consequences, publishers, services, events."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ NAMES = ("configure", "activate", "deactivate", "cleanup", "shutdown")
 
 
 class Managed(LifecycleNode):
-    """Without the services of parameters and types."""
+    """Without the services for parameters and type descriptions."""
 
     def __init__(self, **options: Any) -> None:
         off = Parameter(START_TYPE_DESCRIPTION_SERVICE_PARAM, value=False)
@@ -32,7 +32,7 @@ class Managed(LifecycleNode):
 
 
 class Recorder(Managed):
-    """Notes what is called; `results` has what a callback returns, or raises."""
+    """Records the calls of callbacks; `results` holds the value or exception for each."""
 
     def __init__(self, **options: Any) -> None:
         self.called: list[tuple[str, str]] = []
@@ -77,7 +77,7 @@ def node(world: World) -> Recorder:
 
 
 class Caller:
-    """Another node, which asks the services of `node`."""
+    """Another node, which calls the services of `node`."""
 
     def __init__(self, world: World, node: Node) -> None:
         self._world, self._node, self._asking = world, node, world.node("asking")
@@ -115,7 +115,7 @@ def test_a_life(node: Recorder) -> None:
     assert node.state == "finalized"
 
 
-# By what a callback and on_error return: the states that follow, from on_configure to on_shutdown.
+# (Callback's result, on_error's result): the states that follow, from on_configure to on_shutdown.
 ENDS: dict[tuple[Any, Any], tuple[str, ...]] = {
     (SUCCESS, None): ("inactive", "active", "inactive", "unconfigured", "finalized"),
     (FAILURE, None): ("unconfigured", "inactive", "active", "inactive", "finalized"),
@@ -160,7 +160,7 @@ def test_a_callback_that_returns_something_else(world: World, result: object) ->
 
 
 def test_what_a_callback_raises_is_logged(node: Recorder, capfd: pytest.CaptureFixture[str]) -> None:
-    """With the lines of the program's own."""
+    """The traceback has the program's own lines."""
     node.results["configure"] = ValueError("no")
     assert node.trigger_configure() is ERROR
     first, second, third, *_, last = capfd.readouterr().err.splitlines()
@@ -218,7 +218,7 @@ def test_a_publisher_follows_its_node(world: World, capfd: pytest.CaptureFixture
 
 
 class Entity(ManagedEntity):
-    """Returns what it has."""
+    """An entity whose callback returns a given result."""
 
     def __init__(self, result: Any = SUCCESS) -> None:
         self.result, self.heard = result, list[str]()
@@ -229,7 +229,7 @@ class Entity(ManagedEntity):
 
 
 def test_managed_entities(world: World, capfd: pytest.CaptureFixture[str]) -> None:
-    """They are told in their order, until one does not succeed."""
+    """They are called in order, until one does not succeed."""
     node = Managed()
     world.keep(node)
     entities = [Entity(), Entity(), Entity()]
@@ -295,7 +295,7 @@ def test_services(node: Recorder, caller: Caller) -> None:
 
 
 def test_services_refuse(node: Recorder, caller: Caller) -> None:
-    """What is not possible, fails or raises is an answer, and the node goes on."""
+    """An impossible transition, a failure and an exception are answers, and the node continues."""
     for wrong in ({"id": 3}, {"id": 97}, {"id": 255}, {"label": "nonsense"}, {}):
         assert not caller.change(**wrong)
     assert node.called == []

@@ -1,4 +1,4 @@
-"""Who matches whom in the facade, and the events that tell of it, by both routes."""
+"""Matches in the facade, and their events, by both routes."""
 
 import threading
 from typing import Any

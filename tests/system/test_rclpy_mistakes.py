@@ -1,4 +1,4 @@
-"""Mistakes of beginners: what they are told, and that what they have made goes on or ends as it should."""
+"""Mistakes of beginners: their error messages, and that existing nodes continue or end as they should."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,7 +25,7 @@ def ignore(message: Any) -> None:
 
 
 NAMES: dict[str, tuple[str, int | None]] = {
-    # what is typed: what is wrong with it, and where
+    # name: the broken rule, and the place of the fault
     "my topic": ("topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'", 2),
     "1st": ("topic name token must not start with a number", 0),
     "a-b": ("topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'", 1),
@@ -149,14 +149,14 @@ def test_names(world: World, node: Node, name: str) -> None:
             make()
         what = "topic" if kind is exceptions.InvalidTopicNameException else "service"
         first, typed, caret = str(caught.value).split("\n")
-        full = name if index is not None or not name else f"/{name}"  # what only the full name shows
+        full = name if index is not None or not name else f"/{name}"  # this fault only shows in the full name
         assert (first, typed) == (f"Invalid {what} name: {rule}:", f"  '{full}'")
         assert index is None or caret == f"   {' ' * index}^"
     assert list(node.publishers) == list(node.clients) == []
 
 
 class TestNoConstructor:
-    """A class that forgets `super().__init__`, or to call it first."""
+    """A class that does not call `super().__init__`, or not first."""
 
     class Forgetful(Node):
         def __init__(self, first: Callable[[Node], object]) -> None:
@@ -184,7 +184,7 @@ class TestNoConstructor:
 
 
 class TestNamesOfAProgram:
-    """A program's node may have any name that rclpy's nodes have not."""
+    """A program's node may use any name that rclpy's nodes do not have."""
 
     class Busy(Node):
         def __init__(self, name: str) -> None:
@@ -220,7 +220,7 @@ class TestNamesOfAProgram:
             *("_clock", "_context", "_default_callback_group", "_logger", "_rate_group", "_time_source"),
             "_type_description_service",
             *for_actions,
-        }  # rclpy has these, but for the last
+        }  # rclpy has these, except for the last two
 
 
 class TestDestroyed:
@@ -248,7 +248,7 @@ class TestDestroyed:
 
 
 def test_a_done_callback_that_raises(world: World, node: Node) -> None:
-    """Out of `spin`, also where nobody span when the call was made."""
+    """`spin` raises the exception, even if no thread was spinning at the time of the call."""
     node.create_service(AddTwoInts, "add", add)
     future = node.create_client(AddTwoInts, "add").call_async(AddTwoInts.Request())
 

@@ -1,4 +1,4 @@
-"""Nodes and contexts of the facade: names, the graph, what they make and destroy."""
+"""Nodes and contexts of the facade: names, the graph, making and destroying endpoints."""
 
 import asyncio
 from typing import Any
@@ -80,7 +80,7 @@ class TestNames:
     )
     @pytest.mark.parametrize("own", [[], ["--"], ["--", "-p", "8081"]])
     def test_a_node_s_own_arguments_end_where_they_end(self, world: World, own: list[str]) -> None:
-        """What follows them, theirs or the program's, may look like ROS's but is not."""
+        """Later arguments, the node's or the program's, may look like ROS arguments but are none."""
         node = world.node(cli_args=["-r", "--ros-args", "-r", "a:=mine", "-p", "p:=3", *own])
         assert node.resolve_topic_name("a") == "/mine" and node.resolve_topic_name("c") == "/d"
         assert node.declare_parameter("p", 1).value == 3
@@ -334,10 +334,10 @@ class TestGraph:
 
 
 def test_calls_in_series_change_threads_once(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The thread that makes a node's endpoints runs the loop itself from the second on."""
+    """A thread that makes a node's endpoints runs the loop itself from the second one on."""
     mover = engine()
     world.node()
-    wait_until(lambda: mover._runner is mover)  # the keeper runs it
+    wait_until(lambda: mover._runner is mover)  # the keeper runs the loop
     blocked: list[Waiter] = []
     block = Waiter.block
 
@@ -352,7 +352,7 @@ def test_calls_in_series_change_threads_once(world: World, monkeypatch: pytest.M
 
 
 def test_a_node_waits_for_busd_a_few_times(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its six services of parameters are declared with one wait, and both endpoints of each."""
+    """One wait is for both endpoints of all six parameter services."""
     waits = 0
     run = type(engine()).run
 

@@ -1,4 +1,4 @@
-"""Executors that a program defines itself, by `wait_for_ready_callbacks`."""
+"""Executors that a program defines itself with `wait_for_ready_callbacks`."""
 
 import threading
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ __all__ = ["arguments", "world"]
 
 
 class Simple(Executor):
-    """In the thread that spins, as rclpy's own."""
+    """Runs callbacks in the spinning thread, as rclpy's executors do."""
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         try:
@@ -40,7 +40,7 @@ class Simple(Executor):
 
 
 class Pooled(Executor):
-    """In a thread of its own."""
+    """Runs callbacks in a thread pool."""
 
     pool: ThreadPoolExecutor
 
@@ -118,7 +118,7 @@ def test_of_some_nodes_only(world: World, node: Node) -> None:
 
 
 def test_spinning(world: World, node: Node) -> None:
-    """All that spins does so by the program's own spin_once."""
+    """Every way to spin uses the program's own spin_once."""
     heard: list[int] = []
     executor = world.executor(node, kind=Simple)
     node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10)
@@ -164,7 +164,7 @@ def test_coroutines_hold_their_group(world: World, node: Node) -> None:
 
 
 def test_handlers_in_other_threads(world: World, node: Node, pool: ThreadPoolExecutor) -> None:
-    """Those of a group exclude each other, those of a reentrant one meet."""
+    """Handlers of a mutually exclusive group exclude each other; those of a reentrant group run together."""
     executor = world.executor(node, kind=Pooled)
     assert isinstance(executor, Pooled)
     executor.pool = pool

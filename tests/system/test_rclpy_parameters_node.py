@@ -1,4 +1,4 @@
-"""Parameters of a node of the facade, from end to end: events, services, the command line."""
+"""Parameters of a node of the facade, end to end: events, services, the command line."""
 
 from pathlib import Path
 from typing import Any
@@ -101,7 +101,7 @@ class TestInTheNode:
         assert len(told) == 5
 
     def test_a_callback_may_publish(self, world: World, node: Node) -> None:
-        """And make calls that need the loop: it runs without the guard."""
+        """It may also make calls that need the loop, because it runs without the guard."""
         publisher = node.create_publisher(Event, "t", 10)
         heard: list[Any] = []
         node.create_subscription(Event, "t", heard.append, 10)

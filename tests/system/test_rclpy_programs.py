@@ -1,4 +1,4 @@
-"""Programs of the facade, each run as its user would: what they rely on, one habit after the other."""
+"""Programs of the facade, run as a user would run them: one test for each habit they rely on."""
 
 import ast
 import re
@@ -17,7 +17,7 @@ from semantics import until
 pytestmark = pytest.mark.usefixtures("daemon")
 
 HABITS = Path(__file__).parents[1] / "lesson" / "habits"
-"""Programs; the docstring of each says what it prints."""
+"""A folder of programs; each docstring has the program's output."""
 
 BEGIN = """\
 import os, sys, threading, time
@@ -30,7 +30,7 @@ def until(condition):
         time.sleep(0.001)
 
 """
-"""`until` waits for what comes without anybody spinning."""
+"""`until` waits without a spinning thread."""
 
 
 def script(folder: Path, text: str) -> Path:
@@ -43,7 +43,7 @@ def run(folder: Path, text: str, *words: str) -> Result:
     return run_bus("run", str(script(folder, text)), *words)
 
 
-# --- one process: what it prints
+# --- one process: its output
 
 
 @pytest.mark.usefixtures("route")
@@ -85,7 +85,7 @@ rclpy.logging.get_logger('free').info('text')
 
 @on_one_loop
 async def test_a_best_effort_publisher_and_a_reliable_reader(tmp_path: Path) -> None:
-    """They don't match, and both ends are told."""
+    """They don't match, and both ends report it."""
     text = """
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 rclpy.init()
@@ -145,7 +145,7 @@ def test_shutdown_twice_is_an_error(tmp_path: Path) -> None:
     assert err.endswith("RuntimeError: Context must be initialized before it can be shutdown\n")
 
 
-# --- ends: what was published is handed over
+# --- ends: published messages are delivered
 
 ENDS = {
     "without shutdown": ("", 0),
@@ -161,7 +161,7 @@ ENDS = {
 @pytest.mark.parametrize("end", ENDS)
 @on_one_loop
 async def test_nothing_is_lost_at_the_end(tmp_path: Path, end: str) -> None:
-    """Of a program that only publishes, more than fits into a socket, and never spins."""
+    """Even if the program only publishes more than fits into a socket, and never spins."""
     last, code = ENDS[end]
     text = f"""
 rclpy.init()
@@ -188,7 +188,7 @@ for number in range(500):
 @pytest.mark.parametrize("begin", ["context = rclpy.Context()", "context = None; rclpy.shutdown()"])
 @on_one_loop
 async def test_a_child_has_a_life_of_its_own(tmp_path: Path, begin: str) -> None:
-    """After os.fork the child begins anew and ends in order, and the parent goes on."""
+    """After os.fork the child starts anew and ends in order, and the parent continues."""
     text = f"""
 rclpy.init()
 node = Node('parent')
@@ -217,7 +217,7 @@ publisher.publish(String(data='parent'))
 
 
 def test_a_child_that_only_ends(tmp_path: Path) -> None:
-    """What it has of its parent's node is not handed over, not waited for, and says so where it is used."""
+    """Nothing of the parent's node is delivered or awaited there; its use raises an error."""
     text = """
 rclpy.init()
 node = Node('parent')
@@ -237,7 +237,7 @@ print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @on_one_loop
 async def test_a_daemon_that_dies_and_comes_back(tmp_path: Path, daemon: Daemon, route: str) -> None:
-    """Subscription counts and delivery come back without the program doing anything."""
+    """Subscription counts and delivery are restored without any action of the program."""
     text = """
 rclpy.init()
 node = Node('n')

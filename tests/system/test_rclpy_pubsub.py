@@ -39,7 +39,7 @@ def numbers(count: int) -> list[Any]:
 
 
 def published(node: Node, count: int, qos: QoSProfile | int, topic: str = "t") -> Any:
-    """A publisher that has handed over `count` numbers."""
+    """A publisher that has delivered `count` numbers."""
     publisher = node.create_publisher(Int64, topic, qos)
     for message in numbers(count):
         publisher.publish(message)
@@ -144,7 +144,7 @@ class TestQueues:
 
     @pytest.mark.parametrize("end", [3, 40])
     def test_a_spin_that_ends_amid_a_flood_loses_nothing(self, world: World, node: Node, end: int) -> None:
-        """What the executor had taken for a batch and not delivered is there for the next."""
+        """The next spin delivers the rest of the executor's batch."""
         heard: list[int] = []
 
         def until_the_end(message: Any) -> None:
@@ -242,7 +242,7 @@ class TestPublishing:
         assert heard == [0, 1, 2, 3, 4]
 
     def test_from_many_threads_at_once(self, world: World, node: Node) -> None:
-        """All arrive, those of one thread in their order."""
+        """All arrive, and each thread's messages in order."""
         heard: list[int] = []
         node.create_subscription(Int64, "t", lambda message: heard.append(message.data), KEEP_ALL)
         publisher = node.create_publisher(Int64, "t", KEEP_ALL)
@@ -320,7 +320,7 @@ class TestPublishing:
 
 @pytest.mark.parametrize("raw", [False, True])
 def test_content_filters(world: World, raw: bool) -> None:
-    """They hold from when they are set, with one argument and with two."""
+    """A filter applies from the moment it is set, with one argument and with two."""
     node = world.node()
     heard: list[Any] = []
     publisher = node.create_publisher(Int64, "t", 100)

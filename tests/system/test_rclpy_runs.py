@@ -1,4 +1,4 @@
-"""Runs of messages that an executor of the facade takes at once: faster, and nothing else is different."""
+"""Runs of messages that an executor of the facade takes at once: faster, with the same results."""
 
 import threading
 import time
@@ -22,7 +22,7 @@ def node(world: World) -> Node:
 
 
 def fill(node: Node, subscription: Any, count: int = COUNT) -> None:
-    """Have messages wait, numbered from 0."""
+    """Queues messages, numbered from 0."""
     publisher = node.create_publisher(Int64, "t", COUNT)
     for number in range(count):
         publisher.publish(Int64(data=number))
@@ -61,7 +61,7 @@ def test_a_spin_once_of_threads_is_one_message(world: World, node: Node) -> None
 
 @every_kind
 def test_what_takes_long_gives_way(world: World, node: Node, kind: Kind) -> None:
-    """To others of the group: after many quick calls, slow ones come one at a time."""
+    """After many quick calls, slow ones run one at a time, so that others of the group get their turn."""
     told: list[str] = []
 
     def hear(message: Any) -> None:
@@ -79,7 +79,7 @@ def test_what_takes_long_gives_way(world: World, node: Node, kind: Kind) -> None
 
 @every_kind
 def test_the_rest_of_a_run_is_for_the_next(world: World, node: Node, kind: Kind) -> None:
-    """After a shutdown of the executor in the midst of it, and after an exception."""
+    """After a shutdown of the executor in the middle of a run, and after an exception."""
     heard: list[int] = []
 
     def hear(message: Any) -> None:
@@ -102,7 +102,7 @@ def test_the_rest_of_a_run_is_for_the_next(world: World, node: Node, kind: Kind)
 
 
 def test_callbacks_of_a_group_never_meet(world: World, node: Node) -> None:
-    """Runs, timers and other subscriptions of one group, in as many threads as one likes."""
+    """Runs, timers and other subscriptions of one group, with several threads."""
     inside, most, heard = [0], [0], [0]
 
     def enter(_: object = None) -> None:
@@ -123,7 +123,7 @@ def test_callbacks_of_a_group_never_meet(world: World, node: Node) -> None:
 
 
 def test_threads_that_are_never_idle_serve_all(world: World, node: Node) -> None:
-    """Each goes on by itself; a timer and a task come in their turn all the same."""
+    """Each thread is always busy; still, a timer and a task get their turn."""
     counts = [0, 0]
     group = ReentrantCallbackGroup()
 

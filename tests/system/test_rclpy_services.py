@@ -72,14 +72,14 @@ def test_a_call_and_its_future(world: World, server: Node, node: Node, client: C
 
 
 def test_a_call_that_waits(world: World, server: Node, client: Client) -> None:
-    """Nobody spins with the client's node."""
+    """No thread spins the client's node."""
     server.create_service(AddTwoInts, "add", add)
     with world.spinning(server):
         assert client.call(asked(1, 1)).sum == 2
 
 
 def test_calls_that_wait_in_many_threads(world: World, server: Node, node: Node, client: Client) -> None:
-    """Each gets its own answer, also where an executor takes them meanwhile."""
+    """Each call gets its own answer, even while an executor takes answers."""
     server.create_service(AddTwoInts, "add", add)
     sums: dict[int, list[int]] = {}
 
@@ -206,7 +206,7 @@ def test_an_answer_that_is_too_large_is_refused_and_the_server_goes_on(
 
 
 def test_a_server_that_raises(world: World, server: Node, client: Client) -> None:
-    """It leaves the server's spin, and the client is told."""
+    """The exception leaves the server's spin, and the client gets the error."""
 
     def fail(request: Any, response: Any) -> Any:
         raise ZeroDivisionError("by design")
@@ -244,7 +244,7 @@ def test_an_async_service_that_asks_another(world: World, server: Node, node: No
 
 
 def test_an_async_callback_that_awaits_an_answer(world: World, server: Node, node: Node) -> None:
-    """In the group of its client, as most programs have it."""
+    """It is in the group of its client, as in most programs."""
     server.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     sums: list[int] = []
@@ -262,7 +262,7 @@ def test_an_async_callback_that_awaits_an_answer(world: World, server: Node, nod
 
 
 def test_two_servers(world: World, server: Node, node: Node, client: Client) -> None:
-    """One answer to each call; the other is passed over."""
+    """Each call gets one answer; the second one is ignored."""
     calls: list[str] = []
 
     def serve(name: str) -> Any:
@@ -308,7 +308,7 @@ def test_requests_of_a_dead_client_are_skipped(world: World, server: Node, clien
     service = server.create_service(AddTwoInts, "add", note)
     assert client.wait_for_service(timeout_sec=WAIT_S)
     with subprocess.Popen([sys.executable, "-c", DOOMED]) as doomed:
-        wait_until(lambda: len(service._waiting) == 50)  # nobody spins
+        wait_until(lambda: len(service._waiting) == 50)  # no thread spins
         doomed.kill()
     wait_until(lambda: server.count_clients("add") == 1)
     future = client.call_async(asked(1000))
@@ -340,7 +340,7 @@ def test_destroyed_clients_and_services(world: World, server: Node, node: Node, 
 def test_a_callback_that_destroys_its_service(
     world: World, server: Node, client: Client, whole: bool
 ) -> None:
-    """Whoever spins is told that nothing can be answered."""
+    """The thread that spins gets an error: no answer can be sent."""
 
     def end(request: Any, response: Any) -> Any:
         if whole:

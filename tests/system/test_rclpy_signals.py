@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM in programs of the facade: what they raise, where, and what works afterwards."""
+"""Ctrl-C and SIGTERM in programs of the facade: the exception, its place, and the state afterwards."""
 
 import asyncio
 import random
@@ -32,7 +32,7 @@ node = rclpy.create_node('tester')
 publisher = node.create_publisher(String, 'talk', 10)
 """
 UP = "print('up', flush=True)\n"
-"""Stands where the program is ready for a signal: behind the `try` that catches what comes of it."""
+"""The place in a program at which it is ready for a signal: inside the `try` that catches the exception."""
 
 CAUGHT = """\
 try:
@@ -89,7 +89,7 @@ WAITS = {
     ),
     "a lock": "threading.Event().wait()",
 }
-"""Where a program may be when Ctrl-C comes."""
+"""Calls in which Ctrl-C may find a program."""
 
 
 def program(folder: Path, text: str) -> tuple[str | Path, ...]:
@@ -103,14 +103,14 @@ def caught(what: str) -> str:
 
 
 async def rest(program: Program) -> None:
-    """Wait until it is up and its main thread waits for something."""
+    """Wait until the program is up and its main thread sleeps."""
     await program.line("^up$")
     stat = Path(f"/proc/{program.process.pid}/stat")
     await until(lambda: stat.read_text().rpartition(")")[2].split()[0] == "S")
 
 
 async def settled(program: Program) -> None:
-    """As `rest`, but it has waited for a while: not only for another thread of its own."""
+    """Like `rest`, but it has slept for a while: it does not only wait for another of its own threads."""
     await rest(program)
     status = Path(f"/proc/{program.process.pid}/status")
     seen: list[list[str]] = []
@@ -129,7 +129,7 @@ async def settled(program: Program) -> None:
 @pytest.mark.parametrize("where", WAITS)
 @on_one_loop
 async def test_ctrl_c_that_is_caught(tmp_path: Path, where: str) -> None:
-    """A farewell is delivered, shutdown is tolerated once, and nothing else is said."""
+    """The farewell is delivered, a second shutdown is an error, and there is no other output."""
     async with bus.Node("listener", arguments=()) as node:
         subscription = await node.create_subscription(String, "talk", 1000)
         async with running(tmp_path, *program(tmp_path, caught(WAITS[where]))) as one:
@@ -159,7 +159,7 @@ async def test_ctrl_c_that_nobody_catches(tmp_path: Path, where: str) -> None:
 @pytest.mark.parametrize("where", ["spin", "sleep", "wait_for_service"])
 @on_one_loop
 async def test_ctrl_c_without_bus_run(tmp_path: Path, where: str) -> None:
-    """Quiet, and ended by the signal, for a shell to see."""
+    """It prints nothing and dies of the signal, so a shell can see that."""
     text = f"import bus.rclpy_compat\n{BEGIN}{UP}{WAITS[where]}\nprint('went on')\n"
     async with running(tmp_path, program(tmp_path, text)[-1]) as one:
         await rest(one)
@@ -170,7 +170,7 @@ async def test_ctrl_c_without_bus_run(tmp_path: Path, where: str) -> None:
 
 @on_one_loop
 async def test_a_thread_that_spins_says_nothing(tmp_path: Path) -> None:
-    """What ends it is no mistake of the program's."""
+    """The end is not the program's mistake, so it prints nothing."""
     text = f"""{BEGIN}
 thread = threading.Thread(target=rclpy.spin, args=(node,))
 thread.start()
@@ -213,7 +213,7 @@ rclpy.spin(other)
 
 @on_one_loop
 async def test_handlers_of_the_programs_own(tmp_path: Path) -> None:
-    """One from before `init` is called too; with SignalHandlerOptions.NO nothing else is."""
+    """A handler installed before `init` is called too; with SignalHandlerOptions.NO it is the only one."""
     text = f"""
 import os, signal
 told = []
@@ -333,19 +333,19 @@ STARTS = 5
 
 
 NOISE = re.compile(r": working$|: [\d,]+ messages on '/talk' were published without a pause, ")
-"""What a busy program may say itself."""
+"""Lines that a busy program may print itself."""
 
 
 @pytest.mark.parametrize("busy", BUSY)
 @on_one_loop
 async def test_ctrl_c_at_a_random_moment(tmp_path: Path, busy: str) -> None:
-    """It is never lost, comes only once, and leaves no traceback, whatever the program is at."""
+    """It is never lost, comes only once, and leaves no traceback, whatever the program is doing."""
     chance = random.Random(busy)
     command = program(tmp_path, caught(BUSY[busy]))
     for _ in range(STARTS):
         async with running(tmp_path, *command) as one:
             await one.line("^up$")
-            await asyncio.sleep(chance.uniform(0, 0.1))  # not to wait for anything: for another moment
+            await asyncio.sleep(chance.uniform(0, 0.1))  # for a random moment, not to wait for an event
             one.process.send_signal(signal.SIGINT)
             assert await one.end() == 0, one.lines[-30:]
         lines = [line for line in one.lines if not NOISE.search(line)]
@@ -359,7 +359,7 @@ async def test_ctrl_c_at_a_random_moment(tmp_path: Path, busy: str) -> None:
 @pytest.mark.parametrize("busy", ["publishing", "in callbacks", "making things", "calling", "many threads"])
 @on_one_loop
 async def test_ctrl_c_again_and_again(tmp_path: Path, busy: str) -> None:
-    """Impatience makes no noise, and no program hang."""
+    """Repeated Ctrl-C causes no output and lets no program hang."""
     chance = random.Random(busy)
     command = program(tmp_path, BEGIN + UP + BUSY[busy])
     for _ in range(STARTS):

@@ -1,4 +1,4 @@
-"""Simulated time in the facade: clocks, timers and rates that go by /clock."""
+"""Simulated time in the facade: clocks, timers and rates that follow /clock."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +28,7 @@ def node(world: World) -> Node:
 
 @pytest.fixture
 def at(world: World, node: Node) -> Callable[[float], None]:
-    """Set the simulation's time, and let it do what that brings."""
+    """Sets the simulation's time, and lets the node act on it."""
     simulator = world.node("simulator")
     publisher = simulator.create_publisher(ClockMessage, "/clock", 1)
 
@@ -92,7 +92,7 @@ def test_timers_when_the_simulation_begins_anew(
 
 
 def test_timers_made_before(world: World, node: Node, at: Callable[[float], None]) -> None:
-    """The time that was left counts by the new clock."""
+    """The remaining time counts by the new clock."""
     calls: list[int] = []
     node.create_timer(LONG_S, lambda: calls.append(1))
     use_sim_time(node, True)
@@ -117,7 +117,7 @@ def test_who_waits_sees_the_change(world: World, node: Node) -> None:
 
 
 def test_rates_and_sleeps(world: World, simulated: Node) -> None:
-    """They end when the simulation's time has come."""
+    """They end when the simulation reaches their time."""
     publisher = world.node("simulator").create_publisher(ClockMessage, "/clock", 1)
     clock, rate = simulated.get_clock(), simulated.create_rate(1 / 60)
     slept: list[str] = []

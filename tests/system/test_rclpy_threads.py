@@ -1,4 +1,4 @@
-"""Executors of threads under load: nothing is lost, groups hold, and Ctrl-C ends it."""
+"""Executors with threads under load: no message is lost, groups exclude each other, and Ctrl-C ends them."""
 
 import signal
 import sys
@@ -22,7 +22,7 @@ TOPICS = ("a", "b", "c", "d")
 
 
 class Inside:
-    """Which calls of a group are under way, and how many were at most."""
+    """The number of calls of a group in progress, and its maximum."""
 
     def __init__(self) -> None:
         self.now = self.most = 0
@@ -38,7 +38,7 @@ class Inside:
 
 
 def test_a_flood_in_groups(world: World) -> None:
-    """Two topics exclude each other, one itself, and one nothing; with pauses, in which threads sleep."""
+    """Two topics exclude each other, one only itself, and one nothing; pauses let threads sleep."""
     node, other = world.node(), world.node("other")
     alone, together = MutuallyExclusiveCallbackGroup(), MutuallyExclusiveCallbackGroup()
     groups = dict(zip(TOPICS, (together, together, alone, ReentrantCallbackGroup()), strict=True))
@@ -71,7 +71,7 @@ def test_a_flood_in_groups(world: World) -> None:
 
 
 def test_threads_are_handed_calls_and_leave_at_the_end(world: World) -> None:
-    """Each call comes when all threads sleep, and two at once have two threads."""
+    """Each call arrives when all threads sleep, and two at once get two threads."""
     node, other = world.node(), world.node("other")
     heard: list[int] = []
     both = threading.Barrier(2)
@@ -164,6 +164,6 @@ def test_an_interrupt_amid_a_flood(daemon: object, route: str, tmp_path: Path) -
             said, complained = process.communicate(timeout=30)
         finally:
             process.kill()
-    warned = "were published without a pause"  # a busy machine lets enough of them come together
+    warned = "were published without a pause"  # on a busy machine enough of them may collect
     assert (said, [line for line in complained.splitlines() if warned not in line]) == ("interrupted\n", [])
     assert process.returncode == 0

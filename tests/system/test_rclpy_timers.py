@@ -50,7 +50,7 @@ class TestTimers:
         assert timer.timer_period_ns == 20_000_000
 
     def test_no_burst_after_a_stall(self, world: World, node: Node) -> None:
-        """What was missed is skipped, and the phase stays."""
+        """The timer skips missed calls and keeps its phase."""
         period_s, stall_s = 0.005, 0.2
         calls: list[int] = []
 
@@ -113,7 +113,7 @@ class TestTimers:
         assert due.is_ready() and (due.time_until_next_call() or 0) <= 0
 
     def test_a_new_period(self, world: World, node: Node) -> None:
-        """It holds from the next reset on."""
+        """It applies from the next reset on."""
         calls: list[int] = []
         timer = node.create_timer(LONG_S, lambda: calls.append(1))
         timer.timer_period_ns = 1_000_000
@@ -152,7 +152,7 @@ class TestTimers:
         assert calls.count("zero") >= 3
 
     def test_two_timers_by_spin_once(self, world: World, node: Node) -> None:
-        """Both are due each time, and one is called."""
+        """Both are due each time; each spin_once calls one of them."""
         calls: list[str] = []
         for name in ("a", "b"):
             node.create_timer(0.001, lambda name=name: calls.append(name))
@@ -169,7 +169,7 @@ class TestTimers:
                 use()
 
     def test_async(self, world: World, node: Node) -> None:
-        """The next call comes when the one before has ended."""
+        """The next call starts after the end of the one before."""
         calls: list[str] = []
         gate: Future[None] = Future()
 
@@ -238,7 +238,7 @@ class TestRates:
         assert len(calls) == 5
 
     def test_it_is_a_timer_of_its_node(self, world: World, node: Node) -> None:
-        """That an executor calls, as its one call; who sleeps in another thread is woken."""
+        """It is the one call of an executor's spin_once, and wakes the thread that sleeps on the rate."""
         begin_ns = time.monotonic_ns()
         rate = node.create_rate(50)
         assert [timer.timer_period_ns for timer in node.timers] == [20_000_000]
@@ -269,7 +269,7 @@ class TestRates:
 
     @every_kind
     def test_in_all_callbacks_that_there_can_be(self, world: World, node: Node, kind: Kind) -> None:
-        """Then no thread of the executor is left to fire the timer."""
+        """Then the executor has no free thread for the timer."""
         slept: list[int] = []
         rate = node.create_rate(200)
 
@@ -326,7 +326,7 @@ class TestGuardConditions:
         assert calls == [1]
 
     def test_from_other_threads(self, world: World, node: Node) -> None:
-        """Each trigger is followed by a call."""
+        """A call follows each trigger."""
         calls = [0]
         asked = threading.Semaphore(0)
 

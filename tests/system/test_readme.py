@@ -1,7 +1,7 @@
-"""The commands of the README and of other pages are run on a busd of the test: output has the shown shape.
+"""The commands of the README and of other pages run on a busd of the test: the output has the printed shape.
 
-Not run are the lines that make the environment in which this test runs (venv, pip) and `make test`, which
-would run this test; of those it is checked that what they call is there.
+The tests do not run the lines that make this test's environment (venv, pip), nor `make test`, which would
+run this test. For these they check that the named files and targets exist.
 """
 
 import os
@@ -75,7 +75,7 @@ def test_a_bag(daemon: Daemon, start: Start, tmp_path: Path) -> None:
     assert program.end(signal.SIGINT) == 0
     assert re.search(shape(recorded.farewell[0]), program.text) and "Traceback" not in program.text
     program = start(played.command, tmp_path)
-    program.read_until(shape(played.output[0]))  # what it says of keys is for terminals
+    program.read_until(shape(played.output[0]))  # it only prints keys on a terminal
     assert program.end() == 0
 
 
@@ -167,7 +167,7 @@ PROGRAMS_OF_THE_LESSON = {
     "py_srvcli service": "service_member_function.py",
     "py_srvcli client": "client_member_function.py",
 }
-"""As the page's packages name them; here they are run without pip or colcon, which other tests do."""
+"""The names in the page's packages. Here they run without pip or colcon; other tests use those."""
 
 
 @pytest.fixture
@@ -192,7 +192,7 @@ def lesson(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_package_of_the_lesson_page(lesson: Path, start: Start) -> None:
-    """But for where it is made, and by whom."""
+    """Except for its folder and maintainer."""
     (shown,) = console(STEPS[0])
     program = start(shown.command, lesson / "src")
     assert program.end() == 0
@@ -209,7 +209,7 @@ def test_the_lesson_page_prints_its_first_two_programs() -> None:
 
 @pytest.mark.parametrize("step", STEPS[1:], ids=lambda step: step.splitlines()[0].strip("# "))
 def test_the_steps_of_the_lesson_page(step: str, daemon: Daemon, lesson: Path, start: Start) -> None:
-    """The programs of a step run on while the commands after them are typed."""
+    """The programs of a step still run while later commands are typed."""
     for line in "".join(blocks("sh", step)).splitlines():
         assert start(line, lesson / "src").end() == 0
     for name, text in FILE.findall(step):
@@ -237,7 +237,7 @@ def test_the_steps_of_the_lesson_page(step: str, daemon: Daemon, lesson: Path, s
 
 
 def make(target: str, tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """`make`, with the environment that runs this test in the place of .venv."""
+    """`make` with the environment of this test in place of .venv."""
     stamp = tmp_path / "installed"
     stamp.touch()
     environ = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
@@ -256,19 +256,19 @@ def test_make_demo(tmp_path: Path) -> None:
     (shown,) = [one for one in CONSOLE if one.command.startswith("make demo")]
     done = make("demo", tmp_path, *shown.command.split()[2:])
     printed = (done.stdout + done.stderr).splitlines()
-    for line in shown.output:  # the processes write as they like, so not in this order
+    for line in shown.output:  # the processes print in any order
         assert any(re.fullmatch(shape(line), one) for one in printed), (line, printed)
     assert done.returncode == 0
 
 
 def test_make_robot(tmp_path: Path) -> None:
-    """A machine that is too busy for the robot's rates is no fault here."""
+    """A machine that is too slow for the robot's rates is no failure here."""
     page = console((ROOT / "docs" / "look.md").read_text())
     (shown,) = [one for one in page if one.command.startswith("make robot")]
     done = make("robot", tmp_path, re.sub(r"\d+", ROBOT_SECONDS, shown.command.split()[2]))
     printed = done.stdout.splitlines()
     *table, praise = shown.output
-    for line in table:  # who lost what, at its end, is the machine's affair
+    for line in table:  # losses at its end depend on the machine
         pattern = shape(line.removesuffix("-"))
         assert any(re.match(pattern, one) for one in printed), (line, printed)
     slow = r"The robot failed: /\S+ (had \S+ of \S+ Hz|lost messages)"  # its queues are short
@@ -299,6 +299,6 @@ def test_what_is_typed_exists(tmp_path: Path) -> None:
 def test_the_programs_that_pip_installs_are_there() -> None:
     scripts = PROJECT["scripts"]
     assert set(scripts) == {"busd", "bus"}
-    for place in scripts.values():  # not imported here: the program `bus` begins with how a Ctrl-C ends it
+    for place in scripts.values():  # not imported here: importing `bus` changes the handling of Ctrl-C
         module, _, function = place.partition(":")
         subprocess.run([sys.executable, "-c", f"from {module} import {function}"], check=True)

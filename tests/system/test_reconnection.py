@@ -1,4 +1,4 @@
-"""A client against a broker that comes and goes at the worst moment; the broker is a fake, so that it can."""
+"""A client whose broker dies and returns at the worst moments; the fake broker makes that possible."""
 
 import asyncio
 import logging
@@ -27,7 +27,7 @@ from semantics import until
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
     monkeypatch.setattr(bus.link.connecting, "_RETRY_S", (0.0, 0.01))
-    monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
+    monkeypatch.setenv("BUS_ROUTE", "socket")  # the broker does not see messages in rings
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
 
@@ -111,7 +111,7 @@ class TestOpening:
             assert "not today" in str(error)
 
     async def test_one_that_was_just_leaving(self, broker: FakeBroker) -> None:
-        """A busd that ends when it is idle may have a last connection in its backlog."""
+        """A busd that exits because it is idle may have a last connection in its backlog."""
         node = bus.Node("node", arguments=[], rosout=False)
         opening = asyncio.ensure_future(node.open())
         leaving = await broker.meet()
@@ -151,7 +151,7 @@ class TestOpening:
 
 
 class TestWaiting:
-    """For an answer: as long as anything at all comes, the broker lives."""
+    """While a client waits for an answer, any received bytes show that the broker lives."""
 
     async def test_while_there_are_signs_of_life(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
@@ -163,7 +163,7 @@ class TestWaiting:
         answer = m.encode_frame(
             m.GraphSnapshot(request=request.request, revision=0, nodes=(), endpoints=(), matches=())
         )
-        for at in range(0, len(answer) - 1, 4):  # a sign of life may be a part of the answer
+        for at in range(0, len(answer) - 1, 4):  # a part of the answer is a sign of life too
             client.write(answer[at : min(at + 4, len(answer) - 1)])
             await asyncio.sleep(0.1)
         assert len(answer) // 4 * 0.1 > 2 * bus.link.requests.ANSWER_S
@@ -174,7 +174,7 @@ class TestWaiting:
     async def test_not_for_one_that_says_nothing(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """What it said before does not count: the time runs from the question."""
+        """Earlier messages do not count: the time runs from the question."""
         monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.2)
         node, client = await opened(broker)
         began_s = time.monotonic()
@@ -225,7 +225,7 @@ class TestWaiting:
     async def test_what_was_not_read_yet_counts(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """This process was held up, not the broker."""
+        """This process was delayed, not the broker."""
         monkeypatch.setattr(bus.link.requests, "ANSWER_S", 0.1)
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
@@ -269,7 +269,7 @@ class TestCreating:
     async def test_cancelled_as_the_answer_comes(
         self, broker: FakeBroker, kind: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """The answer has been read, and its task was to run next."""
+        """The answer has been read, and its task would run next."""
         node, client = await opened(broker)
         make = node.create_publisher if kind is m.CreatePublisher else node.create_subscription
         creating = asyncio.ensure_future(make(Int32, "t"))
@@ -291,7 +291,7 @@ class TestCreating:
         await node.close()
 
     async def reconnects_without_endpoints(self, broker: FakeBroker, client: FakeConnection) -> None:
-        """What was not created does not come back either."""
+        """Endpoints that were not created are not declared to the next broker either."""
         await client.close()
         client = await broker.accept()
         await client.create(m.CreateNode, 21)
@@ -314,7 +314,7 @@ class TestComingBack:
     async def test_a_node_closed_before_it_is_declared_again(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
     ) -> None:
-        """Its old id must not be used towards the new broker, where it may be somebody else's."""
+        """The new broker must not get its old id, which may belong to another node there."""
         staying, client = await opened(broker, "staying", 1)
         leaving = bus.Node("leaving", arguments=[], rosout=False)
         opening = asyncio.ensure_future(leaving.open())
@@ -326,7 +326,7 @@ class TestComingBack:
         await leaving.close()
         client.send(m.Created(request=request.request, id=11))
         second = await client.receive()
-        if isinstance(second, m.CreateNode):  # it was on its way already: then it must go again
+        if isinstance(second, m.CreateNode):  # already sent, so the node must be removed again
             client.send(m.Created(request=second.request, id=12))
             destroyed = await client.expect(m.DestroyNode)
             assert destroyed.node == 12
@@ -374,7 +374,7 @@ class TestComingBack:
         await staying.close()
 
     async def test_lost_again_and_again(self, broker: FakeBroker, caplog: pytest.LogCaptureFixture) -> None:
-        """At every step of the way back; it is one loss for the user."""
+        """At every step of the reconnection; for the user it is a single loss."""
         caplog.set_level(logging.INFO, "bus")
         node, client = await opened(broker)
         creating = asyncio.ensure_future(node.create_publisher(Int32, "t"))
@@ -407,7 +407,7 @@ class TestComingBack:
     async def test_a_broker_that_takes_its_time(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
     ) -> None:
-        """All are asked for at once; the log says how far it is; it takes longer than one answer may."""
+        """All are requested at once, the log shows progress, and it takes longer than one answer may."""
         caplog.set_level(logging.INFO, "bus")
         monkeypatch.setattr(bus.link.connecting, "_REPORT_S", 0.1)
         node, client = await opened(broker)
@@ -431,7 +431,7 @@ class TestComingBack:
         await node.close()
 
     async def test_nonsense_from_the_broker(self, broker: FakeBroker) -> None:
-        """Things that are not there, or not any more: passed over."""
+        """Messages about unknown or former objects are ignored."""
         node, client = await opened(broker)
         creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
         await client.create(m.CreateSubscription, 2)

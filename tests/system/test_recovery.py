@@ -1,4 +1,4 @@
-"""Processes that die, hang and come back: the graph tells the truth, and those who live carry on."""
+"""Processes that die, hang and return: the graph stays correct, and the living continue."""
 
 import asyncio
 import logging
@@ -20,7 +20,7 @@ from semantics import LATCHED, until
 pytestmark = pytest.mark.usefixtures("route")
 
 LEASE_S = 2.0
-"""Longer than a busy machine may keep those silent who are not stopped."""
+"""Longer than a busy machine may delay a process that is not stopped."""
 
 TALKER = """
 import asyncio, sys
@@ -43,7 +43,7 @@ bus.run(main())
 
 @pytest.fixture
 def program(daemon: Daemon) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Starts a Python program that must not say anything on stderr but log lines."""
+    """Starts a Python program that must print only log lines on stderr."""
     programs: list[subprocess.Popen[str]] = []
 
     def start(source: str, *arguments: str) -> subprocess.Popen[str]:
@@ -82,7 +82,7 @@ async def until_nodes(node: bus.Node, *names: str) -> None:
 
 
 async def until_said(program: subprocess.Popen[str], text: str) -> str:
-    """What it has said on stderr, once `text` is a part of it."""
+    """The program's stderr, once it contains `text`."""
     assert program.stderr is not None
     descriptor, said = program.stderr.fileno(), ""
     os.set_blocking(descriptor, False)
@@ -98,7 +98,7 @@ async def until_said(program: subprocess.Popen[str], text: str) -> str:
 
 
 async def until_restarted(daemon: Daemon, *endpoints: bus.Publisher[Int32] | bus.Subscription[Int32]) -> None:
-    """Kill busd, start another, wait until it knows the endpoints."""
+    """Kills busd, starts another one, and waits until it knows the endpoints."""
     daemon.kill()
     await until(lambda: not any(one._core.id for one in endpoints))
     daemon.restart()
@@ -122,7 +122,7 @@ class TestClients:
     async def test_a_stopped_one_keeps_its_place(
         self, daemon: Daemon, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
     ) -> None:
-        """busd and the program say that it was silent. Of a lease that somebody asked for he is told, too."""
+        """busd and the program report its silence. A subscription with a lease gets an event, too."""
         alive: list[int] = []
         subscription = await node.create_subscription(
             Int32,
@@ -139,7 +139,7 @@ class TestClients:
         assert subscription.get_publisher_count() == 1
         while subscription.take():
             pass
-        # The program counts from its last beat, or from when it was told how often: a beat later, at most.
+        # It counts from its last heartbeat, or from the moment busd set the interval: a beat later at most.
         await asyncio.sleep(LEASE_S / 4)
         talker.send_signal(signal.SIGCONT)
         await subscription.receive()
@@ -155,7 +155,7 @@ class TestClients:
     async def test_a_child_does_not_keep_its_dead_parent_alive(
         self, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
     ) -> None:
-        """A worker that was forked has the parent's socket too."""
+        """A forked worker has the parent's socket too."""
         source = TALKER.replace(
             "number = 0",
             """
@@ -196,7 +196,7 @@ class TestBroker:
         assert len(said) == 6
 
     async def test_what_is_published_meanwhile(self, daemon: Daemon, node: bus.Node, route: str) -> None:
-        """By rings it arrives. By socket the newest waits, as many as the publisher's depth."""
+        """By shared memory all arrive. By socket the publisher keeps the newest, as many as its depth."""
         subscription = await node.create_subscription(Int32, "t", 100)
         publisher = await node.create_publisher(Int32, "t", 3)
         daemon.kill()
@@ -231,7 +231,7 @@ class TestBroker:
         assert heard == [0, 1, 2, 3, 4, 5]
 
     async def test_back_pressure_survives(self, daemon: Daemon, node: bus.Node) -> None:
-        """A keep-all publisher that waits for room is let go on by the new broker; order holds."""
+        """The new broker unblocks a keep-all publisher that waits for room; the order is kept."""
         keep_all = bus.QoSProfile(history="keep_all")
         subscription = await node.create_subscription(Int32, "t", keep_all)
         publisher = await node.create_publisher(Int32, "t", keep_all)
@@ -272,7 +272,7 @@ class TestBroker:
         monkeypatch: pytest.MonkeyPatch,
         start_daemon: Callable[..., Daemon],
     ) -> None:
-        """What they said meanwhile waits in the sockets, and is heard before their leases are looked at."""
+        """Their messages wait in the sockets, and busd reads them before it checks leases."""
         if loop == "asyncio":
             (tmp_path / "uvloop.py").write_text("raise ImportError('hidden by a test')\n")
             path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
@@ -341,7 +341,7 @@ class TestBroker:
     async def test_a_new_one_with_less_room(
         self, daemon: Daemon, node: bus.Node, tmp_path: Path, caplog: pytest.LogCaptureFixture
     ) -> None:
-        """What it has no room for waits until there is some, and says so; the rest carries on."""
+        """Endpoints without room there wait for it and log that; the others continue."""
         subscription = await node.create_subscription(Int32, "t", 10)
         publishers = [await node.create_publisher(Int32, "t", 10) for _ in range(3)]
         daemon.kill()

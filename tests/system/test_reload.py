@@ -1,4 +1,4 @@
-"""SIGHUP and `bus daemon reload`: the configuration is read again. And what the end of a terminal means."""
+"""SIGHUP and `bus daemon reload` read the configuration again; and the meaning of a terminal's end."""
 
 import contextlib
 import fcntl
@@ -41,7 +41,7 @@ def peer(daemon: Daemon) -> Iterator[RawPeer]:
 
 
 def hang_up(daemon: Daemon, says: str) -> None:
-    """SIGHUP, and wait until the log says that."""
+    """Sends SIGHUP, and waits until the log has the text once more."""
     before = daemon.log.read_text().count(says)
     daemon.process.send_signal(signal.SIGHUP)
     until_equal(before + 1, lambda: daemon.log.read_text().count(says))
@@ -118,7 +118,7 @@ class TestAConfiguration:
     def test_programs_that_ask_for_it_again_and_again_do_not_fill_the_log(
         self, daemon: Daemon, config: Path, peer: RawPeer
     ) -> None:
-        """The answers say what the log leaves out."""
+        """The answers have the details that the log omits."""
         config.write_text("[limits]\ndepht = 5\n")
         peer.send(*(m.Reload(request=number) for number in range(1000, 1500)))
         refusals = [peer.expect(m.Refused) for _ in range(500)]
@@ -126,7 +126,7 @@ class TestAConfiguration:
         assert {one.again for one in refusals if "try again" in one.text} == {True}
         log = daemon.log.read_text()
         assert log.count("the configuration stays as it was") == 1
-        hang_up(daemon, "the configuration stays as it was")  # whoever sends a signal gets no other answer
+        hang_up(daemon, "the configuration stays as it was")  # the sender of a signal gets no other answer
 
     def test_the_service_manager_is_told(
         self,
@@ -193,7 +193,7 @@ class TestTheVerb:
 
 
 class InATerminal:
-    """busd as one starts it by hand: the terminal is its own, and it dies with it."""
+    """busd as a user starts it by hand: it has a terminal of its own, and ends with that."""
 
     def __init__(self, folder: Path, config: Path, *, shielded: bool = False) -> None:
         self.path = folder / "terminal.sock"
@@ -240,7 +240,7 @@ class InATerminal:
 
 class TestInATerminal:
     def test_a_signal_is_a_signal(self, tmp_path: Path, config: Path) -> None:
-        """And the end of the terminal that of busd, in order."""
+        """Without a terminal's end SIGHUP only reloads; the end of the terminal stops busd in order."""
         busd = InATerminal(tmp_path, config)
         try:
             busd.hang_up()

@@ -1,4 +1,4 @@
-"""What `repr` says of the objects that a program holds, in every state that they can be in."""
+"""The `repr` of the objects that a program holds, in each of their states."""
 
 import asyncio
 import functools

@@ -1,4 +1,4 @@
-"""What a publisher's ring does by itself: grow, keep depth, be read without sleep. Seen from outside."""
+"""A publisher's ring, seen from outside: it grows, keeps its depth, and is read without sleep."""
 
 import asyncio
 import random
@@ -32,7 +32,7 @@ def numbered(number: int, size: int) -> Numbered:
 
 @by_shared_memory
 async def test_sends_lose_nothing_that_is_read_in_the_same_loop(node: bus.Node) -> None:
-    """Each hundred lets it read, so a depth of some hundreds is enough."""
+    """`send` lets the reader run after each hundred messages, so a depth of some hundreds is enough."""
     heard: list[int] = []
     subscription = await node.create_subscription(
         Int32, "t", 1000, lambda message: heard.append(message.data)
@@ -52,7 +52,7 @@ async def test_sends_lose_nothing_that_is_read_in_the_same_loop(node: bus.Node) 
 class TestGrowth:
     @by_shared_memory
     async def test_for_the_depth_of_a_subscription(self, node: bus.Node) -> None:
-        """The publisher's own depth is for late ones; what waits for those that are there is theirs."""
+        """The publisher's own depth is for late joiners; matched subscriptions have their own depth."""
         subscription = await node.create_subscription(Numbered, "t", 5000)
         publisher = await node.create_publisher(Numbered, "t", 1)
         for number in range(5000):
@@ -63,7 +63,7 @@ class TestGrowth:
 
     @by_shared_memory
     async def test_for_depth_it_grows_once(self, node: bus.Node, monkeypatch: pytest.MonkeyPatch) -> None:
-        """From its usual size to what the depth will need, because messages are held up meanwhile."""
+        """From its usual size to the size that the depth will need, because growing delays messages."""
         made: list[int] = []
         make_ring = segments.make_ring
 
@@ -89,7 +89,7 @@ class TestGrowth:
 
     @pytest.mark.parametrize("qos", [bus.QoSProfile(100), KEEP_ALL], ids=["keep last", "keep all"])
     async def test_many_times_before_anybody_reads(self, node: bus.Node, qos: bus.QoSProfile) -> None:
-        """The reader finds its way from ring to ring, and nothing is lost, repeated or out of order."""
+        """The reader follows from ring to ring; no message is lost, repeated or out of order."""
         subscription = await node.create_subscription(Numbered, "t", qos)
         publisher = await node.create_publisher(Numbered, "t", qos)
         sizes = [4 << step for step in range(17)] * 2 + [40] * 60
@@ -133,7 +133,7 @@ class TestGrowth:
 
     @by_shared_memory
     async def test_the_old_rings_are_let_go(self, node: bus.Node) -> None:
-        """This process is publisher and subscription: it keeps descriptors of the last ring only."""
+        """This process is publisher and subscription, and only keeps descriptors of the last ring."""
         subscription = await node.create_subscription(Numbered, "t", 10)
         publisher = await node.create_publisher(Numbered, "t", 10)
         publisher.publish(numbered(0, 4))
@@ -150,7 +150,7 @@ class TestGrowth:
     async def test_where_there_is_no_memory_for_it(
         self, node: bus.Node, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Depth is given up, then the publisher is told; what it has published is still read."""
+        """First old messages are dropped, then `publish` raises; earlier messages are still read."""
         subscription = await node.create_subscription(Numbered, "t", 1000)
         publisher = await node.create_publisher(Numbered, "t", 1000)
 
@@ -188,7 +188,7 @@ class TestReading:
     async def test_the_last_word_of_one_that_rings_nobody(
         self, node: bus.Node, monkeypatch: pytest.MonkeyPatch, turns: int
     ) -> None:
-        """It left before it heard how its reader is woken; then the broker's word is the bell."""
+        """It left before it knew how to wake its reader, so the broker's message wakes the reader."""
         monkeypatch.setattr(ShmSender, "attach", lambda *_: None)
         subscription = await node.create_subscription(Int32, "t", 5)
         publisher = await node.create_publisher(Int32, "t", 5)
@@ -202,7 +202,7 @@ class TestReading:
 
 
 def rings() -> int:
-    """Descriptors of rings that this process has open."""
+    """The number of open descriptors of rings in this process."""
     found = 0
     for entry in Path("/proc/self/fd").iterdir():
         try:
@@ -231,7 +231,7 @@ class TestBusyPolling:
 
     @by_shared_memory
     async def test_what_comes_after_the_polling_has_ended_wakes(self, node: bus.Node) -> None:
-        """It ends by itself; then the doorbell rings again."""
+        """Polling ends by itself; after that the doorbell wakes the subscription again."""
         publisher = await node.create_publisher(Int32, "t", 10)
         subscription = await node.create_subscription(Int32, "t", 10, busy_poll=0.002)
         shm_context = node._opened().link.shm_context

@@ -1,4 +1,4 @@
-"""The example robot, run as its users run it."""
+"""The example robot, run as users run it."""
 
 import asyncio
 import os
@@ -35,9 +35,9 @@ async def test_the_robot_ends_by_itself_with_a_summary(tmp_path: Path) -> None:
         shares.append(float(row[1]) / due)
     assert min(shares) > 0
     flowed, failed = (0, "Every layer lived, every topic flowed."), (1, "The robot failed: /")
-    if abs(min(shares) - 0.8) < 0.01:  # the rates are shown rounded
+    if abs(min(shares) - 0.8) < 0.01:  # the shown rates are rounded
         assert (status, verdict) == flowed or (status, verdict[:19]) == failed
-    elif min(shares) > 0.8:  # a very busy machine may be too slow, and must be told so
+    elif min(shares) > 0.8:  # on a very busy machine it may be too slow, and must say so
         assert (status, verdict) == flowed
     else:
         assert (status, verdict[:19]) == failed
@@ -55,7 +55,7 @@ async def test_ctrl_c_ends_the_robot_and_leaves_nothing(tmp_path: Path) -> None:
 
 
 class Observer:
-    """Hears every topic of a robot, and when the only publisher of one comes and goes."""
+    """Listens to every topic of a robot, and to the start and end of each topic's only publisher."""
 
     def __init__(self, common: Any) -> None:
         self.topics = {topic.name: topic for topic in common.TOPICS}
@@ -76,7 +76,7 @@ class Observer:
             )
 
     async def hear(self, names: Iterable[str]) -> None:
-        """Wait for a message on each topic that is published from now on."""
+        """Wait for a message on each topic, published after this call."""
         now_ns = time_ns()
         for name in names:
             while (await self.subscriptions[name].receive())[1].source_timestamp <= now_ns:
@@ -128,7 +128,7 @@ async def test_killing_and_restarting_busd_leaves_the_layers_running(tmp_path: P
         os.kill(before.broker_pid, signal.SIGKILL)
         await robot.line("busd was ended by SIGKILL; the others go on")
         await stack.enter_async_context(running(tmp_path, "-m", "busd", BUSD_SOCKET=socket))
-        await observer.hear(observer.topics)  # by rings, perhaps before all are back
+        await observer.hear(observer.topics)  # by shared memory, perhaps before all are back
         pids = {one.pid for one in before.nodes}
         await node.wait_for_graph(lambda graph: {one.pid for one in graph.nodes} == pids)
         assert (await node.graph()).broker_pid != before.broker_pid
@@ -137,7 +137,7 @@ async def test_killing_and_restarting_busd_leaves_the_layers_running(tmp_path: P
 
 
 def health_of(common: Any, *, published: int, received: int) -> Any:
-    """A report of one second in which one topic differs from what is due."""
+    """A report about one second, in which only one topic differs from its due rate."""
     topics = [
         common.TopicHealth(
             topic=topic.name,

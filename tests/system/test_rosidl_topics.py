@@ -1,4 +1,4 @@
-"""Messages of rosidl's classes on topics, beside those of the native classes."""
+"""Messages of rosidl's classes on topics, together with messages of the native classes."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The routes of matches: which one is taken, both at once, from one to the other, and what a ring does."""
+"""Routes of matches: the choice, both at once, a change from one to the other, and the ring's rules."""
 
 import asyncio
 import contextlib
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
 OpenNode = Callable[..., AbstractAsyncContextManager[bus.Node]]
 DURABLE = bus.QoSProfile(100_000, durability="transient_local")
-"""More than is published in any of the tests, however long others stall."""
+"""A depth above the number of messages in any test, however slow other endpoints are."""
 
 
 class Blob(msgspec.Struct):
@@ -37,7 +37,7 @@ class Blob(msgspec.Struct):
 
 @pytest.fixture
 def open_node(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> OpenNode:
-    """Opens a node that has a connection of its own, as one of another process has."""
+    """Opens a node with its own connection, as if it were in another process."""
 
     @asynccontextmanager
     async def open_(name: str, **variables: str) -> AsyncIterator[bus.Node]:
@@ -58,7 +58,7 @@ def open_node(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.fixture
 def public_daemon(monkeypatch: pytest.MonkeyPatch) -> Iterator[Daemon]:
-    """One whose socket other users may use."""
+    """A daemon whose socket other users may use."""
     folder = Path(tempfile.mkdtemp(prefix="busd-"))
     folder.chmod(0o755)
     monkeypatch.setenv("BUSD_SOCKET", str(folder / "busd.sock"))
@@ -81,7 +81,7 @@ def numbers(first: int, stop: int) -> list[Int32]:
 
 
 async def talk(publisher: bus.Publisher[Int32]) -> None:
-    """Publish numbers, and let others have their turns in between."""
+    """Publishes numbers, and lets other tasks run in between."""
     number = 0
     while True:
         await publisher.send(Int32(data=number))
@@ -90,7 +90,7 @@ async def talk(publisher: bus.Publisher[Int32]) -> None:
 
 
 async def hear(subscription: bus.Subscription[Int32], heard: list[int]) -> None:
-    """Take all that comes: one that does not would hold a publisher back that keeps all."""
+    """Takes every message: a reader that does not would block a keep-all publisher."""
     while True:
         heard.append((await subscription.receive())[0].data)
 
@@ -184,7 +184,7 @@ class TestBoth:
             while heard[-1] != 501:
                 heard += await take(again, 1)
             assert heard == list(range(heard[0], 502))
-            assert heard[0] == 0 if qos is DURABLE else heard[0] >= 500  # which was on its way
+            assert heard[0] == 0 if qos is DURABLE else heard[0] >= 500  # 500 was still in transit
 
     async def test_a_late_one_by_socket_misses_nothing_that_is_published_later(
         self, node: bus.Node, open_node: OpenNode
@@ -273,7 +273,7 @@ async def test_busd_dies_when_the_ring_of_one_that_has_gone_was_just_taken_to_it
 async def test_what_was_taken_is_sent_once_when_there_is_memory(
     node: bus.Node, open_node: OpenNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else it would be published a second time, and the ring's readers had it already."""
+    """Otherwise it would be published twice, and the ring's readers already have it."""
     publisher = await node.create_publisher(Int32, "t", 10)
     near = await node.create_subscription(Int32, "t", 10)
     hand_over, failures = SocketSender.hand_over, [MemoryError()]
@@ -297,11 +297,11 @@ def refuse(*_: object) -> Any:
 
 
 class TestRerouted:
-    """What one end can't use goes by socket, and nothing is lost, repeated or out of order."""
+    """If an end can't use shared memory, messages go by socket: none is lost, repeated or out of order."""
 
     @pytest.fixture(params=["ring", "readers", "slot"])
     def broken(self, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-        """What can't be used: the ring there, the readers' segment here; or no slot is left."""
+        """The broken part: the publisher's ring there, the readers' segment here, or all slots are taken."""
         if request.param == "slot":
             monkeypatch.setattr(ShmContext, "allot_slot", lambda self: None)
         else:
@@ -344,7 +344,7 @@ class TestRerouted:
     async def test_while_others_go_by_socket(
         self, node: bus.Node, open_node: OpenNode, broken: str, qos: bus.QoSProfile
     ) -> None:
-        """What has gone to these already comes again, for the one that has missed it."""
+        """The publisher resends messages to the late subscription, although the others already have them."""
         publisher = await node.create_publisher(Int32, "t", qos)
         async with open_node("plain", BUS_ROUTE="socket") as plain, open_node("far") as far:
             other = await plain.create_subscription(Int32, "t", qos)

@@ -1,4 +1,4 @@
-"""Every program of the page of scripts is run as its user would run it."""
+"""Every program on the page about scripts runs as a user would run it."""
 
 from pathlib import Path
 
@@ -23,6 +23,6 @@ def test_one_speaks_and_one_listens(tmp_path: Path, start: Start) -> None:
     assert set(SCRIPTS) == {*SHOWN, "say.py", "hear.py"}
     for name in ("say.py", "hear.py"):
         (tmp_path / name).write_text(SCRIPTS[name])
-    say = start("python say.py", tmp_path)  # first: it waits, and the other one does not for long
+    say = start("python say.py", tmp_path)  # first, because it waits longer than the other
     hear = start("python hear.py", tmp_path)
     assert (hear.end(), hear.text, say.end(), say.text) == (0, "hello\n", 0, "")

@@ -1,4 +1,4 @@
-"""What can go wrong with a service: nobody serves, a callback raises, definitions differ, processes die."""
+"""Faults of services: no server, exceptions in callbacks, different definitions, dead processes."""
 
 import asyncio
 import contextlib
@@ -54,7 +54,7 @@ bus.run(main())
 
 
 class Other:
-    """What somebody else means by the same name."""
+    """Another definition with the same name."""
 
     __type_name__: ClassVar[str] = AddTwoInts.__type_name__
 
@@ -272,7 +272,7 @@ class TestProcesses:
     async def test_a_dead_client_holds_up_no_other(
         self, node: bus.Node, other: bus.Node, tmp_path: Path, kind: str
     ) -> None:
-        """Its requests that have not begun are skipped, and counted."""
+        """The server skips its pending requests, and counts them."""
         begun, may_end = list[int](), asyncio.Event()
 
         async def add_later(request: AddTwoInts.Request) -> AddTwoInts.Response:
@@ -313,7 +313,7 @@ class TestProcesses:
         assert not service._lost
 
     async def test_a_broker_that_dies(self, node: bus.Node, other: bus.Node, daemon: Daemon) -> None:
-        """What is called afterwards is answered; what was under way is, too, or its caller gives up."""
+        """Later calls are answered. Calls in progress are answered, too, or their caller gives up."""
         await node.create_service(AddTwoInts, "add", add)
         client = await other.create_client(AddTwoInts, "add")
         assert (await client.call(asked(1))).sum == 1
@@ -340,7 +340,7 @@ class TestProcesses:
 
 
 class TestLostWithBusd:
-    """busd is stopped, then killed: what it had not read by then is lost by the socket, and only there."""
+    """busd is stopped, then killed. Messages that it has not read are lost by socket, and only there."""
 
     @pytest.fixture
     async def ends(

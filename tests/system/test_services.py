@@ -82,7 +82,7 @@ class TestCalls:
         assert [client.statistics().late for client in clients] == [0, 0]
 
     async def test_requests_of_many_clients_wait(self, node: bus.Node, other: bus.Node) -> None:
-        """More than the depth of each, while the server takes none."""
+        """More requests than the depth of each client, while the server takes none."""
         held: list[bus.RequestId] = []
         busy = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""Callbacks that hold the event loop up."""
+"""Callbacks that block the event loop."""
 
 import asyncio
 import gc
@@ -30,7 +30,7 @@ LONG_S = 1.5 * SLOW_NS / 1e9
 
 @pytest.fixture
 def warned(node: bus.Node, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What the node's log warns of."""
+    """The warnings in the node's log."""
     told: list[str] = []
     monkeypatch.setattr(type(node.get_logger()), "warning", lambda self, text, **_: told.append(text))
     return told
@@ -73,7 +73,7 @@ async def test_of_a_subscription(node: bus.Node, warned: list[str], callback: Ca
 
 
 async def test_a_tool_is_not_told(warned: list[str]) -> None:
-    """Of a callback that its user can't change."""
+    """Its user can't change the callback, so there is no warning."""
     async with bus.Node("_tool", namespace="/tools", rosout=False) as tool:
         subscription = await tool.create_subscription(String, "t", 10, block)
         (await tool.create_publisher(String, "t")).publish(String())
@@ -131,12 +131,12 @@ async def test_to_await_is_no_fault(node: bus.Node, warned: list[str]) -> None:
 
 
 async def begin(work: Awaitable[Any]) -> Any:
-    """For a task: from Python 3.12 on, asyncio makes none of a generator that can be awaited."""
+    """Makes a coroutine for a task: from Python 3.12 on, asyncio accepts no awaitable generators."""
     return await work
 
 
 async def test_what_it_awaits_and_raises_goes_through(node: bus.Node) -> None:
-    """As without anybody who watches."""
+    """As without the wrapper that measures it."""
     gone: list[str] = []
 
     async def asks(message: str, future: Awaitable[str]) -> str:

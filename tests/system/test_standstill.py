@@ -1,4 +1,4 @@
-"""A program whose loop stands still for longer than its lease keeps its place, and nobody waits for it."""
+"""A program whose loop is blocked for longer than its lease keeps its place; publishers don't wait."""
 
 import asyncio
 import logging
@@ -55,7 +55,7 @@ bus.run(main())
 async def test_a_blocked_loop(
     route: str, daemon: Daemon, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A lossless publisher waits for it, then goes on without it; what it misses by that is counted."""
+    """A lossless publisher waits for it, then continues without it; messages missed by that are counted."""
     caplog.set_level(logging.INFO, "bus")
     async with (
         asyncio.timeout(WAIT_S),
@@ -95,7 +95,7 @@ async def test_a_blocked_loop(
         assert bool(re.search(r"'publisher_queue': \d", found[1])) is (route == "shm"), found[1]
         assert matches == [1]
         said = [line for line in listener.lines if "[bus]" in line]
-        # A busy machine may hold it up once more.
+        # On a busy machine its loop may stand still once more.
         still = r"this program's event loop stood still for \d+ s: what waited for it has"
         assert said
         assert all(re.search(still, line) for line in said)
@@ -128,7 +128,7 @@ asyncio.run(main())
 
 @with_limits(lease_s=LEASE_S)
 def test_a_process_that_has_ended(daemon: Daemon) -> None:
-    """Its child holds the connection, and says nothing. That is no process that stands still."""
+    """Its child holds the connection and sends nothing. busd must see that the process has ended."""
     with subprocess.Popen([sys.executable, "-c", FORKED], stdin=subprocess.PIPE) as parent:
         assert parent.wait(WAIT_S) == 0
         with Query(daemon.path) as query:

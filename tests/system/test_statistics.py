@@ -1,4 +1,4 @@
-"""Counters that say when they were counted, so that rates can be made of them."""
+"""Counters with the time at which they were read, from which a program can compute rates."""
 
 import asyncio
 from time import monotonic_ns
@@ -22,7 +22,7 @@ async def test_own_counters_are_of_now(node: bus.Node) -> None:
 
 
 async def test_counters_of_the_graph_make_a_rate(node: bus.Node) -> None:
-    """What is asked for between two reports is not mistaken for what was counted just now."""
+    """A query between two reports gives the counters of the earlier one, with the time of that report."""
     publisher = await node.create_publisher(Wheel, "t", 100)
     subscription = await node.create_subscription(Wheel, "t", 100, lambda message: None)
     sent_ns: list[int] = []
@@ -44,7 +44,7 @@ async def test_counters_of_the_graph_make_a_rate(node: bus.Node) -> None:
 
 
 async def test_ages_of_what_was_taken(node: bus.Node) -> None:
-    """In the process at once, in the graph with the next report, by every way of taking."""
+    """They cover every way of taking: at once in the process, and with the next report in the graph."""
     publisher = await node.create_publisher(Wheel, "t", 100)
     called = await node.create_subscription(Wheel, "t", 100, lambda message: None)
     taking = await node.create_subscription(Wheel, "t", 100)

@@ -1,4 +1,4 @@
-"""Bounds on what a message costs a process that publishes or subscribes: see `stepcount`."""
+"""Bounds on the work that a message costs a publisher or subscriber process: see `stepcount`."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def test_steps_of_a_subscriber_by_shared_memory(route: str, loop: str, message_l
 @by_shared_memory
 def test_allocations_by_shared_memory(route: str, tmp_path: Path) -> None:
     assert allocations("publisher", tmp_path) <= 2
-    assert 2 <= allocations("subscriber", tmp_path) <= 4  # of which the message and its text are two
+    assert 2 <= allocations("subscriber", tmp_path) <= 4  # two are the message and its text
 
 
 @by_shared_memory
@@ -68,8 +68,8 @@ def test_steps_of_a_subscriber_by_socket(route: str, loop: str, message_lost: bo
 
 @by_socket
 def test_system_calls_by_socket(route: str, tmp_path: Path) -> None:
-    assert system_calls("publisher", tmp_path) == 1  # it is sent
-    assert system_calls("subscriber", tmp_path) == 2  # the wait, and it is read
+    assert system_calls("publisher", tmp_path) == 1  # the send
+    assert system_calls("subscriber", tmp_path) == 2  # the wait, and the read
 
 
 @by_shared_memory
@@ -89,7 +89,7 @@ def test_a_script_that_listens_waits_in_one_native_call(
 def test_steps_of_an_executor(route: str) -> None:
     bytecodes, calls = steps("subscriber", "rclpy")
     assert 100 <= bytecodes <= 580
-    assert calls <= 12  # of which three lie between the wake-up and the user's callback
+    assert calls <= 12  # three between the wake-up and the user's callback
 
 
 @by_shared_memory
@@ -103,7 +103,7 @@ def test_steps_of_a_thread_of_an_executor(route: str) -> None:
 @pytest.mark.parametrize(("route", "most"), [("shm", 91), ("socket", 85)], indirect=["route"])
 async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> None:
     async with bus.Node("maker", rosout=False, arguments=[]) as node:
-        for number in range(3):  # what is done once is done
+        for number in range(3):  # so that one-time work is done
             await node.create_subscription(String, f"warm_up_{number}", 10, lambda message: None)
         with CallCounter() as counter:
             await node.create_subscription(String, "made", 10, lambda message: None)

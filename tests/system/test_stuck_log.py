@@ -1,4 +1,4 @@
-"""A busd whose stderr nobody reads serves its peers all the same, and tells later what it could not say."""
+"""A busd whose stderr is not read still serves its peers, and later reports the number of dropped lines."""
 
 import fcntl
 import os
@@ -33,12 +33,12 @@ sys.stdin.read()
 busd.kill()
 busd.wait()
 """
-"""A shell after `stty tostop`, which runs busd behind itself."""
+"""Runs busd in the background of a terminal, as a shell does after `stty tostop`."""
 LEFT_OUT = re.compile(rb"\((\d+) lines were left out\)")
 
 
 class Ends:
-    """Where busd writes to, and where that can be read. Stuck until `release`."""
+    """The end to which busd writes, and the end for reading that. Stuck until `release`."""
 
     def __init__(self, kind: str) -> None:
         self._is_terminal = kind == "terminal"
@@ -73,7 +73,7 @@ def ends(request: pytest.FixtureRequest) -> Iterator[Ends]:
 
 @pytest.fixture
 def start(socket_path: Path) -> Iterator[Callable[[int], subprocess.Popen[bytes]]]:
-    """Starts a busd with that stderr; at the end it ends in order."""
+    """Starts a busd with the given stderr; stops it in order at the end."""
     running: list[subprocess.Popen[bytes]] = []
 
     def start(stderr: int) -> subprocess.Popen[bytes]:
@@ -97,14 +97,14 @@ def can_connect(path: Path) -> bool:
 
 
 def greet(path: Path, number: int) -> None:
-    """Each is answered, and makes two lines."""
+    """Connects clients; busd answers each and logs two lines for it."""
     for _ in range(number):
         with RawPeer(path) as peer:
             peer.hello()
 
 
 def told(said: bytes) -> int:
-    """How many lines are there, or counted; there may be several counts, and lines after the last."""
+    """The number of lines, printed or counted; there may be several counts, and lines after the last."""
     lines = said.count(b"connected") + said.count(b"closed its connection")
     return lines + sum(map(int, LEFT_OUT.findall(said)))
 

@@ -1,4 +1,4 @@
-"""Processes under load that are killed and stopped at random moments: who lives goes on, and nothing is left.
+"""Processes under load are killed and stopped at random moments: the others continue, nothing is left.
 
 BUSD_SURVIVAL_ROUNDS makes it longer, BUSD_SURVIVAL_SEED repeats one run's choices.
 """
@@ -24,14 +24,14 @@ from survivors import Ear
 ROUNDS = int(os.environ.get("BUSD_SURVIVAL_ROUNDS", "0")) or examples(20)
 VICTIMS = 4
 MESSAGES = 800
-"""Of one victim at most."""
+"""The most messages of one victim."""
 DEPTH = VICTIMS * MESSAGES
-"""Room for all that the victims of one round say."""
+"""Room for all messages of the victims of one round."""
 MOST_GROWTH_BYTES = 32 << 20
 READERS = "/memfd:busd-readers (deleted)"
-"""A process's readers' segment, as one sees it in /proc."""
+"""A process's readers' segment, as /proc shows it."""
 ENDLESS = 1 << 40
-"""Messages that nobody ever gets to."""
+"""More messages than any test sends."""
 
 by_shared_memory = pytest.mark.parametrize("route", ["shm"], indirect=True)
 
@@ -51,13 +51,13 @@ def nursery(route: str, daemon: Daemon, tmp_path: Path, chance: random.Random) -
 
 @pytest.fixture
 def promise(route: str) -> dict[str, str]:
-    """When a talker counts on its messages: the ring keeps them at once, the socket once it took them."""
+    """Point at which a message is certain: the ring keeps it at once, a socket after it has taken it."""
     return {"notes": "publish" if route == "shm" else "flush"}
 
 
 @pytest.fixture
 def moment(chance: random.Random) -> Callable[..., None]:
-    """Let a random time pass: what comes then, comes at any moment."""
+    """Waits for a random time, so that the next action happens at any moment."""
 
     def moment(longest_s: float = 0.02) -> None:
         time.sleep(chance.uniform(0, longest_s))
@@ -66,7 +66,7 @@ def moment(chance: random.Random) -> Callable[..., None]:
 
 
 class Footprint:
-    """What processes hold; a moment later they must hold no more."""
+    """Descriptors, mappings and memory of processes; a moment later they must have no more."""
 
     def __init__(self, *processes: Daemon | Actor) -> None:
         self._pids = [process.pid for process in processes]
@@ -103,7 +103,7 @@ class TestPublishers:
         for _ in range(ROUNDS):
             depths = chance.choices((0, DEPTH), k=VICTIMS)
             victims = [nursery.talker(depth=depth, goal=MESSAGES, **promise) for depth in depths]
-            if chance.random() < 0.8:  # else while they come into being
+            if chance.random() < 0.8:  # otherwise while they start
                 for victim in victims:
                     victim.ready()
                 assert listeners[0].ask("graph")["routes"] == [route]
@@ -136,9 +136,7 @@ class TestPublishers:
         alone.assert_is_all()
         listener.leave()
         of_listener = Counter({"open socket": 1, "open anon_inode:[eventfd]": 1, f"open {READERS}": 1})
-        of_listener["open anon_inode:[eventpoll]"] = (
-            1  # the last connection's end ends the watch for such ends
-        )
+        of_listener["open anon_inode:[eventpoll]"] = 1  # the last connection ends the watch for hang-ups
         until_equal(of_daemon - of_listener, lambda: holdings(daemon.pid))
 
     def test_a_stopped_one_is_waited_for_in_peace(
@@ -146,7 +144,7 @@ class TestPublishers:
     ) -> None:
         listeners = [nursery.listener(Ear(), Ear(DEPTH, gaps="any")).ready() for _ in range(2)]
         talker = nursery.talker(**promise).ready()
-        settle(*listeners, talker)  # stopped before, it would not know yet how to wake them
+        settle(*listeners, talker)  # if stopped earlier, it would not know how to wake them
         idle = [daemon.pid, *(listener.pid for listener in listeners)]
         for _ in range(ROUNDS // 4):
             moment()
@@ -185,7 +183,7 @@ class TestSubscriptions:
         footprint = None
         for _ in range(ROUNDS):
             victims = [nursery.listener(any_ear(chance), any_ear(chance)) for _ in range(VICTIMS)]
-            if chance.random() < 0.8:  # else while they come into being
+            if chance.random() < 0.8:  # otherwise while they start
                 for victim in victims:
                     victim.ready()
             for victim in chance.sample(victims, VICTIMS):
@@ -218,7 +216,7 @@ class TestSubscriptions:
 
     @with_limits(lease_s=2)
     def test_a_publisher_that_waits_for_a_stopped_one_is_released(self, nursery: Nursery) -> None:
-        """When its lease has run out. It wakes up in a ring that was written on, and hears nothing torn."""
+        """When the reader's lease ends. The reader wakes up in an overwritten ring; no message is torn."""
         listener = nursery.listener(Ear()).ready()
         stopped = nursery.listener(Ear(gaps="any", holds=5, views=True)).ready()
         talker = nursery.talker(size=100_000).ready()
@@ -239,7 +237,7 @@ class TestSubscriptions:
     def test_a_stopped_one_gets_the_newest(
         self, nursery: Nursery, route: str, moment: Callable[..., None]
     ) -> None:
-        """And meanwhile nobody waits for it."""
+        """No publisher waits for it meanwhile."""
         depth = 20
         awake = nursery.listener(Ear(DEPTH, gaps="any")).ready()
         stopped = nursery.listener(Ear(depth, gaps="any"), Ear(depth, gaps="any", calls_back=False)).ready()
@@ -282,14 +280,14 @@ class TestBroker:
         settle(*listeners, *talkers)
         for listener in listeners:
             listener.stop()
-        talkers[1].goes_on(20 * MESSAGES)  # its ring grows for seconds of a busy machine: that needs busd
+        talkers[1].goes_on(20 * MESSAGES)  # so its ring has grown already: that needs busd
         for listener in listeners:
             listener.resume()
         for listener, talker in product(listeners, talkers):
             listener.hears(talker, MESSAGES)
         footprint = Footprint(*listeners, *talkers)
         for _ in range(max(3, ROUNDS // 4)):
-            if chance.random() < 0.7:  # else while they declare themselves again
+            if chance.random() < 0.7:  # otherwise while they declare themselves again
                 until_alone(*listeners, *talkers)
             moment()
             daemon.kill()
@@ -305,7 +303,7 @@ class TestBroker:
             listener.has_heard_all(*totals)
 
     def test_streams_are_complete_all_the_same(self, daemon: Daemon, nursery: Nursery) -> None:
-        """What it had got and not passed on, it took with it: the publisher sends that once more."""
+        """The publisher resends the messages that busd had received and not yet delivered."""
         listener = nursery.listener(Ear(), Ear(calls_back=False)).ready()
         talker = nursery.talker(burst=100, pause_s=0.0, size=1000).ready()
         for _ in range(3):
@@ -389,7 +387,7 @@ class TestGrowth:
 
 
 def any_ear(chance: random.Random) -> Ear:
-    """A subscription that comes late, and may be slow, get stuck or keep messages."""
+    """A subscription that starts late, and may be slow, get stuck or keep messages."""
     depth = chance.choice((0, 10, DEPTH))
     return Ear(
         depth,
@@ -402,5 +400,5 @@ def any_ear(chance: random.Random) -> Ear:
 
 
 def stuck_ear() -> Ear:
-    """A keep-all subscription that soon takes no more."""
+    """A keep-all subscription that soon takes no more messages."""
     return Ear(gaps="before", takes=5, calls_back=False)

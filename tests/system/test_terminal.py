@@ -1,4 +1,4 @@
-"""On a real terminal: whatever others say, no control character of theirs gets there."""
+"""On a real terminal: control characters in names and messages of other programs never reach it."""
 
 import json
 import os
@@ -56,7 +56,7 @@ async def main():
         await asyncio.Event().wait()
 bus.run(main())
 """
-"""It ends with the first call."""
+"""The program ends with the first call."""
 PARAMETERS = f"""
 import bus_ros.rclpy as rclpy
 from bus_ros.rosidl import message_class
@@ -97,7 +97,7 @@ bus.run(main())
 
 
 def on_a_terminal(*words: str) -> str:
-    """What a Python program shows until it ends, stdout and stderr together."""
+    """The output of a Python program until it ends, stdout and stderr together."""
     ours, theirs = pty.openpty()
     said, end = b"", time.monotonic() + WAIT_S
     with Path(os.devnull).open("rb") as nothing:
@@ -106,7 +106,7 @@ def on_a_terminal(*words: str) -> str:
     while time.monotonic() < end and select.select([ours], [], [], WAIT_S)[0]:
         try:
             said += os.read(ours, 1 << 16)
-        except OSError:  # it has closed its end
+        except OSError:  # the other end is closed
             break
     else:
         process.kill()
@@ -117,7 +117,7 @@ def on_a_terminal(*words: str) -> str:
 
 @pytest.fixture(scope="module")
 def evil(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A bus with programs on it that say nothing good; for all tests of this file."""
+    """A bus with programs that use hostile names and texts; for all tests of this file."""
     path = tmp_path_factory.mktemp("terminal") / "busd.sock"
     with pytest.MonkeyPatch.context() as patch, ExitStack() as running:
         patch.setenv("BUSD_SOCKET", str(path))
@@ -174,7 +174,7 @@ def test_a_verb(line: str, is_there: bool) -> None:
 
 @pytest.mark.usefixtures("evil")
 def test_a_program_that_logs_what_it_heard() -> None:
-    """Its own colours it keeps; they end with the line."""
+    """It keeps its own colours; they end with the line."""
     shown = on_a_terminal("-c", LISTENER)
     (first, second) = shown.splitlines()
     assert first.endswith(
@@ -202,7 +202,7 @@ def test_why_a_service_failed(words: tuple[str, ...]) -> None:
 
 @pytest.mark.usefixtures("evil")
 class TestData:
-    """What a program reads is whole."""
+    """Output for programs is complete."""
 
     def test_yaml(self) -> None:
         (text, _) = bus("topic", "echo", "--once", "-f", "/own").out.split("---\n")

@@ -1,4 +1,4 @@
-"""The pytest plugin for users: run as they run it, with the page's example and with tests that are wrong."""
+"""The pytest plugin for users, run as they run it: with the page's example and with wrong tests."""
 
 import os
 import re
@@ -54,7 +54,7 @@ def test_the_programs_end():
 
 
 def run_pytest(folder: Path, *options: str) -> str:
-    """What it prints."""
+    """The output of pytest."""
     environ = {name: value for name, value in os.environ.items() if not name.startswith(("BUS", "PYTEST"))}
     options = ("-p", "no:cacheprovider", "-o", "asyncio_mode=auto", "--rootdir", str(folder), *options)
     done = subprocess.run(

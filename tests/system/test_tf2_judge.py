@@ -1,4 +1,4 @@
-"""The same deeds here and on the tf2 of ROS 1, whose C++ core has the same rules: Debian's python3-tf2."""
+"""The same operations here and in ROS 1's tf2 (Debian's python3-tf2), with the same rules in C++."""
 
 import json
 import subprocess
@@ -54,7 +54,7 @@ def ask(buffer: BufferCore, target: str, source: str, time_ns: int) -> Any:
 
 
 def story(random: Random) -> list[list[Any]]:
-    """Frames that move within ten seconds, each at other times, change their parents, and are asked for."""
+    """Frames that move within ten seconds, at different times, and change parents; then queries for them."""
     names = list("abcdefgh")
     deeds: list[list[Any]] = [["begin"]]
     static = set(random.sample(names[1:], 3))

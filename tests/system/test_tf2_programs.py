@@ -88,7 +88,7 @@ def generate_launch_description():
 
 @on_one_loop
 async def test_in_a_launch_file(tmp_path: Path) -> None:
-    """As most robots start."""
+    """Most robots start them so."""
     file = tmp_path / "arm.launch.py"
     file.write_text(LAUNCH)
     async with running(tmp_path, "-m", "bus_cli", "launch", file, ROS_LOG_DIR=str(tmp_path)) as launch:
@@ -118,7 +118,7 @@ def test_what_is_wrong_is_said() -> None:
 
 
 def test_as_verbs_of_bus() -> None:
-    """Which bus is meant, they hand on."""
+    """The verbs pass on which bus is meant."""
     said = bus("tf2", "echo", "a", "b", "--rate", "0")
     assert (said.code, said.err) == (2, "Rate must be positive\n")
     assert bus("tf2", "monitor", "a").code == 1

@@ -35,7 +35,7 @@ JointState = message_type("sensor_msgs/msg/JointState")
 
 
 class Watcher:
-    """A buffer that hears what is sent."""
+    """A buffer that receives the published transforms."""
 
     def __init__(self, node: Node) -> None:
         self.buffer = Buffer()
@@ -76,7 +76,7 @@ def test_states_become_transforms(world: World) -> None:
 
 
 def test_no_oftener_than_asked_for(world: World) -> None:
-    """But as often as they come, where their stamps are not to be looked at."""
+    """With ignore_timestamp, it publishes as often as states arrive."""
     node, other = publisher(world, publish_frequency=0.5), world.node("other")
     sent: list[Any] = []
     other.create_subscription(message_type("tf2_msgs/msg/TFMessage"), "/tf", sent.append, 10)
@@ -157,7 +157,7 @@ def test_states_without_a_source(world: World) -> None:
 
 
 def test_states_of_others(world: World) -> None:
-    """For the robot that robot_state_publisher has told."""
+    """For the robot in the description of robot_state_publisher."""
     publisher(world)
     other = world.node("other")
     joint_states(world, None, source_list=["arm_states"], use_mimic_tags=False, delta=0.0)

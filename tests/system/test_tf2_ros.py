@@ -1,4 +1,4 @@
-"""tf2_ros: broadcasters, listeners, and waiting for what they bring."""
+"""tf2_ros: broadcasters, listeners, and waiting for transforms."""
 
 from typing import Any
 
@@ -63,7 +63,7 @@ def test_a_late_listener_gets_all_static_ones(world: World) -> None:
 
 
 def test_waiting_in_a_thread(world: World) -> None:
-    """A look-up that waits ends when the transform comes, not at a tick."""
+    """A waiting look-up ends when the transform arrives, not at the next tick."""
     node = world.node()
     buffer = Buffer()
     listener = TransformListener(buffer, node, spin_thread=True)
@@ -83,7 +83,7 @@ def test_waiting_in_a_thread(world: World) -> None:
 
 
 def test_waiting_in_a_callback(world: World) -> None:
-    """Of a node that two threads spin: the listener's callbacks are in a group of their own."""
+    """Two threads spin the node: the listener's callbacks have their own group."""
     node = world.node()
     buffer = Buffer(node=node)
     listener = TransformListener(buffer, node)
@@ -158,7 +158,7 @@ def message_type_of_frames() -> Any:
 
 
 def test_time_that_jumps_back(world: World, capfd: pytest.CaptureFixture[str]) -> None:
-    """As when a recording begins again: what was heard is of another time."""
+    """As if a recording starts again: earlier transforms belong to another time."""
     node = world.node()
     clock: Any = node.get_clock()
     clock._set_ros_time_is_active(True)

@@ -1,4 +1,4 @@
-"""A publisher in another time namespace than its subscription: ages and lifespans are as with one clock.
+"""A publisher in a different time namespace from its subscription: ages and lifespans are as with one clock.
 
 Needs root, for a time namespace.
 """
@@ -67,7 +67,7 @@ def test_ages_and_lifespans(route: str, talker: "subprocess.Popen[str]") -> None
 
 
 async def test_ages_of_a_callback(route: str, talker: "subprocess.Popen[str]") -> None:
-    """What it takes does not wait in a queue."""
+    """Messages for a callback do not wait in a queue."""
     heard: list[str] = []
     async with bus.Node("listener") as node:
         subscription = await node.create_subscription(String, "plain", 10, lambda one: heard.append(one.data))

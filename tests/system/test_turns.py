@@ -1,4 +1,4 @@
-"""A real busd serves others while it does what takes long: it is asked, and answers, before that is done."""
+"""During long work, a real busd serves other clients: it answers their questions before the work is done."""
 
 from contextlib import ExitStack
 
@@ -48,14 +48,14 @@ class TestLongWork:
             message = peer.receive()
             if isinstance(message, m.Created):
                 created.add(message.request)
-        assert answered == 5 and len(created) < MANY  # it was far from being done
+        assert answered == 5 and len(created) < MANY  # it was far from done
         while len(created) < MANY:
             created.add(peer.expect(m.Created).request)
             other.barrier()
         peer.close()
         for _ in range(5):
             other.barrier()
-        assert self.graph(other).matches  # it is on its way out
+        assert self.graph(other).matches  # busd is still removing it
         while self.graph(other).endpoints:
             pass
 
@@ -70,7 +70,7 @@ class TestLongWork:
     def test_a_process_that_comes_back_finds_nothing_of_its_own(
         self, daemon: Daemon, peer: RawPeer, other: RawPeer
     ) -> None:
-        """What it asks is answered when what it had before is gone, so that nobody sees it twice."""
+        """busd answers its questions after it has removed the earlier endpoints, so no one appears twice."""
         node = peer.hello().node("many")
         peer.write(endpoints(node, "/many", MANY))
         while peer.expect(m.Created).request != 1000 + MANY - 1:
@@ -83,7 +83,7 @@ class TestLongWork:
     def test_one_that_has_gone_with_all_its_connections(
         self, daemon: Daemon, peer: RawPeer, other: RawPeer
     ) -> None:
-        """Those of which nothing was read yet wait for what it had before, and not for each other."""
+        """Its unread connections wait for the removal of its earlier endpoints, and not for each other."""
         with RawPeer(daemon.path) as first, RawPeer(daemon.path) as second:
             for one in (first, second):
                 one.hello()
@@ -97,12 +97,12 @@ class TestLongWork:
             for one in (first, second):
                 one.send(m.Ping(number=1))
         other.barrier()
-        assert self.graph(other).matches  # it was still on its way out
+        assert self.graph(other).matches  # busd was still removing it
         while self.peers(other) > 1:
             pass
 
     def test_one_that_takes_a_lot_is_never_cut_off(self, daemon: Daemon, peer: RawPeer) -> None:
-        """It makes more matches than it may let wait, and reads slowly, but reads."""
+        """It makes more matches than its queue may hold, and reads slowly, but it reads."""
         node = peer.hello().node("many")
         with ExitStack() as stack:
             more = [stack.enter_context(RawPeer(daemon.path)).hello() for _ in range(2)]
@@ -117,7 +117,7 @@ class TestLongWork:
 
 
 class TestFloods:
-    """Frames without end, each of them allowed; neighbours lose nothing and are answered."""
+    """Endless frames, each of them allowed; neighbours lose nothing and get answers."""
 
     @pytest.mark.parametrize("what", ["acks", "reports", "attachments", "questions", "pings", "samples"])
     def test_one_kind_of_frame(

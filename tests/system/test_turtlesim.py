@@ -1,4 +1,4 @@
-"""turtlesim's programs as their users run them, without a display."""
+"""turtlesim's programs as users run them, without a display."""
 
 import asyncio
 import os
@@ -31,7 +31,7 @@ MIMIC = """
   </node>
 </launch>
 """
-"""As ROS 2's tutorial on launch files has it."""
+"""The file in ROS 2's tutorial on launch files."""
 
 pytestmark = pytest.mark.usefixtures("daemon")
 
@@ -67,7 +67,7 @@ class Sim:
         return said.out.partition("response:\n")[2].strip()
 
     async def pose(self, turtle: str = "turtle1") -> dict[str, float]:
-        """As it is now."""
+        """The turtle's current pose."""
         now = await self._next("turtlesim/msg/Pose", f"/{turtle}/pose")
         return {name: getattr(now, name) for name in now.__struct_fields__}
 
@@ -76,7 +76,7 @@ class Sim:
         return [now.r, now.g, now.b]
 
     async def _next(self, type_name: str, topic: str) -> Any:
-        """What is published from now on."""
+        """The next message on the topic."""
         if self._looker is None:
             self._looker = await self._stack.enter_async_context(Node("_looker", arguments=[], rosout=False))
         subscription = await self._looker.create_subscription(message_class(type_name), topic, 1)
@@ -252,7 +252,7 @@ async def test_a_signal_ends_it_and_the_terminal_is_as_before(number: int) -> No
 
 @asynccontextmanager
 async def teleop() -> AsyncIterator[tuple[asyncio.subprocess.Process, int]]:
-    """turtle_teleop_key on a terminal, and what writes to that; at the end the terminal must be as before."""
+    """turtle_teleop_key on a terminal, and the keyboard's end; the terminal's mode must be restored."""
     keyboard, terminal = pty.openpty()
     before = termios.tcgetattr(terminal)
     program = await asyncio.create_subprocess_exec(
@@ -290,7 +290,7 @@ async def test_a_turtle_follows_a_frame(sim: Sim, tmp_path: Path) -> None:
             pose = await sim.pose("turtle2")
             return pose["x"], pose["y"]
 
-        # The carrot is two metres to the left of turtle1, which looks to the right and stands still.
+        # The carrot is two metres to the left of turtle1, which faces right and stands still.
         while abs((await place())[1] - 7.5) > 0.2:
             pass
         assert abs((await place())[0] - 5.5) < 0.2

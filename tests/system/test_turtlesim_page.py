@@ -1,4 +1,4 @@
-"""turtlesim's page: in a browser, by hand, and where it can't be had."""
+"""turtlesim's page: in a browser, by hand, and without the packages that it needs."""
 
 import asyncio
 import re
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.usefixtures("daemon")
 
 @asynccontextmanager
 async def simulator(folder: Path, *words: str) -> AsyncIterator[tuple[Program, str]]:
-    """It runs, and its page is there."""
+    """A running simulator, and the address of its page."""
     async with running(folder, *RUN, *words) as program:
         address = (await program.line(r"^page: (http://\S+)$"))[1]
         await program.line(r"Spawning turtle \[turtle1\]")
@@ -56,7 +56,7 @@ def status_of(address: str) -> int:
 
 
 class Viewer:
-    """What a page hears, until `close`."""
+    """The messages for a page, until `close`."""
 
     def __init__(self, address: str) -> None:
         self._stack = ExitStack()
@@ -125,7 +125,7 @@ async def test_in_a_browser(tmp_path: Path) -> None:
             await call("/reset", "std_srvs/srv/Empty", "{}")
             await asyncio.to_thread(page.wait, names, fits=lambda found: found == ["turtle1"])
             assert page.run(pixel) == [0x45, 0x56, 0xFF, 255]
-            ours = "Multiple readback operations"  # of which this test makes many
+            ours = "Multiple readback operations"  # this test makes many of these
             assert [line for line in page.console() if ours not in line] == []
         state = "return document.getElementById('state').textContent"
         await asyncio.to_thread(

@@ -1,4 +1,4 @@
-"""Nodes that a program never closes: it is warned, and what it has dropped is closed."""
+"""Nodes that a program never closes: it gets a warning, and dropped nodes are closed."""
 
 import asyncio
 import gc
@@ -50,7 +50,7 @@ def descriptors() -> int:
 
 
 async def cell() -> bus.Node:
-    """A node with one of each kind, which all refer to it, and have work to do."""
+    """A node with one object of each kind; all refer to the node, and have work to do."""
     node = bus.Node("cell", arguments=[])
     await node.open()
     heard = asyncio.Event()
@@ -101,11 +101,11 @@ def test_whose_event_loop_has_ended(
 def test_while_the_event_loop_runs(
     daemon: Daemon, route: str, new_loop: Callable[[], asyncio.AbstractEventLoop], told: list[str]
 ) -> None:
-    """A cell of a notebook that is run once more; the collector runs in another thread."""
+    """A notebook runs its cell once more; the garbage collector runs in another thread."""
 
     async def cells() -> None:
         await cell()
-        await asyncio.sleep(0.6)  # counters are reported by then; until then they are held for that
+        await asyncio.sleep(0.6)  # counters are reported by then, and held until then
         other = bus.Node("other", arguments=[])
         await other.open()
         await asyncio.to_thread(gc.collect)
@@ -138,7 +138,7 @@ async def test_endpoints_keep_their_node(daemon: Daemon) -> None:
 
 
 async def test_in_its_async_with_a_node_stays(daemon: Daemon) -> None:
-    """Even if only a task has it that nothing else refers to."""
+    """Even if only an unreferenced task refers to it."""
     done = asyncio.Event()
 
     async def listen() -> None:
@@ -157,7 +157,7 @@ async def test_in_its_async_with_a_node_stays(daemon: Daemon) -> None:
 
 
 def test_of_the_same_name(daemon: Daemon, told: list[str]) -> None:
-    """The first one is still there, its event loop is not: said once."""
+    """The first node still exists, but its event loop does not: one warning."""
     kept = [run(asyncio.new_event_loop) for _ in range(3)]
     assert told == [
         f"this process has another open node named /cell, made at {__file__}:{line_of_cell()}: "
@@ -189,7 +189,7 @@ def test_of_a_script(daemon: Daemon, route: str) -> None:
 
 
 def test_of_a_script_dropped_in_another_thread(daemon: Daemon) -> None:
-    """Only the thread that connected may close it: its next call does."""
+    """Only the thread that connected may close it: its next call does so."""
     with pytest.warns(ResourceWarning, match="node /script was never closed"):
         script()
     node = bus.connect("next", arguments=[])
@@ -202,7 +202,7 @@ def test_of_a_script_dropped_in_another_thread(daemon: Daemon) -> None:
 
 
 def test_warnings_as_errors(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python reports them for the finalizer, and the node is closed all the same."""
+    """Python reports them as errors in the finalizer, and the node is still closed."""
     reported: list[Any] = []
     monkeypatch.setattr(sys, "unraisablehook", lambda report: reported.append(report.exc_value))
     run(asyncio.new_event_loop)

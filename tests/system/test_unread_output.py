@@ -1,4 +1,4 @@
-"""Programs whose output is a pipe that no process reads any more end by SIGPIPE, as `PROGRAM | head -1`."""
+"""Programs whose output is a pipe without a reader end by SIGPIPE, as `PROGRAM | head -1`."""
 
 import signal
 import sys

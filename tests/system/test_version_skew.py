@@ -1,4 +1,4 @@
-"""An older and a newer program against this busd, and against this library an older and a newer busd.
+"""An older and a newer program with this busd, and this library with an older and a newer busd.
 
 The old bytes are those of a conversation that was recorded with the first busd of protocol version 1
 (tests/golden/conversation_v1.txt).
@@ -27,21 +27,21 @@ from semantics import until
 
 CONVERSATION = Path(__file__).parents[1] / "golden" / "conversation_v1.txt"
 OF_THE_MOMENT = ("pid", "at_ns")
-"""Fields that have another value each time."""
+"""Fields with a different value in each run."""
 
 OLDER_BUSD = "the busd that runs is older: update it, then bus daemon stop"
 OLDER_PROGRAM = "the program has an older busd than runs: update the one that it imports"
 
 
 def spoken() -> Iterator[tuple[str, bytes]]:
-    """`>` and what the client said, `<` and what busd said, frame by frame."""
+    """Each recorded frame: `>` if the client sent it, `<` if busd did."""
     for line in CONVERSATION.read_text().splitlines():
         if not line.startswith("#"):
             yield line[0], bytes.fromhex(line[2:])
 
 
 def read_frame(peer: RawPeer) -> bytes:
-    """The next frame as it is: nothing of today's code looks at it."""
+    """The next frame as raw bytes: no current code parses it."""
     head = _read(peer, 4)
     return head + _read(peer, struct.unpack("<I", head)[0])
 
@@ -62,7 +62,7 @@ def meaning(frame: bytes) -> Any:
 
 
 def says_at_least(now: Any, then: Any) -> bool:
-    """Whether all that was said then is said now; there may be more, which an old program does not know."""
+    """Whether the new message has all content of the old one; it may have more, unknown to old programs."""
     if isinstance(then, dict):
         return isinstance(now, dict) and all(
             key in now and (key in OF_THE_MOMENT or says_at_least(now[key], value))
@@ -82,7 +82,7 @@ class TestThisBusd:
                 else:
                     now, then = meaning(read_frame(old)), meaning(frame)
                     assert says_at_least(now, then), f"{now} where once was {then}"
-        assert daemon.process.wait(WAIT_S) == 0  # the last thing that it asked for
+        assert daemon.process.wait(WAIT_S) == 0  # the last request was to stop
 
     def test_says_nothing_that_an_old_client_does_not_know(self, daemon: Daemon) -> None:
         with RawPeer(daemon.path) as old:
@@ -123,7 +123,7 @@ async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIte
 
 class TestThisLibrary:
     async def test_understands_an_old_busd(self, broker: FakeBroker) -> None:
-        """Its Hello, as it was recorded."""
+        """Its recorded Hello."""
         node = bus.Node("new", arguments=[], rosout=False)
         opening = asyncio.ensure_future(node.open())
         client = await broker.meet()
@@ -137,7 +137,7 @@ class TestThisLibrary:
     async def test_refuses_a_busd_of_another_version(
         self, broker: FakeBroker, version: int, remedy: str
     ) -> None:
-        """At once, and says so: to try again would not help."""
+        """At once, and with the reason: another attempt would not help."""
         opening = asyncio.ensure_future(bus.Node("new", arguments=[], rosout=False).open())
         client = await broker.meet()
         await client.expect(m.Hello)
@@ -151,7 +151,7 @@ class TestThisLibrary:
     async def test_says_once_what_came_back(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
     ) -> None:
-        """A node that lives goes on looking, for busd may be put right; its log is not flooded."""
+        """An open node keeps trying, because busd may be replaced; its log is not flooded."""
         caplog.set_level(logging.WARNING, "bus")
         node = bus.Node("new", arguments=[], rosout=False)
         opening = asyncio.ensure_future(node.open())
@@ -173,7 +173,7 @@ class TestThisLibrary:
 
 @with_limits(drain_s=0.1)
 async def test_a_node_leaves_in_order_with_a_busd_that_ends(daemon: Daemon) -> None:
-    """It says that it understands Leaving, and does."""
+    """The node announces that it understands Leaving, and acts on it."""
     async with bus.Node("new", arguments=[], rosout=False) as node:
         await node.graph()
         daemon.process.terminate()

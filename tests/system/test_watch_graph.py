@@ -1,4 +1,4 @@
-"""`watch_graph`: every change arrives, slow ones get the newest, and nothing is left behind."""
+"""`watch_graph`: every change arrives, slow consumers get the newest state, and nothing is left behind."""
 
 import asyncio
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def observers(node: bus.Node) -> list[Any]:
 
 
 def same(one: bus.Graph, other: bus.Graph) -> bool:
-    """But for the order."""
+    """Whether both are equal, in any order."""
     parts = ("nodes", "publishers", "subscriptions", "matches")
     return one.revision == other.revision and all(
         set(map(repr, getattr(one, part))) == set(map(repr, getattr(other, part))) for part in parts

@@ -1,4 +1,4 @@
-"""`bus web` as its users run it: who gets in, what is told, what it costs, how it ends."""
+"""`bus web` as users run it: access, messages, costs, and its end."""
 
 import json
 import re
@@ -121,7 +121,7 @@ class TestGettingIn:
             assert server.running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
 
     def test_strangers_who_say_nothing_keep_nobody_out(self, daemon: Daemon) -> None:
-        """Of many connections that ask nothing the oldest go, so that descriptors are left for others."""
+        """The server closes the oldest of many idle connections, so that descriptors are left for others."""
         with serving(is_fresh=True) as server, ExitStack() as strangers:
             folder = Path(f"/proc/{server.running.process.pid}/fd")
             before = len([*folder.iterdir()])
@@ -163,7 +163,7 @@ class TestWhatIsTold:
     def test_at_most_twenty_values_a_second(self, daemon: Daemon) -> None:
         with script(TALKER, "0.001"), serving() as server, server.viewer() as viewer:
             viewer.hear("graph", lambda told: told["ends"])
-            began_s = time.monotonic()  # what waits on its way to here has waited since then
+            began_s = time.monotonic()  # values in transit were already limited before
             viewer.say("look", topics={"/topic": []})
             first = viewer.hear("value")
             for _ in range(20):
@@ -182,7 +182,7 @@ class TestWhatIsTold:
                 (loser,) = [one for one in info["subscriptions"] if one["node"] == "/loser"]
                 return any(end[3] == loser["dropped"] for end in told["ends"].values())
 
-            viewer.hear("detail", are_the_same)  # the last losses are told half a second later
+            viewer.hear("detail", are_the_same)  # the last losses arrive half a second later
 
     def test_the_log(self, daemon: Daemon) -> None:
         logger = (
@@ -240,7 +240,7 @@ class TestMistakes:
             assert ended.value.rcvd.code == 1009
 
     def test_pings_without_end(self, daemon: Daemon) -> None:
-        """Who does not read the answers is cut off before many of them wait."""
+        """A client that does not read the answers is cut off before many of them are queued."""
         ping = struct.pack("!BBI", 0x89, 0x80 | 125, 0) + bytes(125)
         with serving(is_fresh=True) as server, server.viewer() as viewer, closing(Silent(server)) as pinging:
             viewer.hear("hello")
@@ -340,13 +340,13 @@ class TestWhatItCosts:
 
             def is_quiet() -> bool:
                 before_s = busy_s(server.running.process.pid)
-                time.sleep(2.0)  # what is to be seen is that nothing happens
+                time.sleep(2.0)  # to see that nothing happens
                 return busy_s(server.running.process.pid) - before_s <= 0.03
 
             wait_until(is_quiet)
 
     def test_a_page_that_stops_reading(self, daemon: Daemon) -> None:
-        """It costs what may wait, others get all, and later it is told how much it has missed."""
+        """It costs at most its queue, others get everything, and later it learns how much it has missed."""
         topics: dict[str, list[str]] = {"/image": [], "/topic": []}
         with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, server.viewer() as viewer:
             viewer.say("look", topics=topics)
@@ -356,7 +356,7 @@ class TestWhatItCosts:
             with closing(Silent(server)) as silent, closing(Silent(server)) as other:
                 silent.say("look", topics=topics)
                 other.say("look", topics=topics)
-                for _ in range(100):  # in which 50 images of 670 kB wait for the silent ones, or would
+                for _ in range(100):  # meanwhile 50 images of 670 kB arrive for the silent ones
                     viewer.hear("value")
                 assert own_bytes(server.running.process.pid) - before < 2 * 16 * MIB
                 silent.hear_of_missed(1)
@@ -424,7 +424,7 @@ class TestUnixSocket:
         with socket.socket(socket.AF_UNIX) as hanging, ExitStack() as waiting:
             hanging.bind(str(path))
             hanging.listen(0)
-            for _ in range(2):  # so many that nobody may even wait
+            for _ in range(2):  # so that even the backlog is full
                 one = waiting.enter_context(socket.socket(socket.AF_UNIX))
                 one.setblocking(False)
                 with suppress(BlockingIOError):
@@ -462,7 +462,7 @@ class TestEnd:
                 half.sendall(b"GET")
                 viewer.hear("value")
                 out, err, status = server.running.end(number)
-                # Beside much other work it may have been held up, and says so.
+                # Under other load its loop may have been held up, and it logs that.
                 lines = [line for line in err.splitlines() if "held up the event loop" not in line]
                 assert (out, lines, status) == ("", [], -number)
 
@@ -487,7 +487,7 @@ REASON = "\x1b[2J[red]<b>\u202e"
 
 
 def lies(endpoint: int, at_ns: int) -> m.Report:
-    """The most that busd lets pass."""
+    """The largest values that busd accepts."""
     dropped = {REASON: MAX_COUNT, **{f"reason {number}": MAX_COUNT for number in range(15)}}
     most = dict.fromkeys(("bytes", "queued", "expected", "age_sum_ns", "age_max_ns"), MAX_COUNT)
     samples = at_ns % 2 * MAX_COUNT
@@ -495,7 +495,7 @@ def lies(endpoint: int, at_ns: int) -> m.Report:
 
 
 def test_counters_that_lie(daemon: Daemon) -> None:
-    """Of many endpoints, on a topic that others use: their rates stay right, and every tool goes on."""
+    """Many endpoints report them on a shared topic: the others' rates stay right, and every tool works."""
     with (
         script(TALKER, "0.01"),
         serving() as server,

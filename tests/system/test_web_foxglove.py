@@ -1,4 +1,4 @@
-"""Foxglove's protocol as its clients speak it: channels, messages, time; mistakes, slowness, restarts."""
+"""Foxglove's protocol as its clients use it: channels, messages, time; mistakes, slow clients, restarts."""
 
 import asyncio
 import json
@@ -86,13 +86,13 @@ bus.run(main())
 
 
 def text_of(data: bytes) -> str:
-    """Of a std_msgs/msg/String in CDR."""
+    """The text of a std_msgs/msg/String in CDR."""
     return data[8 : 8 + struct.unpack_from("<I", data, 4)[0] - 1].decode()
 
 
 @pytest.fixture
 def robot(daemon: Daemon) -> Iterator[None]:
-    """Its four layers, on the test's busd."""
+    """The robot's four layers, on the test's busd."""
     with ExitStack() as layers:
         for layer in ROBOT:
             layers.enter_context(Running((str(EXAMPLES / "robot" / f"{layer}.py"),)))
@@ -101,7 +101,7 @@ def robot(daemon: Daemon) -> Iterator[None]:
 
 
 async def compare(server: Serving, subprotocol: str) -> dict[str, int]:
-    """Of each channel some messages, each the same as a subscription has them; returns how many."""
+    """Compares some messages of each channel with those of a subscription; the number of equal ones."""
     stores = pytest.importorskip("rosbags.typesys", reason="rosbags decodes what is compared")
     published: dict[str, set[bytes]] = defaultdict(set)
     same: dict[str, int] = {}
@@ -376,7 +376,7 @@ class TestMistakes:
 
     @with_limits(schema_bytes=1024)
     def test_a_type_that_is_too_long_for_busd(self, daemon: Daemon) -> None:
-        """It is told, and everybody's messages come as before."""
+        """The client gets an error, and all clients still get their messages."""
         long = {"id": 1, "topic": "/long", "encoding": "cdr", "schemaName": "no/msg/Long"}
         long["schema"] = "\n".join(f"int8 a{field}" for field in range(100))
         with script(TALKER, "0.01"), serving("--allow-publish") as server, looking(server) as client:
@@ -398,7 +398,7 @@ class TestMistakes:
 
 
 def test_busd_is_restarted(daemon: Daemon) -> None:
-    """The channels stay, messages go on."""
+    """The channels stay, and messages continue."""
     with script(TALKER, "0.01"), serving() as server, looking(server) as client:
         client.subscribe({1: "/topic"})
         client.message()
@@ -413,7 +413,7 @@ def test_busd_is_restarted(daemon: Daemon) -> None:
 
 def test_parameters_are_read_and_followed(daemon: Daemon) -> None:
     with serving() as server, script(SERVER):
-        with looking(server) as early:  # what this one sees is old when the next one comes
+        with looking(server) as early:  # its values are outdated when the next client connects
             early.hear("advertise")
         wait_for_graph(lambda graph: graph.servers_of("/robot/arm/set_parameters"))
         parameters_of_the_arm(server)
@@ -421,7 +421,7 @@ def test_parameters_are_read_and_followed(daemon: Daemon) -> None:
 
 def parameters_of_the_arm(server: Serving) -> None:
     with looking(server) as client:
-        client.say("getParameters", parameterNames=[], id="all")  # as viewers do, before all else
+        client.say("getParameters", parameterNames=[], id="all")  # as viewers do first
         told = client.hear("parameterValues")
         values = {one["name"]: one for one in told["parameters"]}
         assert told["id"] == "all"
@@ -534,7 +534,7 @@ def test_messages_are_published_where_that_is_allowed(daemon: Daemon) -> None:
 
 
 def test_a_client_that_stops_reading(daemon: Daemon) -> None:
-    """It costs what may wait, others get all, and later it is told how much it has missed."""
+    """It costs at most its queue, others get everything, and later it learns how much it has missed."""
     with script(TALKER, "0.005"), script(CAMERA, "0.01"), serving() as server, looking(server) as client:
         client.subscribe({1: "/image", 2: "/topic"})
         ids = {topic: client.channels[topic]["id"] for topic in ("/image", "/topic")}

@@ -80,7 +80,7 @@ def browser() -> Iterator[Page]:
 
 @pytest.fixture
 def page(browser: Page) -> Iterator[Page]:
-    """At the end its console must be empty, but for what tests say of a server that was away."""
+    """At the end its console must be empty, except for errors about a server that a test has stopped."""
     browser.console()
     yield browser
     browser.open("about:blank")
@@ -95,7 +95,7 @@ def server(daemon: Daemon) -> Iterator[Serving]:
 
 @pytest.fixture
 def robot(daemon: Daemon) -> Iterator[None]:
-    """Its four layers, on the test's busd."""
+    """The robot's four layers, on the test's busd."""
     with ExitStack() as layers:
         for layer in ROBOT:
             layers.enter_context(Running((str(EXAMPLES / "robot" / f"{layer}.py"),)))
@@ -260,7 +260,7 @@ def test_texts_of_strangers_are_texts(server: Serving, page: Page) -> None:
 
 
 def test_by_the_keyboard_alone(server: Serving, page: Page) -> None:
-    """Tab to the row, Enter, Tab to a number, Enter: focus stays where it is while rows are updated."""
+    """Tab to the row, Enter, Tab to a number, Enter: the focus stays although rows are updated."""
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
@@ -314,7 +314,7 @@ def test_two_hundred_nodes_and_a_thousand_topics(server: Serving, page: Page) ->
 
 
 def test_access_and_looks(robot: None, server: Serving, page: Page, tmp_path: Path) -> None:
-    """axe finds nothing serious; and this is what docs/look.md shows (BUSD_PICTURES says where to put it)."""
+    """axe finds no violations, and the pictures are those of docs/look.md (BUSD_PICTURES is their folder)."""
     if not AXE.exists():
         pytest.skip("no axe-core: `make axe` fetches it by npm")
     with script(TALKER, "0.002"), script(LOSER):

@@ -1,4 +1,4 @@
-"""Programs whose busd was installed without the native core."""
+"""Programs with a busd that was installed without the native core."""
 
 import os
 import subprocess
@@ -38,7 +38,7 @@ bus.run(main())
 def test_the_first_node_says_what_is_missing(
     daemon: Daemon, name: str, variables: dict[str, str], lines: int
 ) -> None:
-    """Unless somebody wants it so; and the tools, which are hidden, don't with every call."""
+    """Except if the user asked for that. Tools have hidden nodes and do not repeat it at each call."""
     environ = {key: value for key, value in os.environ.items() if key not in ("BUS_ROUTE", "BUS_NATIVE")}
     done = subprocess.run(
         [sys.executable, "-c", TWO_NODES.format(name=name)],

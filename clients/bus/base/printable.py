@@ -30,7 +30,7 @@ def printable(text: str, keep: str = "\n\t") -> str:
 def printable_json(text: str) -> str:
     """The same for JSON, from which `text` can be recovered: characters that JSON allows are escaped as in
     JSON."""
-    return text if text.isprintable() else _hostile("").sub(lambda found: f"\u{ord(found[0]):04x}", text)
+    return text if text.isprintable() else _hostile("").sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 @cache
