@@ -92,7 +92,7 @@ def group_id(name: str | int, key: str) -> int:
 def find_doubts(rules: Sequence[AccessRule], path: Path) -> list[str]:
     """Parts of the rules that mean nothing, or contradict the socket that now listens at `path`."""
     doubts = [
-        f"{text} means nothing any more: between users everything goes by socket; remove it"
+        f"{text} has no effect any more: different users only use the socket route; remove it"
         for rule in rules
         for text in rule.ignored
     ]
@@ -130,7 +130,7 @@ def _action(name: str, key: str) -> Any:
     from bus.base.suggest import did_you_mean
 
     hint = did_you_mean(name.lower(), ACTIONS) or f" (known: {', '.join(ACTIONS)})"
-    raise ConfigurationError(f"{key}: {shown(name)} is no action{hint}")
+    raise ConfigurationError(f"{key}: {shown(name)} is not an action{hint}")
 
 
 def _number(
@@ -143,7 +143,7 @@ def _number(
 ) -> int:
     if isinstance(name, int):
         if not 0 <= name < 2**32 - 1:
-            raise ConfigurationError(f"{key}: {name} is no {kind}'s number")
+            raise ConfigurationError(f"{key}: {name} is not the number of a {kind}")
         return name
     try:
         return find(name)

@@ -362,12 +362,12 @@ class Absentees:
         if self._lost:
             text = (
                 f"lost subscriptions that did not come back: {self._lost} (the last: {self._last_name}); "
-                f"messages that waited for them: {self._waited}"
+                f"messages kept for them: {self._waited}"
             )
             self._emit(Note(logging.WARNING, text))
         if self._given_up:
             text = (
-                "no room to keep what lost subscriptions have missed; given up, the longest absent first: "
+                "no room for the counts of all lost subscriptions; dropped, the longest absent first: "
                 f"{self._given_up}"
             )
             self._emit(Note(logging.WARNING, text))

@@ -45,8 +45,8 @@ _COUNTED = frozenset(
 
 _COMMANDS = frozenset({m.Reload, m.StopBroker})
 _TOO_MANY_COMMANDS = (
-    f"busd takes {_COMMANDS_AT_ONCE} requests to reload, stop or restart at once, and then "
-    f"{_COMMANDS_PER_S} a second from the processes of a user; try again"
+    f"too many requests to reload, stop or restart: busd accepts {_COMMANDS_AT_ONCE} at once and then "
+    f"{_COMMANDS_PER_S} a second from each user; try again"
 )
 
 _Asked: TypeAlias = tuple[str, Holder | None, int, int, int]

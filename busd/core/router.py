@@ -286,7 +286,7 @@ class Router:
             # A subscription would acknowledge samples that were never published, and busd would cut it off
             # for that.
             raise RemoteProtocolError(
-                f"publisher {publisher.id} sent sample {run.first_seq + run.count - 1} once more, "
+                f"publisher {publisher.id} resent sample {run.first_seq + run.count - 1}, "
                 f"the last one is {publisher.next_seq - 1}"
             )
         subscription.expected_besides += run.count

@@ -53,7 +53,7 @@ class Silences:
         peer.is_silent = False
         self.watch(now_ns, peer)
         text = f"{peer.describe()} is heard again, after {silent_ns / 1e9:.1f} s: "
-        text += "what waits for it does so again"
+        text += "publishers wait for it again"
         self._emit(Note(logging.INFO, text))
         self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))
 
@@ -84,7 +84,7 @@ class Silences:
         peer.is_silent = True
         text = (
             f"no sign of life from {peer.describe()} for {silent_ns / 1e9:.1f} s: "
-            "it keeps its place, and what waits for it goes on without it"
+            "it keeps its place, and publishers that wait for it continue without it"
         )
         self._emit(Note(logging.WARNING, text))
         self._rounds.begin(now_ns, (peer, silent_ns), _matches(peer))

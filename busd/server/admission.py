@@ -36,7 +36,7 @@ _SHARE_US_PER_S = 250_000
 _BURST_US = 10_000
 _RETRY_S = 0.5
 _LOG_AGAIN_NS = 1_000_000_000
-_NO_PLACE = "busd has no place left for another connection that waits to be let in; try again"
+_NO_PLACE = "busd has no place left for another waiting connection; try again"
 _HELD = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
 _MOST_TURNED_AWAY = 1024
 """Users that were turned away and that the log has named."""
@@ -308,7 +308,7 @@ class Admission:
         self._take_out(newcomer)
         who = newcomer.who
         is_news, unlogged = self._host.count_failed_connection(who, for_want_of_room=for_want_of_room)
-        more = f" ({unlogged} more of user {who.uid} were not told of)" if unlogged else ""
+        more = f" ({unlogged} more of user {who.uid} were not logged)" if unlogged else ""
         self._refuse(newcomer, reason, is_news=is_news, again=for_want_of_room, more=more)
 
     def _refuse(

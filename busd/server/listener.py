@@ -329,7 +329,7 @@ class _Lock:
         # In a shared folder another user may have made it, even as a hard link to a file of ours.
         if not stat.S_ISREG(file.st_mode) or file.st_uid != os.geteuid() or file.st_nlink > 1:
             raise ConfigurationError(
-                f"can't lock '{self._path}': it is no plain file of ours (owner uid {file.st_uid}, "
+                f"can't lock '{self._path}': it is not a regular file of this user (owner uid {file.st_uid}, "
                 f"mode {stat.filemode(file.st_mode)}, {file.st_nlink} links)"
             )
 

@@ -189,7 +189,7 @@ class PeerConnection:
         faults = _FAULTS.get(kind, ())
         if claimed != len(faults):
             raise RemoteProtocolError(
-                f"{kind.__name__} with {claimed} descriptors, it brings {len(faults)} or none"
+                f"{kind.__name__} with {claimed} descriptors instead of {len(faults)} or none"
             )
         for find_fault, descriptor in zip(faults, carried.descriptors, strict=False):
             if fault := find_fault(descriptor.fileno()):
@@ -240,7 +240,7 @@ class PeerConnection:
 
     def relieve(self) -> None:
         """Cut the peer off: it does not take the data queued for it."""
-        self._end(f"{self.account.used} bytes of control frames wait for it; it does not read")
+        self._end(f"it does not read: {self.account.used} bytes of control frames are queued for it")
 
     def refuse(self, reason: str) -> None:
         """Tell the peer why, and cut the connection."""

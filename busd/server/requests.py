@@ -59,7 +59,7 @@ class Requests:
         if self._find_fault is None:
             fault = "this busd can't restart"
         elif self._host.is_ending or (before is not None and not before.done()):
-            fault = "busd is about to end"
+            fault = "busd is stopping"
         else:
             fault = await self._find_fault()
         if fault:

@@ -91,5 +91,5 @@ class Drain:
 def _close(connection: PeerConnection) -> None:
     if not connection.stream.is_drained:
         pid, outbox = connection.credentials.pid, connection.stream.outbox
-        _log.warning("pid %d does not read: %d samples were left", pid, outbox.samples, extra={"peer": pid})
+        _log.warning("pid %d does not read: %d samples were lost", pid, outbox.samples, extra={"peer": pid})
     connection.close()

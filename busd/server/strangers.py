@@ -139,7 +139,7 @@ class Strangers:
             if self.waiting < before:
                 return
             self.room = 0
-        _log.warning("%d descriptors of strange files can't be closed: no more are taken", before)
+        _log.warning("%d descriptors of strange files block on close: busd accepts no more of them", before)
 
     def _work(self) -> None:
         while True:

@@ -110,4 +110,4 @@ def test_a_program_of_an_earlier_version_is_given_none(busd: Guests) -> None:
 
 
 def test_the_log_says_that_the_rule_means_nothing_any_more(busd: Guests) -> None:
-    busd.wait_for_log("access[0].shared_memory = true means nothing any more")
+    busd.wait_for_log("access[0].shared_memory = true has no effect any more")

@@ -109,13 +109,13 @@ class TestBad:
         with RawPeer(daemon.path) as peer:
             node = peer.hello().node()
             create_publisher(peer, node, memfd(), memfd(), claims=2)
-            assert peer.fault() == "CreatePublisher with 2 descriptors, it brings 1 or none"
+            assert peer.fault() == "CreatePublisher with 2 descriptors instead of 1 or none"
 
     def test_fewer_than_a_message_brings(self, daemon: Daemon) -> None:
         with RawPeer(daemon.path) as peer:
             bell = eventfd()
             peer.hello().carry(m.Share(descriptors=1), bell)
-            assert peer.fault() == "Share with 1 descriptors, it brings 2 or none"
+            assert peer.fault() == "Share with 1 descriptors instead of 2 or none"
 
     @pytest.mark.parametrize("number", [0, 2, 5])
     def test_another_number_than_claimed_is_none(self, daemon: Daemon, number: int) -> None:

@@ -132,7 +132,7 @@ class TestWhatWaits:
             daemon.process.terminate()
             assert daemon.process.wait(WAIT_S) == 0
         (left,) = [line for line in daemon.log.read_text().splitlines() if "does not read" in line]
-        assert left.endswith("samples were left")
+        assert left.endswith("samples were lost")
 
     @with_limits(drain_s=LONG_S)
     def test_a_second_signal_ends_it_at_once(self, daemon: Daemon) -> None:

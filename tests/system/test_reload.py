@@ -62,7 +62,7 @@ class TestAConfiguration:
 
     def test_of_bridges_is_theirs(self, daemon: Daemon, config: Path) -> None:
         config.write_text("[bridge.zenoh]\nconnect = 'tcp/robot:7447'\n[bridge.ros2]\ndomain = 1\n")
-        reads = "changed, which a bridge reads when it starts"
+        reads = "changed; a bridge reads it when it starts"
         hang_up(daemon, f"reloaded {config}: bridge.zenoh, bridge.ros2: {reads}\n")
         config.write_text("log_level = 'debug'\n[bridge.zenoh]\nconnect = 'tcp/robot:7447'\n")
         hang_up(daemon, f"log_level: info -> debug; bridge.ros2: {reads}\n")
@@ -107,7 +107,7 @@ class TestAConfiguration:
             f"[[access]]\ntopics = '**'\nactions = 'observe'\nusers = {os.getuid()}\nshared_memory = true\n"
         )
         config.write_text(rule)
-        says = "access[0].shared_memory = true means nothing any more"
+        says = "access[0].shared_memory = true has no effect any more"
         hang_up(daemon, says)
         hang_up(daemon, says)
         assert "nothing has changed" in daemon.log.read_text()

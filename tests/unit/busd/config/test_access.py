@@ -76,15 +76,15 @@ ACCESS = '[[access]]\nusers = "*"\ntopics = "/a"\nactions = "publish"\n'
         (ACCESS.replace('"*"', '["rooot"]'), "access[0].users: there is no user 'rooot' on this machine"),
         (ACCESS.replace('"*"', f'["{ROOT}t"]'), f"did you mean '{ROOT}'?"),
         (ACCESS.replace('users = "*"', 'groups = "*"'), "no group '*' on this machine; '*' is for users"),
-        (ACCESS.replace('"*"', "-2"), "access[0].users: -2 is no user's number"),
-        (ACCESS.replace('"*"', "4294967295"), "access[0].users: 4294967295 is no user's number"),
+        (ACCESS.replace('"*"', "-2"), "access[0].users: -2 is not the number of a user"),
+        (ACCESS.replace('"*"', "4294967295"), "access[0].users: 4294967295 is not the number of a user"),
         (ACCESS.replace('"*"', "true"), "access[0].users = True"),
         (ACCESS.replace('"*"', "[]"), "access[0]: expected either users or groups, with one entry at least"),
         (ACCESS + "groups = 7\n", "access[0]: expected either users or groups"),
         (ACCESS.replace('"/a"', "[]"), "access[0].topics: expected one entry at least"),
         (ACCESS.replace('"/a"', '"camera"'), "access[0].topics = 'camera' can never match"),
-        (ACCESS.replace('"publish"', '"publsh"'), "'publsh' is no action; did you mean 'publish'?"),
-        (ACCESS.replace('"publish"', '"x"'), "'x' is no action (known: publish, subscribe, observe)"),
+        (ACCESS.replace('"publish"', '"publsh"'), "'publsh' is not an action; did you mean 'publish'?"),
+        (ACCESS.replace('"publish"', '"x"'), "'x' is not an action (known: publish, subscribe, observe)"),
         (ACCESS.replace('actions = "publish"', ""), "access[0]: 'actions' is missing"),
         (ACCESS + ACCESS.replace("topics", "topic"), "unknown key 'access[1].topic'; did you mean 'topics'?"),
         ("access = 3\n", "access: expected an array of tables, each under [[access]]"),
@@ -138,7 +138,7 @@ def test_what_earlier_versions_had_is_doubted(tmp_path: Path) -> None:
     """A file that was valid in an earlier release does not keep busd from starting."""
     config = read(tmp_path, ACCESS + ACCESS + "shared_memory = true\n")
     (doubt,) = find_doubts(config.access, tmp_path / "none")
-    assert doubt.startswith("access[1].shared_memory = true means nothing any more: between users")
+    assert doubt.startswith("access[1].shared_memory = true has no effect any more: different users")
 
 
 def test_doubts_about_an_abstract_socket() -> None:

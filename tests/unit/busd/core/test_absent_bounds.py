@@ -89,7 +89,7 @@ class TestBounds:
         (line,) = (note for note in story.world.notes if "did not come back" in note)
         assert line == (
             "lost subscriptions that did not come back: 1 (the last: /node_2 of listener (pid 101) on "
-            "'/topic'); messages that waited for them: 3"
+            "'/topic'); messages kept for them: 3"
         )
         story.publisher.publish("d")
         story.publisher.destroy()
@@ -141,7 +141,7 @@ class TestBounds:
             story.lose()
         assert kept(story.world) == m.AbsentRecord(subscriptions=3, given_up=2)
         (line,) = (note for note in story.world.notes if "no room" in note)
-        assert line.endswith("given up, the longest absent first: 1")
+        assert line.endswith("dropped, the longest absent first: 1")
         story.publisher.publish("a")
         story.publisher.destroy()
         found = []

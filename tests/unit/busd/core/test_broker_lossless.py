@@ -111,7 +111,7 @@ class TestAcks:
         publisher.publish(*"abc")
         publisher.catch_up(subscription, "c", first_seq=3)
         publisher.catch_up(subscription, "d", "e", first_seq=3)
-        assert publisher.process.cut_reason == "publisher 2 sent sample 4 once more, the last one is 3"
+        assert publisher.process.cut_reason == "publisher 2 resent sample 4, the last one is 3"
         assert [one.seq for one in subscription.samples] == [1, 2, 3, 3]
         subscription.ack(publisher, 3)
         assert subscription.process.cut_reason is None

@@ -300,7 +300,7 @@ class TestRate:
         assert [answer.request for answer in refusals] == [6, 7, 6, 7]
         assert refusals[0].again
         assert not refusals[0].resource
-        assert refusals[0].text.startswith("busd takes 10 requests to reload, stop or restart at once, and ")
+        assert refusals[0].text.startswith("too many requests to reload, stop or restart: busd accepts 10 ")
         two.die()
         world.advance(2.5)
         back = world.process()

@@ -48,7 +48,7 @@ class TestWhoIsSilent:
         assert is_silent(hung)
         assert not is_silent(lively)
         said = "no sign of life from hung (pid 100) for 2.0 s"
-        told = "it keeps its place, and what waits for it goes on without it"
+        told = "it keeps its place, and publishers that wait for it continue without it"
         assert world.notes == [f"{said}: {told}"]
         pass_time(world, 3600, lively)
         assert hung.cut_reason is None
@@ -59,7 +59,7 @@ class TestWhoIsSilent:
         publisher.publish("x")
         assert subscription.payloads == ["x"]
         assert not is_silent(hung)
-        heard = "hung (pid 100) is heard again, after 3602.0 s: what waits for it does so again"
+        heard = "hung (pid 100) is heard again, after 3602.0 s: publishers wait for it again"
         assert world.notes[1:] == [heard]
 
     def test_each_by_its_own_lease(self) -> None:

@@ -24,7 +24,7 @@ from raw_peer import HELLO
 from semantics import until
 
 SECOND = 1_000_000_000
-NO_PLACE = "busd has no place left for another connection that waits to be let in; try again"
+NO_PLACE = "busd has no place left for another waiting connection; try again"
 
 
 class Host:

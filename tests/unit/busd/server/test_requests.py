@@ -62,7 +62,7 @@ class TestRestart:
 
         host = Host()
         host.is_ending = True
-        assert await said(find_fault, host) == [Refused(request=7, text="busd is about to end")]
+        assert await said(find_fault, host) == [Refused(request=7, text="busd is stopping")]
 
     async def test_one_at_a_time(self) -> None:
         """A second request during the check of the reasons is refused. A later one is not."""
@@ -78,7 +78,7 @@ class TestRestart:
             requests.restart(ASKED)
         for _ in range(5):
             await asyncio.sleep(0)
-        assert host.said == [Refused(request=7, text="busd is about to end")]
+        assert host.said == [Refused(request=7, text="busd is stopping")]
         check.set()
         await until(lambda: len(host.said) == 2)
         requests.restart(ASKED)

@@ -136,7 +136,7 @@ def test_after_the_whole_time_nobody_is_waited_for(world: World, caplog: pytest.
     for _ in range(round(LONGEST_S / STEP_S) - 2):
         assert world.wait() == ["heard"]
     assert world.wait() == ["heard", "one is closed", "end"]
-    assert [record.message for record in caplog.records] == ["pid 4711 does not read: 7 samples were left"]
+    assert [record.message for record in caplog.records] == ["pid 4711 does not read: 7 samples were lost"]
 
 
 def test_between_them_others_may_be_served(world: World) -> None:

@@ -109,7 +109,7 @@ class TestDrop:
             assert strangers.room == 0
             strangers.drop(files(2))
             assert [one.message for one in caplog.records] == [
-                "20 descriptors of strange files can't be closed: no more are taken"
+                "20 descriptors of strange files block on close: busd accepts no more of them"
             ]
             owner.let_go()
             wait_until(lambda: strangers.room)
