@@ -29,11 +29,11 @@ def ask(file: Path, path: Path) -> Opinion:
         )
     except subprocess.TimeoutExpired:
         raise CommandError(
-            f"{file} could not be looked at: busd --check gave no answer within {_CHECK_S:g} s"
+            f"{file} could not be checked: busd --check gave no answer within {_CHECK_S:g} s"
         ) from None
     except OSError as error:
-        raise CommandError(f"{file} could not be looked at: {error}") from None
+        raise CommandError(f"{file} could not be checked: {error}") from None
     said = [line.removeprefix("busd: ") for line in done.stderr.decode(errors="replace").splitlines()]
     if done.returncode:
-        return Opinion(said[-1] if said else f"{file} is not right", [])
+        return Opinion(said[-1] if said else f"{file} has an error", [])
     return Opinion("", said)

@@ -84,7 +84,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         {
             "echo": "Print the transform between two frames",
             "frames": "Draw the tree of frames",
-            "monitor": "Print how late transforms are, and how often they come",
+            "monitor": "Print the delay and rate of transforms",
         },
     ),
     "bag": (
@@ -110,7 +110,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         "Various daemon related sub-commands",
         {
             "install": "Write systemd units for the daemon",
-            "peers": "Output what each process makes the daemon hold",
+            "peers": "Output the daemon's resources used by each process",
             "reload": "Have the daemon read its configuration again",
             "restart": "Restart the daemon without a gap",
             "start": "Start the daemon if it isn't running",
@@ -145,12 +145,12 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         "Measure the bus on this machine, with separate processes",
         {
             "fanout": "One publisher to many subscribers",
-            "latency": "How old messages are when they come",
-            "throughput": "Messages a second, and what is lost",
+            "latency": "Age of messages when they arrive",
+            "throughput": "Messages a second, and losses",
         },
     ),
     "top": ("Show topics and nodes, with their rates and losses, live", {}),
-    "metrics": ("Serve what happens on the bus to Prometheus", {}),
+    "metrics": ("Serve metrics of the bus to Prometheus", {}),
     "web": ("Show the bus in a browser: graph, rates, values, plots and log", {}),
     "run": ("Run a script, a module or a program of a package", {}),
     "launch": ("Run a launch file", {}),
@@ -165,7 +165,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "xml": "Output the manifest of a package, or a tag of it",
         },
     ),
-    "doctor": ("Check the set-up and say what to do where something is wrong", {}),
+    "doctor": ("Check the set-up and advise how to correct faults", {}),
     "completion": ("Print the shell code that completes bus commands", {}),
 }
 """Command -> what it does, and its verbs. One without verbs is a verb itself."""

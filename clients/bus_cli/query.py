@@ -203,7 +203,7 @@ def _chosen_by(args: Namespace) -> str:
         return ""
     for name in ("BUSD_SOCKET", "BUSD_DOMAIN"):
         if (value := os.environ.get(name)) and (name == "BUSD_SOCKET" or args.domain is None):
-            return f" (as {name}={value} says)"
+            return f" (set by {name}={value})"
     return ""
 
 

@@ -109,12 +109,12 @@ def add_arguments(parser: "ArgumentParser") -> None:
     parser.usage = _USAGE
     parser.allow_abbrev = False
     parser.description = (
-        "Run a Python script or module, or a program of a package. Modules of ROS 2 (rclpy, std_msgs, ...) "
-        "that can't be imported are busd's own. All words after the program belong to it, also --ros-args."
+        "Run a Python script or module, or a program of a package. If ROS 2's modules (rclpy, std_msgs, ...) "
+        "are not installed, busd's are used. All words after the program belong to it, also --ros-args."
     )
     parser.add_argument("-m", dest="module", metavar="module", help="run a module, as python -m does")
     parser.add_argument(
-        "--force", action="store_true", help="busd's modules even where real ones are installed"
+        "--force", action="store_true", help="use busd's modules even if ROS 2's are installed"
     )
     parser.add_argument(
         "--prefix", metavar="COMMAND", help="command before the program, as one word: 'gdb --args'"

@@ -30,11 +30,11 @@ __all__ = [
 _EXAMPLES = "example_interfaces/"
 
 _NOT_YET = {
-    "component": "several nodes in one process are several bus.Node in one main()",
+    "component": "open several bus.Node in one main()",
     "control": "",
     "extension_points": "",
     "extensions": "",
-    "multicast": "the bus does not leave its machine",
+    "multicast": "a bus does not use the network",
     "plugin": "",
     "security": "access rules are in busd.toml, under [[access]]",
     "trace": "",
@@ -106,7 +106,7 @@ def no_command(word: str, commands: Mapping[str, tuple[str, Iterable[str]]]) -> 
     """Of `bus WORD`."""
     if word in _NOT_YET:
         instead = _NOT_YET[word]
-        return f"bus {word}: not there yet{'; ' if instead else ''}{instead}"
+        return f"bus {word}: not available{'; ' if instead else ''}{instead}"
     meant = [f"bus {command} {word}" for command, (_, verbs) in commands.items() if word in verbs][:_MOST]
     if not meant and (near := _OTHER_NAMES.get(word) or nearest(word, commands)):
         meant = [f"bus {near}"]

@@ -12,8 +12,8 @@ from bus_cli.output import CommandError
 
 def add_arguments(parser: ArgumentParser) -> None:
     parser.description = (
-        "Run a test file of launch_testing: launch what its generate_test_description() returns, and run its "
-        "unittest classes meanwhile and after."
+        "Run a test file of launch_testing: start the description of its generate_test_description(), and "
+        "run its unittest classes during the launch and after it."
     )
     parser.add_argument("-v", "--verbose", action="store_true", help="print the name of each test")
     parser.add_argument("test_file", help="the file")
@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     given_arguments(args.arguments)
     if not args.test_file.endswith(".py"):
-        raise CommandError(f"bus test: '{args.test_file}' is no Python file")
+        raise CommandError(f"bus test: '{args.test_file}' is not a Python file")
     heed_interrupts()  # a test file may have something to tidy up
     export(args)
     import_module("bus_ros.import_hook")

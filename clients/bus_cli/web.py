@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from bus_web.entrance import Addresses
 
 _EPILOG = f"""\
-Served on loopback or a unix socket only, to whoever has the token of the address that is printed; nobody who
-looks can publish, call or set anything without the options that allow it. See docs/look.md.
+Served only on loopback or a unix socket, and only to clients with the token in the printed address. Clients
+can't publish, call services or set parameters without the options that allow it. See docs/look.md.
 Needs websockets: {how_to_install("websockets")}
 """
 
@@ -92,5 +92,5 @@ def _print_addresses(addresses: "Addresses", *, as_json: bool) -> None:
 def _origin(text: str) -> str:
     """For argparse."""
     if not re.fullmatch(r"https?://([\w.-]+|\[[\da-f:]+\])(:\d{1,5})?/?", text, re.ASCII | re.IGNORECASE):
-        raise ArgumentTypeError(f"{text!r} is no origin, such as https://studio.example.org")
+        raise ArgumentTypeError(f"{text!r} is not an origin, such as https://studio.example.org")
     return text

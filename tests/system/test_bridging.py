@@ -132,7 +132,7 @@ async def test_what_the_command_line_shows() -> None:
     assert by_node["far", "PUBLISHER"].endswith(
         "Matches: 0\n"
         "  /far (no match: both have come from laptop-1f2e3d4c)\n"
-        "  /further (no match: both are of other buses, and nothing goes on from there to there)"
+        "  /further (no match: both belong to other buses, and no bridge forwards between them here)"
     )
     assert (
         "Messages: 7 (700 B)\nQueue: 0 of 10\nDropped: 2 (rate_limit: 2)\nExpected: 9\n"

@@ -35,7 +35,7 @@ def test_a_bag_that_was_cut(tmp_path: Path) -> None:
     assert first == f"[WARN] [ros2bag]: {folder}/metadata.yaml: there is none; the files say what they have"
     assert second.startswith(f"[WARN] [ros2bag]: {path}, at byte ")
     assert second.endswith(": the file was not closed")
-    assert third == f"[WARN] [ros2bag]: to make it whole: bus bag reindex {folder}"
+    assert third == f"[WARN] [ros2bag]: to repair it: bus bag reindex {folder}"
     result = bus("bag", "reindex", str(folder))
     assert (result.code, result.err) == (0, f"{second}\n")
     assert result.out == (

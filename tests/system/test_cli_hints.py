@@ -106,7 +106,7 @@ def _at_a_terminal(line: str) -> tuple[str, str]:
 
 
 def test_lists_of_nothing_say_where_at_a_terminal(daemon: Daemon) -> None:
-    said = f"no nodes on {daemon.path} (as BUSD_SOCKET={daemon.path} says)\r\n"
+    said = f"no nodes on {daemon.path} (set by BUSD_SOCKET={daemon.path})\r\n"
     assert {line: _at_a_terminal(line) for line in LISTS} == dict.fromkeys(LISTS, ("", said))
     assert {line: bus(*line.split()) for line in LISTS} == dict.fromkeys(LISTS, Result("", "", 0))
     line = f"--socket {daemon.path} topic list"

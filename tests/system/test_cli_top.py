@@ -173,7 +173,7 @@ def test_no_daemon_and_none_may_be_started(socket_path: Path, monkeypatch: pytes
     ("words", "why"),
     [
         ((), "bus top needs a terminal; without one, use --once or --json"),
-        (("--sort", "lots"), r"no column to sort by is 'lots': topic, type, hz, .*; did you mean 'lost'\?"),
+        (("--sort", "lots"), r"no column 'lots' to sort by: topic, type, hz, .*; did you mean 'lost'\?"),
         (("-d", "0"), "value must be a positive number"),
         (("-d", "0.01"), "the period must be from 0.1 to 3600 s, not 0.01"),
     ],

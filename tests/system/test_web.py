@@ -284,12 +284,12 @@ class TestMistakes:
         [
             (["--listen", "0.0.0.0:8765"], 2, "ssh -NL 8765:127.0.0.1:8765 HOST"),
             (["--listen", "8765"], 2, "neither address:port"),
-            (["--allow-origin", "evil"], 2, "'evil' is no origin"),
-            (["--allow-origin", "http://["], 2, "'http://[' is no origin"),
-            (["--allow-origin", "http://a:999999"], 2, "'http://a:999999' is no origin"),
-            (["--allow-origin", "http://user@a"], 2, "'http://user@a' is no origin"),
-            (["--allow-origin", "http://a/#b"], 2, "'http://a/#b' is no origin"),
-            (["--allow-origin", "http://a b"], 2, "'http://a b' is no origin"),
+            (["--allow-origin", "evil"], 2, "'evil' is not an origin"),
+            (["--allow-origin", "http://["], 2, "'http://[' is not an origin"),
+            (["--allow-origin", "http://a:999999"], 2, "'http://a:999999' is not an origin"),
+            (["--allow-origin", "http://user@a"], 2, "'http://user@a' is not an origin"),
+            (["--allow-origin", "http://a/#b"], 2, "'http://a/#b' is not an origin"),
+            (["--allow-origin", "http://a b"], 2, "'http://a b' is not an origin"),
             (["--listen", "unix:/tmp/x", "--open"], 1, "a browser opens no unix socket"),
         ],
     )

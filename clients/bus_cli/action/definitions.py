@@ -79,7 +79,7 @@ async def find_action_type(node: "Node", graph: "Graph", action: str, name: str)
     asked = graph.subscriptions_of(f"{begin}send_goal/_request")
     answered = graph.publishers_of(f"{begin}get_result/_reply")
     if not asked or not answered:
-        raise CommandError(f"action '{action}' has just left")
+        raise CommandError(f"action '{action}' has just disappeared")
     return make_action(
         name,
         await made("SendGoal_Request", asked[0].type_hash, "goal"),

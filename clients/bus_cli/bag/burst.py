@@ -14,7 +14,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="N",
         type=unsigned_int,
         default=0,
-        help="How many messages come at once, before the pause (default: all)",
+        help="Number of messages to play at once, before the pause (default: all)",
     )
 
 

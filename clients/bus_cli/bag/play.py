@@ -18,10 +18,10 @@ _ORDERS = {"received": "log_time", "sent": "publish_time"}
 def add_arguments(parser: ArgumentParser) -> None:
     add_reader_arguments(parser)
     parser.add_argument("-r", "--rate", metavar="R", type=positive, default=1.0, help="Play R times as fast")
-    parser.add_argument("-l", "--loop", action="store_true", help="Begin again at the end")
-    parser.add_argument("-p", "--start-paused", action="store_true", help="Begin with a pause")
+    parser.add_argument("-l", "--loop", action="store_true", help="Start again after the end")
+    parser.add_argument("-p", "--start-paused", action="store_true", help="Start paused")
     parser.add_argument(
-        "-e", "--regex", metavar="REGEX", default="", help="Play topics and services with such names, too"
+        "-e", "--regex", metavar="REGEX", default="", help="Also play topics and services with such names"
     )
     parser.add_argument("-x", "--exclude-regex", metavar="REGEX", default="", help="Leave these names out")
     parser.add_argument(
@@ -42,13 +42,16 @@ def add_arguments(parser: ArgumentParser) -> None:
         nargs="?",
         const=_CLOCK_HZ,
         default=0.0,
-        help="Publish the bag's time to /clock so often (without HZ: 40); its own /clock is left out",
+        help="Publish the bag's time to /clock at HZ (without a value: 40); skip the /clock in the bag",
     )
     group = group.add_mutually_exclusive_group()
     group.add_argument(
-        "--clock-topics", metavar="TOPIC", nargs="+", help="Publish it before each message of these topics"
+        "--clock-topics",
+        metavar="TOPIC",
+        nargs="+",
+        help="Publish the time before each message of these topics",
     )
-    group.add_argument("--clock-topics-all", action="store_true", help="Publish it before each message")
+    group.add_argument("--clock-topics-all", action="store_true", help="Publish the time before each message")
     parser.add_argument(
         "-d",
         "--delay",
@@ -62,11 +65,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="S",
         type=seconds,
         default=-1.0,
-        help="End after so much of the bag's time",
+        help="Stop after S seconds of the bag's time",
     )
     until = parser.add_mutually_exclusive_group()
     until.add_argument(
-        "--playback-until-sec", metavar="S", type=seconds, default=-1.0, help="End at that time of the bag"
+        "--playback-until-sec", metavar="S", type=seconds, default=-1.0, help="Stop at this time of the bag"
     )
     until.add_argument(
         "--playback-until-nsec", metavar="NS", type=int, default=-1, help="The same, in nanoseconds"
@@ -81,7 +84,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--message-order",
         choices=_ORDERS,
         default="received",
-        help="Play by the time at which messages were received, or sent (default: received)",
+        help="Play in the order in which messages were received or sent (default: received)",
     )
 
 

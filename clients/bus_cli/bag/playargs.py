@@ -24,7 +24,7 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
         metavar="N",
         type=unsigned_int,
         default=1000,
-        help="How many messages are read ahead of their time (default: 1000)",
+        help="Number of messages to read ahead (default: 1000)",
     )
     parser.add_argument("--topics", metavar="TOPIC", nargs="+", default=[], help="Play only these topics")
     parser.add_argument(
@@ -48,14 +48,14 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
         metavar="S",
         type=not_negative,
         default=0.0,
-        help="Begin so many seconds into the bag; the latched state of that moment comes first",
+        help="Start S seconds into the bag, with the latched state of that moment",
     )
     parser.add_argument(
         "--progress-bar-update-rate",
         metavar="HZ",
         type=int,
         default=3,
-        help="How often the line of progress is written on a terminal; 0: never, -1: for each message "
+        help="Updates of the progress line per second, on a terminal; 0: none, -1: one for each message "
         "(default: 3)",
     )
     parser.add_argument(
@@ -65,7 +65,7 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--log-level", choices=_LEVELS, help="Which lines are logged (default: info)")
     parser.add_argument(
-        "-v", "--verbose", action="store_true", help="Tell at the end how late messages were published"
+        "-v", "--verbose", action="store_true", help="Print at the end how late messages were published"
     )
 
 

@@ -33,7 +33,7 @@ def add_storage_argument(parser: ArgumentParser) -> None:
         "--storage",
         default="",
         choices=[one.identifier for one in storages()],
-        help="Storage implementation of bag; taken, and without effect: files say what they are",
+        help="Storage implementation of bag; ignored, because files identify themselves",
     )
 
 
@@ -58,7 +58,7 @@ def print_problems(reader: "BagReader") -> None:
         complain(f"[WARN] [ros2bag]: and {len(problems) - _MOST} more of this kind")
     is_whole = not reader.is_cut and (reader.path / "metadata.yaml").exists()
     if problems and reader.path.is_dir() and not is_whole and not reader.is_being_written:
-        complain(f"[WARN] [ros2bag]: to make it whole: bus bag reindex {reader.path}")
+        complain(f"[WARN] [ros2bag]: to repair it: bus bag reindex {reader.path}")
 
 
 def overrides_in(path: str | None) -> "dict[str, QoSProfile]":

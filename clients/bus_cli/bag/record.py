@@ -56,21 +56,27 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="REGEX",
         help="exclude topics and services with a match of REGEX in their name",
     )
-    group.add_argument("--exclude-topics", nargs="+", default=[], metavar="TOPIC", help="not these topics")
     group.add_argument(
-        "--exclude-topic-types", nargs="+", default=[], metavar="TYPE", help="not topics of these types"
+        "--exclude-topics", nargs="+", default=[], metavar="TOPIC", help="exclude these topics"
     )
     group.add_argument(
-        "--exclude-services", nargs="+", default=[], metavar="SERVICE", help="not these services"
+        "--exclude-topic-types", nargs="+", default=[], metavar="TYPE", help="exclude topics of these types"
+    )
+    group.add_argument(
+        "--exclude-services", nargs="+", default=[], metavar="SERVICE", help="exclude these services"
     )
     group.add_argument(
         "--include-unpublished-topics", action="store_true", help="also topics without a publisher"
     )
-    group.add_argument("--ignore-leaf-topics", action="store_true", help="not topics without a subscription")
     group.add_argument(
-        "--no-discovery", action="store_true", help="only topics that are there when the recording begins"
+        "--ignore-leaf-topics", action="store_true", help="exclude topics without a subscription"
     )
-    group.add_argument("-p", "--polling-interval", type=int, metavar="MS", help="accepted; nothing is polled")
+    group.add_argument(
+        "--no-discovery", action="store_true", help="only topics that exist when the recording starts"
+    )
+    group.add_argument(
+        "-p", "--polling-interval", type=int, metavar="MS", help="ignored: busd reports topics at once"
+    )
     group.add_argument("--qos-profile-overrides-path", metavar="FILE", help="QoS profiles by topic, in YAML")
     group = parser.add_argument_group("how to write")
     group.add_argument(
@@ -79,7 +85,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=unsigned_int,
         default=0,
         metavar="BYTES",
-        help="split files that large; 0: never",
+        help="start a new file at this size; 0: never",
     )
     group.add_argument(
         "-d",
@@ -87,7 +93,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=unsigned_int,
         default=0,
         metavar="S",
-        help="split files that long; 0: never",
+        help="start a new file after S seconds; 0: never",
     )
     group.add_argument(
         "--max-bag-files", type=unsigned_int, default=0, metavar="N", help="keep the newest N files; 0: all"
@@ -97,7 +103,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=unsigned_int,
         default=_CACHE,
         metavar="BYTES",
-        help=f"bytes that can wait for the disk (default: {_CACHE}); 0: nothing",
+        help=f"bytes kept while the disk is busy (default: {_CACHE}); 0: none",
     )
     group.add_argument(
         "--storage-preset-profile",
@@ -105,9 +111,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         default="none",
         help="how the file is chunked and compressed",
     )
-    group.add_argument("--custom-data", nargs="*", metavar="KEY=VALUE", help="kept in the bag's metadata")
+    group.add_argument("--custom-data", nargs="*", metavar="KEY=VALUE", help="stored in the bag's metadata")
     group.add_argument(
-        "--snapshot-mode", action="store_true", help="keep the newest, write them when ~/snapshot is called"
+        "--snapshot-mode",
+        action="store_true",
+        help="keep the newest messages in memory, write them when ~/snapshot is called",
     )
     group = parser.add_argument_group("how to run")
     group.add_argument("--start-paused", action="store_true", help="wait for SPACE, or ~/resume")
@@ -120,7 +128,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=float,
         default=3.0,
         metavar="HZ",
-        help="how often the line on a terminal is written (default: 3); 0: never",
+        help="updates of the status line per second, on a terminal (default: 3); 0: none",
     )
     group.add_argument(
         "--log-level",

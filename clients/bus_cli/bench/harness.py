@@ -117,7 +117,7 @@ class Child:
             try:
                 self.events.append(Event(json.loads(line)))
             except ValueError:
-                raise Failure(f"{self.name} said what is no JSON: {line[:80]!r}") from None
+                raise Failure(f"{self.name} printed a line that is not JSON: {line[:80]!r}") from None
 
     def take(self, event: str) -> Event | None:
         """The oldest event of that name that came, or None."""

@@ -22,17 +22,16 @@ _THOUSANDS: Final = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9}
 _POWERS: Final = {"K": 1 << 10, "KIB": 1 << 10, "M": 1 << 20, "MIB": 1 << 20, "G": 1 << 30, "GIB": 1 << 30}
 _UNITS: Final = _THOUSANDS | _POWERS
 _METHOD: Final = """\
-How it is measured: each publisher and subscriber is a process of its own. The time of CLOCK_MONOTONIC,
-which all processes share, is taken right before a message is made and stands in it; the subscriber's
-callback compares it with the clock before anything else. What comes in the warm-up does not count. With a
-pace, the schedule is fixed beforehand: a publisher that was held up sends what is overdue at once and skips
-nothing, and beside the age since a message was sent stands the age since it was due, so that a hold-up
-counts for all whom it delayed (no coordinated omission). In a flood there is no schedule; a message is
-stamped once in a millisecond at most, and its age is mostly the time that it waits behind others.
-Percentiles are by nearest rank: values that were measured. Rates are from the first message published to
-the last one taken. Every delivery is accounted for: it came, or it was lost for the reason shown. Without
---qos options all is reliable and keep all, which loses nothing and holds the publisher back; if something
-is lost all the same, the exit status is 1."""
+How it is measured: each publisher and subscriber is a separate process. A message has the time of
+CLOCK_MONOTONIC right before it was made; the subscriber's callback compares that with its clock first.
+Messages of the warm-up do not count. With a fixed rate, the schedule is fixed too: a delayed publisher
+sends all overdue messages at once. The output has the age since a message was sent and since it was due,
+so that a delay counts for all messages that it delayed (no coordinated omission). At full speed there is no
+schedule; a message is stamped at most once a millisecond, and its age is mostly the time in queues.
+Percentiles are measured values (nearest rank). Rates are from the first message published to the last one
+taken. Every message is accounted for: delivered, or lost for the reason shown. Without --qos options all
+endpoints are reliable and keep all, which loses no message and makes the publisher wait; if a message is
+still lost, the exit status is 1."""
 
 
 def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float) -> None:
@@ -45,13 +44,13 @@ def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float
         default=(_SIZE,),
         help=f"size of the text or bytes in a message, as 64, 1KiB, 4M; several by comma (default: {_SIZE})",
     )
-    pace = f"{rate:g}" if rate else "as fast as it goes"
+    pace = f"{rate:g}" if rate else "as fast as possible"
     parser.add_argument(
         "--rate",
         metavar="HZ",
         type=_rate,
         default=rate,
-        help=f"messages a second that each publisher publishes where it keeps a pace (default: {pace})",
+        help=f"messages a second of each publisher at a fixed rate (default: {pace})",
     )
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
@@ -69,17 +68,21 @@ def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float
         metavar="S",
         type=_warm_up,
         default=_WARM_UP_S,
-        help=f"seconds before that, which don't count (default: {_WARM_UP_S:g})",
+        help=f"seconds before that, not measured (default: {_WARM_UP_S:g})",
     )
     parser.add_argument(
-        "--publishers", metavar="N", type=_processes, default=1, help="their processes (default: 1)"
+        "--publishers",
+        metavar="N",
+        type=_processes,
+        default=1,
+        help="number of publishers, each a process (default: 1)",
     )
     parser.add_argument(
         "--subscribers",
         metavar="N",
         type=_processes,
         default=subscribers,
-        help=f"their processes; each gets all messages (default: {subscribers})",
+        help=f"number of subscribers, each a process that gets all messages (default: {subscribers})",
     )
     parser.add_argument(
         "--route",

@@ -24,11 +24,11 @@ def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
     group.add_argument(
         "--namespace",
         metavar="NS",
-        help="in front of every name on the far side, and off every name that comes from there",
+        help="prefix added to names on the far side, and removed from names that come from there",
     )
     for flag, text in (
-        ("--allow", "only topics and services like this, as '/camera/**'"),
-        ("--deny", "none like this, whatever --allow says"),
+        ("--allow", "only topics and services that match, as '/camera/**'"),
+        ("--deny", "none that match, even if --allow has them"),
     ):
         action = group.add_argument(
             flag, action="append", metavar="PATTERN", help=f"{text}; may be given several times"

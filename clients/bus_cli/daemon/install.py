@@ -15,7 +15,7 @@ from bus_cli.query import NotRunning, Query
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.epilog = "Writes two files and says what to type next; it starts nothing."
+    parser.epilog = "Writes two files and prints the next command; it starts nothing."
     add_scope(parser)
     parser.add_argument("--config", metavar="FILE", help="limits, topic and access rules (busd.toml)")
     parser.add_argument("--dry-run", action="store_true", help="print the files, and write nothing")

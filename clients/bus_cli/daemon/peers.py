@@ -17,8 +17,8 @@ _SILENT = "silent_s"
 
 def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = (
-        "In brackets: how much of its limit somebody has, from a tenth on (busd.toml, [limits]). "
-        "Others' processes are shown to the daemon's own user and root only."
+        "In brackets: the used part of a limit, from a tenth on (busd.toml, [limits]). "
+        "Only the daemon's own user and root see processes of other users."
     )
     parser.add_argument("--users", action="store_true", help="Sums of all processes of each user")
 

@@ -20,7 +20,7 @@ def main(args: Namespace) -> int:
         raise CommandError("The daemon is not running") from None
     with query:
         if not query.broker.release:
-            raise CommandError("the daemon is of a release that can't reload: stop and start it")
+            raise CommandError("the daemon's release can't reload: stop and start it")
         changes = query.request(lambda number: Reload(request=number), Done).text
     if args.json:
         print_json({"changes": changes, "pid": query.broker.pid, "socket": str(path)})

@@ -15,8 +15,8 @@ _RESTART_S = 30.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = (
-        "The new daemon has the options of the old one, and its process id. Nodes reconnect by themselves; "
-        "messages by shared memory go on meanwhile. If the new busd can't start, the old one stays."
+        "The new daemon has the options and the process id of the old one. Nodes reconnect by themselves; "
+        "messages by shared memory continue. If the new busd can't start, the old one stays."
     )
 
 
@@ -42,7 +42,7 @@ def _restart(path: Path) -> str:
         raise CommandError("The daemon is not running") from None
     with query:
         if not query.broker.release:
-            raise CommandError("the daemon is of a release that can't restart: stop and start it")
+            raise CommandError("the daemon's release can't restart: stop and start it")
         query.request(lambda number: StopBroker(request=number, restart=True), Done)
         try:
             query.wait_for_end()

@@ -8,7 +8,7 @@ from bus_cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.epilog = "Removes the two files and says what to type next; it stops nothing."
+    parser.epilog = "Removes the two files and prints the next command; it stops nothing."
     add_scope(parser)
 
 

@@ -25,7 +25,7 @@ from bus_cli.query import NotRunning
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.epilog = "exit status: 0, or 1 where something fails"
+    parser.epilog = "exit status: 0, or 1 if a check fails"
 
 
 def main(args: Namespace) -> int:

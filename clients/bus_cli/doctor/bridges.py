@@ -35,7 +35,7 @@ def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Findin
         try:
             table = load(file, kind) if file is not None else kind()
         except BusError as error:
-            yield fail("bridges", str(error), "mend it: no such bridge starts with it")
+            yield fail("bridges", str(error), "correct it: no such bridge starts with it")
             continue
         is_wanted = table != kind()
         if why := why_missing(engine):
@@ -55,7 +55,7 @@ def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
         try:
             fault = _find_fault(parse_address(text))
         except BusError as error:
-            yield fail("bridges", str(error), "mend listen in busd.toml")
+            yield fail("bridges", str(error), "correct listen in busd.toml")
             continue
         if fault is None:
             yield ok("bridges", f"{text} is free")
@@ -64,7 +64,9 @@ def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
         elif is_running:
             yield ok("bridges", f"{text} is in use, and a bridge runs")
         else:
-            yield warn("bridges", f"{text} is in use by another program", "end that, or choose another port")
+            yield warn(
+                "bridges", f"{text} is in use by another program", "stop that program, or choose another port"
+            )
 
 
 def _find_fault(address: Address) -> OSError | None:
@@ -89,7 +91,7 @@ def _receive_buffers() -> Finding:
     """What the kernel gives a receiver of DDS, where large messages come in many packets at once."""
     sizes = {name: procfs.number_in(str(_BUFFERS / name)) for name in ("rmem_default", "rmem_max")}
     found = {name: size for name, size in sizes.items() if size is not None}
-    text = ", ".join(f"net.core.{name} = {size}" for name, size in found.items()) or "not to be seen here"
+    text = ", ".join(f"net.core.{name} = {size}" for name, size in found.items()) or "not visible here"
     if any(size < _WANTED_BYTES for size in found.values()):
         advice = "sysctl -w " + " ".join(f"net.core.{name}={_WANTED_BYTES}" for name in found)
         return warn("receive buffers", f"{text}: nodes of ROS 2 here may lose large images", advice)

@@ -22,7 +22,7 @@ def examine(path: Path, pid: int) -> Iterator[Finding]:
         yield warn("configuration", str(error))
         return
     if opinion.fault:
-        advice = "mend it: the daemon goes on with what it has, but can't be restarted"
+        advice = "correct it: the daemon keeps its configuration, but can't restart with this file"
         yield fail("configuration", opinion.fault, advice)
     for doubt in opinion.doubts:
         yield warn("configuration", doubt, f"edit {file}, then bus daemon reload")

@@ -107,7 +107,7 @@ def _age(hello: m.Hello) -> str:
 def _release(hello: m.Hello) -> Finding:
     if hello.release == RELEASE:
         return ok("release", f"{RELEASE}, here and at the daemon")
-    theirs = hello.release or "older, of before it said which"
+    theirs = hello.release or "an older one, without a number"
     return warn("release", f"{RELEASE} here, the daemon's is {theirs}", "bus daemon restart")
 
 
@@ -127,7 +127,7 @@ def _replaced(hello: m.Hello) -> Iterator[Finding]:
     ]
     if changed:
         text = f"{changed[0]} and {len(changed) - 1} more" if len(changed) > 1 else str(changed[0])
-        yield warn("daemon's files", f"changed since it began: {text}", "bus daemon restart")
+        yield warn("daemon's files", f"changed since the daemon started: {text}", "bus daemon restart")
 
 
 def _is_newer(file: Path, began_s: float) -> bool:

@@ -68,7 +68,7 @@ def _left(whose: str, room: Room, held: int) -> Finding:
         text += f"; busd may hold {held >> 20} MiB for one user"
         return warn("memory", text, "lower limits.queued_bytes_per_user in busd.toml")
     if room.left <= max(room.reserve, min(_MIN_FREE, room.limit // 4)):
-        return warn("memory", text, "end what needs it, or give it more")
+        return warn("memory", text, "stop programs that use it, or raise the limit")
     return ok("memory", text)
 
 
@@ -85,7 +85,7 @@ class ClockWatch:
             return warn("clock", text, "set it, or run an NTP client")
         jump_s = _ahead_s() - self._ahead_s
         if abs(jump_s) > _JUMP_S:
-            text = f"it was set by {jump_s:+.3f} s just now: stamps and lifespans jump with it"
+            text = f"it was just set by {jump_s:+.3f} s: stamps and lifespans jump with it"
             return warn(
                 "clock", text, "let an NTP client slew it (chronyd), and set it before programs start"
             )

@@ -46,7 +46,7 @@ def folder(folder: Path, *, is_default: bool, is_served: bool) -> Finding:
     us, mode = os.geteuid(), stat.S_IMODE(found.st_mode)
     facts = f"{folder} belongs to uid {found.st_uid}, mode {mode:04o}"
     if not stat.S_ISDIR(found.st_mode):
-        return fail("folder", f"{folder} is no folder", "remove it, or set BUSD_SOCKET to another path")
+        return fail("folder", f"{folder} is not a folder", "remove it, or set BUSD_SOCKET to another path")
     if found.st_uid != us and (is_default or (found.st_uid != 0 and not is_served)):
         return fail("folder", f"{facts}; we are uid {us}", "set BUSD_SOCKET to a path in a folder of yours")
     if is_default and mode & (0o022 if is_served else 0o077):  # [socket] may let others in
@@ -65,7 +65,7 @@ def socket_file(path: Path) -> Iterator[Finding]:
     mode = stat.S_IMODE(found.st_mode)
     facts = f"belongs to uid {found.st_uid}, gid {found.st_gid}, mode {mode:04o}"
     if not stat.S_ISSOCK(found.st_mode):
-        yield fail("stale file", f"{path} is in the way: it is no socket", f"rm {path}")
+        yield fail("stale file", f"{path} is in the way: it is not a socket", f"rm {path}")
     elif not os.access(path, os.W_OK):
         yield fail(
             "permissions",
@@ -82,12 +82,14 @@ def log_file(path: Path) -> Iterator[Finding]:
     """What keeps a busd of ours that is started in the background from having its log beside the socket."""
     is_of_others = path.exists() and path.stat().st_uid != os.geteuid()
     if not is_of_others and (fault := find_fault(log_path(path))):
-        yield warn("log", f"{fault}; so it is in memory", "move that away, then: bus daemon restart")
+        yield warn(
+            "log", f"{fault}; so the log is only in memory", "move that away, then: bus daemon restart"
+        )
 
 
 def leftovers(path: Path, *, is_default: bool) -> Iterator[Finding]:
     """Sockets and locks of daemons that did not end in order. No busd serves `path`."""
-    advice = "nothing: the next one replaces it"
+    advice = "no action needed: the next daemon replaces it"
     if path.is_socket():
         yield warn("stale file", f"{path} was left by a dead daemon", advice)
     elif lock_of(path).exists():

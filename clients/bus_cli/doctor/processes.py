@@ -45,7 +45,7 @@ def _still(seen: Seen) -> Iterator[Finding]:
                 yield warn("processes", text, "end the processes that it has started")
             case _ if silent_s.get(pid, 0.0) > _SILENT_PART * seen.hello.lease_s > 0:
                 text = f"{who}{has} was last heard {silent_s[pid]:.1f} s ago: its event loop stands still"
-                yield warn("processes", text, "look for what blocks in its callbacks (py-spy dump)")
+                yield warn("processes", text, "find the blocking call in its callbacks (py-spy dump)")
 
 
 def _releases(seen: Seen) -> Iterator[Finding]:
@@ -82,15 +82,15 @@ def _use(who: str, name: str, used: float, key: str, limits: Mapping[str, int | 
     if most and used > FULL * most:
         what = _UNITS.get(name, name.replace("_", " "))
         text = f"{who} has {used:,.0f} of {most:,.0f} {what}"
-        yield warn("limits", text, f"raise limits.{key} in busd.toml, or look why it needs so much")
+        yield warn("limits", text, f"raise limits.{key} in busd.toml, or find out why it needs so much")
 
 
 def _refused(charges: Peers) -> Iterator[Finding]:
     for peer in charges.peers:
         if peer.refused:
             times = "once" if peer.refused == 1 else f"{peer.refused:,} times"
-            text = f"{_who(peer.program, peer.pid)} was refused something {times}, for a limit"
-            yield warn("limits", text, "its log and busd's say which")
+            text = f"{_who(peer.program, peer.pid)} reached a limit {times}, and busd refused its request"
+            yield warn("limits", text, "its log and busd's log name the limit")
 
 
 def _who(program: str, pid: int) -> str:

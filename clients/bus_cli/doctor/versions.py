@@ -42,7 +42,7 @@ def shared_memory() -> Finding:
             segments.make_doorbell().close()
             segments.make_readers(1)[0].close()
         except OSError as error:
-            reason = f"this machine gives none ({error.strerror})"
+            reason = f"the system refuses it ({error.strerror})"
     if reason:
         return warn("shared memory", f"not used: {reason}; messages go through busd", advice)
     return ok("shared memory", "used between processes of one user")

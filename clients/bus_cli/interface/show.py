@@ -75,7 +75,7 @@ def _only_one_called(short: str) -> str:
 
     found = types_called(short, names())
     if len(found) > 1:
-        raise CommandError(f"'{short}' may be {' or '.join(found)}: say which")
+        raise CommandError(f"'{short}' may be {' or '.join(found)}: write one of them")
     if not found:
         wrong = f"Invalid name '{short}'. Expected three parts separated by '/'"
         raise CommandError(f"{wrong}{near_type(short, None)}")

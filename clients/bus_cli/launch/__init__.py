@@ -27,24 +27,22 @@ from bus_cli.output import CommandError, say
 def add_arguments(parser: ArgumentParser) -> None:
     parser.usage = "bus launch [options] FILE | PKG FILE [name:=value ...]"
     parser.description = (
-        "Run a launch file: in Python, XML or YAML, by its path, or by the name of its package and its own."
+        "Run a launch file in Python, XML or YAML, given by its path, or by its package and name."
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "-s", "--show-args", "--show-arguments", action="store_true", help="list the file's arguments"
     )
     what.add_argument(
-        "-p", "--print", "--print-description", action="store_true", help="print what the file holds"
+        "-p", "--print", "--print-description", action="store_true", help="print the launch description"
     )
     parser.add_argument("-d", "--debug", action="store_true", help="print more, also tracebacks")
-    parser.add_argument(
-        "-n", "--noninteractive", action="store_true", help="say of each signal that it is sent"
-    )
+    parser.add_argument("-n", "--noninteractive", action="store_true", help="log each signal that is sent")
     parser.add_argument(
         "-a",
         "--show-all-subprocesses-output",
         action="store_true",
-        help="print what all processes write, whatever their output says",
+        help="print the output of all processes, whatever their attribute `output`",
     )
     parser.add_argument(
         "--launch-prefix", metavar="COMMAND", help="command before each program, as one word: 'gdb --args'"

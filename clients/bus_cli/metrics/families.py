@@ -52,7 +52,7 @@ _OF_USERS = {
     "descriptors": "File descriptors that busd holds for a user.",
     "queued_bytes": "Bytes of messages that wait in busd for a user's processes.",
     "history_bytes": "Bytes of transient local history that busd keeps for a user's processes.",
-    "absent": "Subscriptions of a user that were lost, and for which busd keeps what they have missed.",
+    "absent": "Lost subscriptions of a user for which busd counts missed messages.",
 }
 
 Numbers = Mapping[Labels, float]
@@ -91,7 +91,7 @@ class BusCollector(Collector):
             yield from self._about_bridges(seen.bridges)
             yield _gauge(
                 "busd_rows_left_out",
-                f"Rows of a metric above the first {self._most}, where there are any (--max-rows).",
+                f"Rows of a metric above the first {self._most}, if there are any (--max-rows).",
                 ("metric",),
                 self._left_out,
             )
@@ -155,7 +155,7 @@ class BusCollector(Collector):
             return
         yield from _about_routing(seen.charges.routing)
         absent = seen.charges.absent
-        text = "Messages that waited for subscriptions that were lost and did not come back."
+        text = "Messages kept for lost subscriptions that did not reconnect."
         yield CounterMetricFamily("busd_unclaimed_messages_total", text, absent.unclaimed)
         text = "Lost subscriptions whose counters had no room."
         yield CounterMetricFamily("busd_absent_given_up_total", text, absent.given_up)
@@ -167,13 +167,13 @@ class BusCollector(Collector):
             yield self._gauge(f"busd_peer_{name}", text, _PEER, _sum(_peer, peers, name))
         yield self._gauge(
             "busd_peer_silent_seconds",
-            "Since busd last heard a process.",
+            "Seconds since busd last heard from a process.",
             _PEER,
             {_peer(one): one.silent_s for one in sorted(peers, key=lambda one: one.silent_s)},
         )
         for name, text in _OF_USERS.items():
             yield self._gauge(f"busd_user_{name}", text, ("uid",), _sum(_user, users, name))
-        text = "How often a limit stood in the way of a user's processes."
+        text = "Number of requests of a user's processes that busd refused because of a limit."
         refused = CounterMetricFamily("busd_user_refused_total", text, labels=("uid",))
         for user, count in self._bounded("busd_user_refused_total", _sum(_user, users, "refused")).items():
             refused.add_metric(user, count)
@@ -184,7 +184,7 @@ class BusCollector(Collector):
         totals.take(bridges)
         for name, text, labels, sums in (
             ("busd_bridge_taken_total", "Messages that a bridge took.", _ROUTE, totals.taken),
-            ("busd_bridge_sent_total", "Messages that a bridge handed on.", _ROUTE, totals.sent),
+            ("busd_bridge_sent_total", "Messages that a bridge sent on.", _ROUTE, totals.sent),
             ("busd_bridge_sent_bytes_total", "Bytes of these, encoded.", _ROUTE, totals.bytes),
             (
                 "busd_bridge_dropped_total",
@@ -194,7 +194,7 @@ class BusCollector(Collector):
             ),
             (
                 "busd_bridge_lost_total",
-                "Messages that were sent to a bridge and never came.",
+                "Messages that were sent to a bridge and never arrived.",
                 _ROUTE,
                 totals.lost,
             ),

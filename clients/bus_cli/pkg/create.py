@@ -107,7 +107,7 @@ def _check(args: Namespace, package: Description, library: str | None) -> None:
     """Raises CommandError for what can't be a package; nothing was written then."""
     if args.build_type != _POSSIBLE:
         raise CommandError(
-            f"busd has no build type '{args.build_type}': it runs Python. Say --build-type {_POSSIBLE}"
+            f"busd has no build type '{args.build_type}': it runs Python. Use --build-type {_POSSIBLE}"
         )
     if package.name == "test":
         raise CommandError(_IS_TEST)

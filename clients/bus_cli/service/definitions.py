@@ -54,7 +54,7 @@ async def find_service_type(node: "Node", graph: "Graph", service: str, name: st
     replies = graph.publishers_of(reply_topic(service))
     answered = [one.type_hash for one in replies if one.type_name == f"{name}_Response"]
     if not answered:
-        raise CommandError(f"service '{service}' has just left")
+        raise CommandError(f"service '{service}' has just disappeared")
     request = await node.get_type(f"{name}_Request", served[name])
     response = await node.get_type(f"{name}_Response", answered[0])
     return make_service(name, message_of(request), message_of(response))

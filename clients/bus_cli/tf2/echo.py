@@ -8,13 +8,15 @@ from bus_cli.tf2.heard import complete_frames
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    completed_by(parser.add_argument("source_frame", help="the frame to print"), complete_frames)
     completed_by(
-        parser.add_argument("target_frame", help="the frame that is looked for in it"), complete_frames
+        parser.add_argument("source_frame", help="frame in which the other is given"), complete_frames
     )
-    parser.add_argument("-r", "--rate", default="1", metavar="HZ", help="how often; once a second by default")
-    parser.add_argument("-t", "--time", metavar="S", help="at this time; by default the latest")
-    parser.add_argument("-p", "--precision", default="3", metavar="N", help="digits after the point; 3")
+    completed_by(parser.add_argument("target_frame", help="frame whose place is printed"), complete_frames)
+    parser.add_argument("-r", "--rate", default="1", metavar="HZ", help="lines per second (default: 1)")
+    parser.add_argument("-t", "--time", metavar="S", help="time of the transform (default: the latest)")
+    parser.add_argument(
+        "-p", "--precision", default="3", metavar="N", help="digits after the point (default: 3)"
+    )
 
 
 def main(args: Namespace) -> int:

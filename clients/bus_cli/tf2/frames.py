@@ -7,7 +7,7 @@ from bus_cli.launch.bus import export
 
 def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
-        "-t", "--wait-time", type=float, default=5.0, metavar="S", help="how long to listen; 5 s by default"
+        "-t", "--wait-time", type=float, default=5.0, metavar="S", help="seconds to listen (default: 5)"
     )
     parser.add_argument("-o", "--output", metavar="NAME", help="write NAME.gv and NAME.pdf")
 

@@ -33,7 +33,7 @@ Keys: s next column to sort by, r reverse, / filter, h hidden ones, n by node, E
 def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = _EPILOG
     parser.add_argument(
-        "-d", "--delay", metavar="S", type=_delay, default=1.0, help="seconds between two looks (default: 1)"
+        "-d", "--delay", metavar="S", type=_delay, default=1.0, help="refresh period in seconds (default: 1)"
     )
     completed_by(
         parser.add_argument(
@@ -93,6 +93,6 @@ def _sort_key(text: str) -> str:
         from bus.base.suggest import did_you_mean
 
         raise ArgumentTypeError(
-            f"no column to sort by is {text!r}: {', '.join(SORT_KEYS)}{did_you_mean(key, SORT_KEYS)}"
+            f"no column {text!r} to sort by: {', '.join(SORT_KEYS)}{did_you_mean(key, SORT_KEYS)}"
         )
     return key

@@ -39,18 +39,18 @@ _SILENT_S = 3.0
 _HELP = """\
 up, down, PgUp, PgDn   choose a row (j and k, too); Home, End
 s          sort by the next column; its title is in [brackets]
-r          the other way round
-/          show only rows with a text in their name or type; Escape: all again
-h          hidden topics and nodes, too
+r          reverse the order
+/          only rows with this text in a name or type; Escape: all again
+h          also hidden topics and nodes
 n          nodes instead of topics
 Enter      live values of the chosen topic, as `bus topic echo` has them; again: endpoints
 Tab        scroll the lower half
-space      stand still
+space      pause the display
 q, Ctrl-C  quit
 
 A row is red while messages are lost, and yellow if some were lost before.
-WHY says the reason, and which endpoints do not match stands below.
-docs/look.md has what the columns mean. Any key closes this."""
+WHY has the reason; the lower half shows endpoints that do not match.
+docs/look.md explains the columns. Any key closes this."""
 _KEYS = "s sort  r reverse  / filter  h hidden  n nodes  Enter values  space pause  ? help  q quit"
 
 

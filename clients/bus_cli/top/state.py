@@ -75,7 +75,7 @@ class State:
         """What the user should know of what is shown."""
         notes = []
         if self.is_away:
-            notes.append("busd does not answer, this is how it was")
+            notes.append("busd does not answer; these are the last figures")
         if self.is_paused:
             notes.append("paused")
         if self.filter:

@@ -22,8 +22,8 @@ _NS = 1e-9
 
 def add_arguments(parser: ArgumentParser) -> None:
     parser.description = (
-        "Print the average receiving rate to screen. It is the rate at which this tool receives; the rate at "
-        "which the publishers publish, and what was lost between them, stand beside it."
+        "Print the average receiving rate to screen. That is the rate at which this tool receives. It also "
+        "prints the rate of the publishers, and the messages lost on the way."
     )
     names = parser.add_argument(
         "topic_name", nargs="+", help="Names of the topics to listen to (e.g. '/chatter')"

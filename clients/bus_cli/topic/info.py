@@ -116,7 +116,7 @@ def _other_reason(publisher: GraphEndpoint, subscription: GraphEndpoint) -> str:
     """Where neither types nor QoS stand in the way."""
     if publisher.node.origin is None or subscription.node.origin is None:
         return "unknown"
-    return "both are of other buses, and nothing goes on from there to there"
+    return "both belong to other buses, and no bridge forwards between them here"
 
 
 def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str, Any]:

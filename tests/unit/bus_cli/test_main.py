@@ -113,7 +113,7 @@ def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixtur
         ("xyz", "bus: there is no command 'xyz'; bus --help lists what there is"),
         ("topic lsit", "bus topic: there is no verb 'lsit'; did you mean 'bus topic list'?"),
         ("node xyz", "bus node: there is no verb 'xyz'; there are info, list"),
-        ("trace", "bus trace: not there yet"),
+        ("trace", "bus trace: not available"),
     ],
 )
 def test_a_command_that_does_not_exist(line: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:

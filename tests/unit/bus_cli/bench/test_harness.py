@@ -87,7 +87,7 @@ def test_what_a_child_prints_for_people_is_passed_over_and_broken_events_are_not
         assert child.take("first") == {"event": "first", "n": 1}
         assert child.cpu_ns() > 0
         broken = group.start("broken", sys.executable, "-c", "print('{nonsense'); input()")
-        with pytest.raises(Failure, match="broken said what is no JSON"):
+        with pytest.raises(Failure, match="broken printed a line that is not JSON"):
             group.expect(broken, "ready", within_s=START_S)
         child.send("enough")
         broken.send("enough")

@@ -74,7 +74,7 @@ def test_a_mistake_in_the_file(installed: set[str], file: Path) -> None:
         "fail",
         "bridges",
         f"{file}: unknown key 'bridge.zenoh.lisen'; did you mean 'listen'?",
-        "mend it: no such bridge starts with it",
+        "correct it: no such bridge starts with it",
     )
 
 
@@ -89,7 +89,7 @@ def test_a_port_that_is_free_and_one_that_is_not(installed: set[str], file: Path
             "warn",
             "bridges",
             f"{place} is in use by another program",
-            "end that, or choose another port",
+            "stop that program, or choose another port",
         )
     ]
     assert of_ports("zenoh") == [Finding("ok", "bridges", f"{place} is in use, and a bridge runs")]
@@ -119,4 +119,4 @@ def test_receive_buffers_as_kernels_have_them(installed: set[str], buffers: Path
     )
     (buffers / "rmem_default").unlink()
     (buffers / "rmem_max").unlink()
-    assert [*bridges.examine(None)][-1] == Finding("ok", "receive buffers", "not to be seen here")
+    assert [*bridges.examine(None)][-1] == Finding("ok", "receive buffers", "not visible here")

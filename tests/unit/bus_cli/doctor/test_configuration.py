@@ -64,7 +64,7 @@ def test_rules_that_can_not_work(file: Path) -> None:
 def test_a_look_that_takes_too_long(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(configuration, "_CHECK_S", 0.0)
     (found,) = examine(file.parent / "0.sock", 1)
-    assert (found.mark, found.text.partition(":")[0]) == ("warn", f"{file} could not be looked at")
+    assert (found.mark, found.text.partition(":")[0]) == ("warn", f"{file} could not be checked")
 
 
 def test_a_daemon_without_a_file(monkeypatch: pytest.MonkeyPatch) -> None:

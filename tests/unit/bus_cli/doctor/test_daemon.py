@@ -59,7 +59,7 @@ def test_one_in_another_namespace(process: dict[str, object]) -> None:
     assert look("daemon's files", seen()) is None
 
 
-@pytest.mark.parametrize(("release", "shown"), [("0.0.9", "0.0.9"), ("", "older, of before it said which")])
+@pytest.mark.parametrize(("release", "shown"), [("0.0.9", "0.0.9"), ("", "an older one, without a number")])
 def test_another_release(release: str, shown: str) -> None:
     text = f"{RELEASE} here, the daemon's is {shown}"
     assert look("release", seen(release=release)) == Finding("warn", "release", text, "bus daemon restart")
@@ -78,7 +78,9 @@ def test_files_that_changed_since_it_began(
     assert look("daemon's files", seen()) is None
     os.utime(file, (time.time() - 100,) * 2)
     found = look("daemon's files", seen())
-    assert found == Finding("warn", "daemon's files", f"changed since it began: {file}", "bus daemon restart")
+    assert found == Finding(
+        "warn", "daemon's files", f"changed since the daemon started: {file}", "bus daemon restart"
+    )
     restarted = seen(began_ns=time.monotonic_ns() - 60 * 10**9)
     assert look("daemon's files", restarted) is None
     daemon = look("daemon", restarted)

@@ -110,7 +110,7 @@ def test_what_a_dead_daemon_left(path: Path) -> None:
 def test_what_is_in_the_way(path: Path) -> None:
     path.touch()
     assert look("stale file") == Finding(
-        "fail", "stale file", f"{path} is in the way: it is no socket", f"rm {path}"
+        "fail", "stale file", f"{path} is in the way: it is not a socket", f"rm {path}"
     )
 
 
@@ -246,7 +246,7 @@ def test_a_machine_without_memory_to_share(path: Path, monkeypatch: pytest.Monke
     if not shm.is_available():
         pytest.skip(shm.why_not())
     monkeypatch.setattr(os, "memfd_create", refuse)
-    text = f"not used: this machine gives none ({os.strerror(errno.ENOSYS)}); messages go through busd"
+    text = f"not used: the system refuses it ({os.strerror(errno.ENOSYS)}); messages go through busd"
     assert look("shared memory") == Finding("warn", "shared memory", text)
 
 
@@ -327,7 +327,7 @@ def test_a_clock_that_is_set_while_we_look(monkeypatch: pytest.MonkeyPatch) -> N
     ahead_s = -3600.0
     found = watch.finding()
     assert found.mark == "warn"
-    assert found.text.startswith("it was set by -3600.0")
+    assert found.text.startswith("it was just set by -3600.0")
 
 
 def test_a_clock_that_is_not_set(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,7 +85,7 @@ def test_near_a_limit() -> None:
             "warn",
             "limits",
             "cam.py (pid 1001) has 3,277 of 4,096 endpoints",
-            "raise limits.endpoints_per_peer in busd.toml, or look why it needs so much",
+            "raise limits.endpoints_per_peer in busd.toml, or find out why it needs so much",
         )
     ]
 
@@ -103,4 +103,4 @@ def test_a_user_near_a_limit() -> None:
 @pytest.mark.parametrize(("count", "shown"), [(1, "once"), (1200, "1,200 times")])
 def test_who_was_refused_something(count: int, shown: str) -> None:
     (found,) = look(peer(refused=count))
-    assert found.text == f"cam.py (pid 1001) was refused something {shown}, for a limit"
+    assert found.text == f"cam.py (pid 1001) reached a limit {shown}, and busd refused its request"

@@ -241,7 +241,7 @@ def test_without_an_email_there_is_one_to_fill_in(here: Path, monkeypatch: pytes
         ),
         (
             ("arm",),
-            "busd has no build type 'ament_cmake': it runs Python. Say --build-type ament_python\n",
+            "busd has no build type 'ament_cmake': it runs Python. Use --build-type ament_python\n",
         ),
         (("arm", *PYTHON, "--node-name", "a-b"), "the node name 'a-b' can't be a Python module\n"),
         (("arm", *PYTHON, "--library-name", "1"), "the library name '1' can't be a Python module\n"),

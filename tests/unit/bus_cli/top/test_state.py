@@ -129,5 +129,5 @@ def test_nodes() -> None:
 def test_what_the_user_should_know() -> None:
     state = state_of("/a")
     state.is_away = state.is_paused = True
-    assert state.notes == ["busd does not answer, this is how it was", "paused"]
+    assert state.notes == ["busd does not answer; these are the last figures", "paused"]
     assert state.about == "/a  x/msg/A"
