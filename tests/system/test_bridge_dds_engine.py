@@ -467,7 +467,7 @@ async def test_a_reader_that_dds_refuses_later_is_said_and_tried_again(
         writers.append(alone.writer("/chatter", *_LATCHED))
         await until(lambda: bridge.far.warnings)
     assert bridge.far.warnings == [
-        "not all that is said on /chatter comes in: there is no room for another reader"
+        "not all messages on /chatter arrive here: there is no room for another reader"
     ]
     writers.append(alone.writer("/other"))  # any discovery triggers the next attempt
     await until(lambda: len(bridge.engine._ways._intakes["rt/chatter"]) == 2)

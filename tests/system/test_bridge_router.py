@@ -110,7 +110,7 @@ async def test_what_is_said_crosses_by_a_router(world: World) -> None:
 async def test_a_router_that_is_not_there_yet_is_waited_for(world: World) -> None:
     router = Router(world)
     one, _ = join(world, router, "--insecure")
-    told = f"--router {router.addresses['robot']}: connection refused; trying on"
+    told = f"--router {router.addresses['robot']}: connection refused; still trying"
     await until(lambda: told in one.log.read_text())
     (link,) = one.status()["links"]
     assert (link["state"], link["text"]) == ("trying", "connection refused")
@@ -155,8 +155,8 @@ async def test_a_bridge_that_takes_a_router_for_a_bridge_is_told(world: World) -
     with router.running():
         bridge = world["robot"].bridge("zenoh", "--connect", address, "--insecure")
         told = (
-            f"--connect {address}: a router of zenoh is there, and no bridge; others are reached through it "
-            f"by --router {address}"
+            f"--connect {address}: that is a router of zenoh, not a bridge; to reach others through it, use "
+            f"--router {address}"
         )
         await until(lambda: told in bridge.log.read_text())
 

@@ -396,7 +396,7 @@ async def test_one_that_claims_the_id_of_another_bus_does_it_no_harm(monkeypatch
             Publisher(liar, RELIABLE, GID[::-1])
             await liar.far.until(lambda: liar.far.buses)
             (text,) = await laptop.far.until(lambda: laptop.far.warnings)
-            assert text.startswith("two buses have the id 'robot', and the one that came first is heard")
+            assert text.startswith("two buses have the id 'robot', and this bridge uses the first one")
             for run in (liar.engine._own.run, "0"):
                 liar.engine._opened().token(f"@busd/3/robot/N/{run}/1/bad%00name/%2F/,")
             assert await laptop.engine.find_schema(endpoint) == SCHEMA
@@ -413,7 +413,7 @@ async def test_a_bridge_that_starts_anew_is_found() -> None:
     robot, laptop = ZenohOptions(listen=(where,)), ZenohOptions(connect=(where,))
     async with opened(b=(laptop, "laptop")) as (other,):
         await other.far.until(lambda: other.far.warnings)
-        assert other.far.warnings == [f"--connect {where}: connection refused; trying on"]
+        assert other.far.warnings == [f"--connect {where}: connection refused; still trying"]
         for _ in range(2):
             async with opened(a=(robot, "robot")) as (one,):
                 publisher, taken = Publisher(one, RELIABLE), Taken()
@@ -486,7 +486,7 @@ async def test_without_addresses_no_socket_is_opened() -> None:
     before = sockets()
     async with opened(a=(ZenohOptions(), "robot")) as (side,):
         assert side.far.warnings == [
-            "none of --listen, --connect and --router is given: nobody can be reached"
+            "none of --listen, --connect and --router is given: no other bridge can be reached"
         ]
         assert sockets() <= before
 
@@ -521,7 +521,7 @@ async def test_both_sides_need_certificates_of_the_same_authority(tmp_path: Path
         await laptop.far.until(lambda: laptop.far.buses)
         (text,) = await third.far.until(lambda: third.far.warnings)
         why = "its certificate is not valid here: unable to get local issuer certificate"
-        assert text == f"--connect {where}: {why if protocol == 'tls' else 'no answer'}; trying on"
+        assert text == f"--connect {where}: {why if protocol == 'tls' else 'no answer'}; still trying"
         assert list(robot.far.buses) == ["laptop"] and not third.far.buses
 
 
@@ -533,7 +533,8 @@ async def test_a_certificate_that_the_other_side_does_not_take_is_named(tmp_path
     async with opened(a=(listen, "robot"), b=(wrong, "stranger")) as (_, third):
         (text,) = await third.far.until(lambda: third.far.warnings)
         assert text == (
-            f"--connect {where}: it does not take --certificate {stranger.certificate}: unknown ca; trying on"
+            f"--connect {where}: it does not accept --certificate {stranger.certificate}: unknown ca; "
+            "still trying"
         )
 
 

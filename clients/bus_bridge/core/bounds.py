@@ -69,7 +69,7 @@ def wrong_bus(bus: FarBus) -> str:
 def wrong_node(node: FarNode) -> str:
     """As `wrong_bus`."""
     if len(node.via) > _MAX_VIA:
-        return f"a node that came through {len(node.via)} buses; {_MAX_VIA} are the most"
+        return f"a node that came through {len(node.via)} buses; the limit is {_MAX_VIA}"
     for one in node.via:
         if wrong := _wrong_id("the id of a bus that a node came through", one):
             return wrong
@@ -77,7 +77,7 @@ def wrong_node(node: FarNode) -> str:
         validate_namespace(node.namespace)
         validate_node_name(node.name)
     except ConfigurationError as error:
-        return f"a node's name that can't be one: {_first_line(error)}"
+        return f"an invalid node name: {_first_line(error)}"
     return ""
 
 
@@ -88,7 +88,7 @@ def wrong_endpoint(endpoint: FarEndpoint) -> str:
     try:
         validate_full_topic_name(endpoint.topic)
     except ConfigurationError as error:
-        return f"a topic's name that can't be one: {_first_line(error)}"
+        return f"an invalid topic name: {_first_line(error)}"
     where = f"on '{endpoint.topic}'"
     if not is_type_name(endpoint.type_name):
         return f"a type {endpoint.type_name[:_MAX_ID]!r} {where}; its name has three parts"

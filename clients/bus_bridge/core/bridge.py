@@ -172,7 +172,7 @@ class Bridge:
         ways = self._far.ways(endpoint.gid)
         if len(ways) > 1:
             self.warn(
-                f"the {endpoint.kind} on '{endpoint.topic}' comes by more than one way, from the buses "
+                f"the {endpoint.kind} on '{endpoint.topic}' arrives by more than one way, from the buses "
                 f"{', '.join(map(repr, ways))}; the first is used"
             )
 

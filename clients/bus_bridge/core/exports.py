@@ -261,8 +261,8 @@ class Exports:
                 return
             if export.waiting:
                 self._on_trouble(
-                    f"'{route.topic.name}': a publisher has gone, and the far side did not take all that it "
-                    f"had said (messages lost: {export.waiting})"
+                    f"'{route.topic.name}': a publisher has left, and the far side did not take all of its "
+                    f"messages (messages lost: {export.waiting})"
                 )
             self._leaving.pop(export, None)
             self._end(route, export)
@@ -350,9 +350,9 @@ class Exports:
             for export in tuple(route.exports.values()):
                 if export.has_timed_out(now_s):
                     self._on_trouble(
-                        f"'{route.topic.name}': a lossless publisher waited {PATIENCE_S:g} s for a "
-                        "subscription on the other side that is matched with it, and nobody reads it there: "
-                        "its messages are dropped until somebody does"
+                        f"'{route.topic.name}': a lossless publisher waited {PATIENCE_S:g} s for a matched "
+                        "subscription on the other side, which does not read: the bridge drops its messages "
+                        "until the other side reads again"
                     )
             self._drop_unused(route)
             if (

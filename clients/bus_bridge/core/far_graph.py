@@ -122,11 +122,11 @@ class FarGraph:
         wrong = wrong_bus(bus)
         if bus.id == self._own_bus:
             wrong = (
-                f"its bus has the id '{bus.id}', as this one has; choose another with --id, or look whether "
-                "both bridges are on the same bus"
+                f"its bus has the same id '{bus.id}' as this one; choose another with --id, or check "
+                "whether both bridges are on the same bus"
             )
         elif bus.id not in self._buses and len(self._buses) >= self._bounds.buses:
-            wrong = f"there are {self._bounds.buses} far buses already, the most that this bridge takes"
+            wrong = f"there are {self._bounds.buses} far buses already, which is the limit of this bridge"
         if wrong:
             return Wrong(bus.id, "", wrong)
         if bus.id in self._buses:

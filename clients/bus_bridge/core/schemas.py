@@ -64,7 +64,7 @@ class Schemas:
             async with self._places:
                 schema = await self._find(endpoint)
         except TimeoutError as error:
-            self._fail(key, str(error) or "nobody answered when asked for it")
+            self._fail(key, str(error) or "the far bus did not answer the request for its definition")
         except Exception as error:  # an engine's fault must not end the bridge
             self._fail(key, in_words(error))
         else:
@@ -92,7 +92,7 @@ class Schemas:
         if schema.type_name != endpoint.type_name:
             return f"{what} is one of {schema.type_name[:255]}"
         if len(schema.encoded) > self._max_bytes:
-            return f"{what} has {len(schema.encoded)} bytes; {self._max_bytes} are the most"
+            return f"{what} has {len(schema.encoded)} bytes; the limit is {self._max_bytes}"
         try:
             build(schema.description)
         except BusError as error:

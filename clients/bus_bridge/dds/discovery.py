@@ -217,7 +217,7 @@ class Discovery:
             return None
         gid = sample.key.bytes
         if type_name is None:
-            self._far.warn(f"topic {topic} of ROS 2 is left out: {sample.type_name!r} is no type of ROS 2")
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {sample.type_name!r} is not a type of ROS 2")
             return None
         try:
             validate_full_topic_name(topic)
@@ -229,7 +229,7 @@ class Discovery:
             else:
                 self._far.warn(
                     f"more than {_MOST_UNKNOWN:,} endpoints of ROS 2 have types that are not known here: "
-                    "further ones stay left out until they are made anew"
+                    "further ones are left out until they are created again"
                 )
             self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
             return None

@@ -119,7 +119,7 @@ class DdsEngine:
         known = self._learn(schema)
         if endpoint.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._far.warn(
-                "ROS 2 sees publishers with manual liveliness as automatic: what they assert does not cross"
+                "ROS 2 sees publishers with manual liveliness as automatic: their assertions do not cross"
             )
         writer = DdsWriter(
             participant,
@@ -233,7 +233,7 @@ class DdsEngine:
 
     def _joined(self) -> Participant:
         if self._participant is None:
-            raise NotCarried(f"{self._address()} is not heard any more: {self._refusal}")
+            raise NotCarried(f"{self._address()} is ignored now: {self._refusal}")
         return self._participant
 
     def _discovered(self) -> None:
@@ -245,7 +245,7 @@ class DdsEngine:
             try:
                 subscription.adapt(self._far_kinds(topic))
             except BridgeError as error:  # tried again with what is discovered next
-                self._far.warn(f"not all that is said on {topic} comes in: {error}")
+                self._far.warn(f"not all messages on {topic} arrive here: {error}")
 
     def _far_kinds(self, topic: str) -> set[ReaderKind]:
         return set(self._discovery.publishers.get(topic, {}).values())

@@ -64,7 +64,7 @@ class KnownTypes:
                 known = self.learn(MessageSchema.of(message_class(type_name)))
             except ConfigurationError as error:
                 raise BridgeError(
-                    f"{error}: its topics stay away until its package is built in a workspace around the "
+                    f"{error}: its topics are left out until its package is built in a workspace around the "
                     "bridge, or $BUS_INTERFACE_PATH has its definitions"
                 ) from None
         if type_hash and type_hash != known.codec.type_hash:

@@ -64,14 +64,14 @@ class DdsOptions(msgspec.Struct, frozen=True):
 def checked_interface(text: str) -> str:
     """`text`, a name or an address. Raises BridgeError if it can't be one."""
     if not _is_plain(text):
-        raise BridgeError(f"'{text}' is no name and no address of a network interface")
+        raise BridgeError(f"'{text}' is not the name or address of a network interface")
     return text
 
 
 def checked_peer(text: str) -> str:
     """`text`, an address. Raises BridgeError if it can't be one."""
     if not text or not _is_plain(text):
-        raise BridgeError(f"'{text}' is no address of a machine")
+        raise BridgeError(f"'{text}' is not the address of a machine")
     return text
 
 

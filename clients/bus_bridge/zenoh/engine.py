@@ -174,7 +174,7 @@ class ZenohEngine:
             encoded = await self._ask(key, _ASK_SCHEMA_S)
             if encoded is not None:
                 return MessageSchema(name, endpoint.type_hash, encoded)
-        raise BridgeError(f"bus '{bus}' does not say how {name} on {endpoint.topic} is described")
+        raise BridgeError(f"bus '{bus}' does not send the definition of {name} on {endpoint.topic}")
 
     async def _ask(self, key: str, timeout_s: float) -> bytes | None:
         answered: asyncio.Future[bytes | None] = asyncio.get_running_loop().create_future()
@@ -203,7 +203,7 @@ class ZenohEngine:
             raise BridgeError(f"the node of {endpoint.topic} has gone")
         place = endpoint.gid, bus
         if place in self._readers:
-            raise BridgeError(f"the publisher {endpoint.gid.hex()} on {endpoint.topic} is read already")
+            raise BridgeError(f"the publisher {endpoint.gid.hex()} on {endpoint.topic} already has a reader")
         reader = ZenohReader(
             self._opened(),
             self._own,
@@ -246,7 +246,7 @@ class ZenohEngine:
 
     def _see_fault(self, error: Exception) -> None:
         assert self._far is not None
-        self._far.warn(f"something that came by zenoh could not be used: {in_words(error)}")
+        self._far.warn(f"a message from zenoh could not be used: {in_words(error)}")
 
     def _see_token(self, news: tuple[str, bool]) -> None:
         assert self._presence is not None

@@ -269,7 +269,7 @@ def _text(part: str) -> str:
     if not text.isprintable():
         raise ValueError("has a character that can't be printed")
     if quote(text, safe="") != part:  # else several tokens would say the same
-        raise ValueError("has a part that is encoded in another way than it should be")
+        raise ValueError("has a part with a wrong encoding")
     return text
 
 
@@ -278,14 +278,14 @@ def _gid(part: str) -> bytes:
         raise ValueError(f"has a gid of {len(part)} digits instead of {_GID_DIGITS}")
     gid = bytes.fromhex(part)
     if gid.hex() != part:
-        raise ValueError("has a gid that is not written as one")
+        raise ValueError("has a gid with wrong digits")
     return gid
 
 
 def _via(part: str) -> tuple[str, ...]:
     first, *buses = part.split(",")
     if first or len(buses) > _MAX_VIA:
-        raise ValueError("names the buses that it came through in a wrong way")
+        raise ValueError("has an invalid list of buses on the way")
     return tuple(_text(one) for one in buses if one)
 
 

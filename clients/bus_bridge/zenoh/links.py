@@ -45,8 +45,8 @@ class Links:
                 self._reasons.pop(address.text, None)
                 if not self._options.router and link.zenoh_id in self._session.routers():
                     self._warn(
-                        f"--connect {address.text}: a router of zenoh is there, and no bridge; others are "
-                        f"reached through it by --router {address.text}"
+                        f"--connect {address.text}: that is a router of zenoh, not a bridge; to reach "
+                        f"others through it, use --router {address.text}"
                     )
                 continue
             if self._options.router and links:  # one is enough
@@ -62,10 +62,10 @@ class Links:
                 self._answered.add(address.text)  # zenoh tries again within a second
             elif not self._is_joined(address, links):
                 who = "router of zenoh" if self._options.router else "bridge of busd"
-                reason = f"somebody listens there, but no {who} that takes this one"
+                reason = f"a program listens there, but not a {who} that accepts this one"
             if reason:
                 self._reasons[address.text] = reason
-                self._warn(f"{self._flag} {address.text}: {reason}; trying on")
+                self._warn(f"{self._flag} {address.text}: {reason}; still trying")
 
     def status(self, buses: Sequence[tuple[str, str, str]]) -> list[LinkStatus]:
         """Each address of the user's, then each bus that came by none of them, or by a router. `buses`: id,
@@ -128,14 +128,14 @@ class Links:
         except TimeoutError:
             return "no answer"
         except socket.gaierror:
-            return f"nobody knows the host '{address.host}'"
+            return f"the host '{address.host}' is unknown"
         except ssl.SSLCertVerificationError as error:
             return f"its certificate is not valid here: {error.verify_message}"
         except ssl.SSLError as error:
             reason = (error.reason or str(error)).lower().replace("_", " ")
             if "alert" in reason:
                 what = reason.partition("alert ")[2]
-                return f"it does not take --certificate {self._options.certificate}: {what}"
+                return f"it does not accept --certificate {self._options.certificate}: {what}"
             return f"no TLS: {reason}"
         except OSError as error:
             return os.strerror(error.errno).lower() if error.errno else str(error)

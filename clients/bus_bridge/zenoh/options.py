@@ -66,7 +66,7 @@ def parse_address(text: str) -> Address:
     if not port.isascii() or not port.isdecimal() or not 1 <= int(port) <= 65535:
         raise BridgeError(f"address '{text}' has port '{port}'; ports are from 1 to 65535")
     if any(letter in bare for letter in "/#?;*$ ") or not bare.isprintable():
-        raise BridgeError(f"address '{text}' has a host with a character that no host has")
+        raise BridgeError(f"address '{text}' has a host with an invalid character")
     return Address(text, protocol, bare, int(port))
 
 
@@ -75,15 +75,15 @@ def check(options: ZenohOptions) -> list[str]:
     if options.router and (options.listen or options.connect):
         other = "--listen" if options.listen else "--connect"
         raise BridgeError(
-            f"--router and {other} can't be given together: a bridge goes either by a router, or to and from "
-            "other bridges itself"
+            f"--router and {other} can't be given together: a bridge uses either a router, or direct links "
+            "to other bridges"
         )
     addresses = [(parse_address(text), "--listen") for text in options.listen]
     addresses += [(parse_address(text), "--connect") for text in options.connect]
     addresses += [(parse_address(text), "--router") for text in options.router]
     warnings = []
     if not addresses:
-        warnings.append("none of --listen, --connect and --router is given: nobody can be reached")
+        warnings.append("none of --listen, --connect and --router is given: no other bridge can be reached")
     is_protected = False
     for address, flag in addresses:
         if address.is_protected:
@@ -98,11 +98,11 @@ def check(options: ZenohOptions) -> list[str]:
         elif not address.is_loopback:
             if not options.insecure:
                 raise BridgeError(
-                    f"{flag} {address.text} is not protected, and not on this machine alone: use tls/ with "
-                    "certificates, or --insecure where everybody who reaches it may hear and say everything"
+                    f"{flag} {address.text} is not protected, and other machines can reach it: use tls/ with "
+                    "certificates, or --insecure if all programs that reach it may read and publish"
                 )
             warnings.append(
-                f"{flag} {address.text} is not protected: everybody who reaches it may hear and say all"
+                f"{flag} {address.text} is not protected: any program that reaches it can read and publish"
             )
     if is_protected:
         _check_files(options)
@@ -124,5 +124,7 @@ def _check_files(options: ZenohOptions) -> None:
     try:
         context.load_cert_chain(options.certificate, options.key, password="")
     except (ssl.SSLError, OSError) as error:
-        what = "does not belong to" if "MISMATCH" in str(error) else "is no private key (PEM, no password) of"
+        what = (
+            "does not belong to" if "MISMATCH" in str(error) else "is not a private key (PEM, no password) of"
+        )
         raise BridgeError(f"--key {options.key} {what} --certificate {options.certificate}") from None

@@ -98,15 +98,13 @@ class Presence:
         run = self._runs.get((token.bus, token.run))
         if run is None:
             if len(self._runs) >= MAX_RUNS and not self._make_room():
-                self._far.warn(
-                    f"more than {MAX_RUNS} bridges show themselves; those that come now are not heard"
-                )
+                self._far.warn(f"more than {MAX_RUNS} bridges announce themselves; further ones are ignored")
                 return
             run = self._runs[token.bus, token.run] = _Run(token.bus, token.run)
         if run.refusal:
             return
         if run.tokens >= MAX_TOKENS:
-            self._refuse(run, f"it has shown more than {MAX_TOKENS} tokens")
+            self._refuse(run, f"it has announced more than {MAX_TOKENS} tokens")
             return
         match token:
             case BusToken():
@@ -189,13 +187,13 @@ class Presence:
                 if name > self._run or is_linked or looks > _PATIENCE:
                     self._far.warn(
                         f"another bus has the id '{bus}' too, so neither sees the other: give one of them "
-                        "another by --id"
+                        "another id with --id"
                     )
             elif looks > _PATIENCE and not self._runs[bus, name].is_told:
                 self._refuse(self._runs[bus, name], f"another bus has the id '{bus}', and came first")
                 self._far.warn(
-                    f"two buses have the id '{bus}', and the one that came first is heard: give the other "
-                    "one another by --id"
+                    f"two buses have the id '{bus}', and this bridge uses the first one: give the other one "
+                    "another id with --id"
                 )
 
     @property
@@ -213,7 +211,7 @@ class Presence:
         if host is None:
             reason = "no link leads to it any more"
         elif host and rival.run > run.run and linked.get(rival.token.zenoh_id) == host:
-            reason = "its bridge has started anew"
+            reason = "its bridge has restarted"
         if reason:
             run.token = None
             self._remove_run(run, reason)

@@ -161,10 +161,10 @@ def test_refusals(file: Path, text: str, said: str) -> None:
         ("distro = 'jazzy'", "bridge.ros2.distro = 'jazzy': expected one of auto, humble"),
         ("listen = 'tcp/x'", "unknown key 'bridge.ros2.listen' (known: "),
         ("peer = '10.0.0.7'", "unknown key 'bridge.ros2.peer'; did you mean 'peers'?"),
-        ("peers = ['localhost', '']", "bridge.ros2.peers: '' is no address of a machine"),
+        ("peers = ['localhost', '']", "bridge.ros2.peers: '' is not the address of a machine"),
         (
             "interface = 'a b'",
-            "bridge.ros2.interface: 'a b' is no name and no address of a network interface",
+            "bridge.ros2.interface: 'a b' is not the name or address of a network interface",
         ),
         ("id = 'a b'", "bridge.ros2.id: the id of a bus has letters, digits"),
         ("namespace = '/a//b'", "bridge.ros2.namespace: Invalid namespace: "),

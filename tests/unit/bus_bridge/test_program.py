@@ -46,7 +46,7 @@ def test_what_can_t_be(table: BridgeTable, said: str) -> None:
     ("table", "said"),
     [
         (Ros2Table(peers=("10.0.0.7",)), "10.0.0.7 can't be reached over the loopback interface"),
-        (Ros2Table(interface="a b"), "'a b' is no name and no address of a network interface"),
+        (Ros2Table(interface="a b"), "'a b' is not the name or address of a network interface"),
     ],
 )
 def test_what_can_t_be_of_dds(table: BridgeTable, said: str) -> None:

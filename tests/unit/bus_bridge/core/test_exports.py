@@ -182,7 +182,7 @@ async def test_what_waits_of_a_publisher_that_has_gone_is_lost_after_a_while(
     await until(lambda: leaving.ends)
     assert leaving.export.account.dropped == {"disconnected": 3}
     (said,) = leaving.troubles
-    assert said.startswith("'/numbers': a publisher has gone") and said.endswith("(messages lost: 3)")
+    assert said.startswith("'/numbers': a publisher has left") and said.endswith("(messages lost: 3)")
     assert leaving.exports.schema(TOPIC) is None
 
 

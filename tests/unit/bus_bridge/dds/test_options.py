@@ -10,10 +10,10 @@ from rows import for_each
     [
         (DdsOptions(233), "the DDS domain must be from 0 to 232, not 233"),
         (DdsOptions(-1), "not -1"),
-        (DdsOptions(interface="eth0'/>"), "'eth0'/>' is no name and no address"),
+        (DdsOptions(interface="eth0'/>"), "'eth0'/>' is not the name or address"),
         (DdsOptions(peers=("10.0.0.1",)), "10.0.0.1 can't be reached over the loopback interface"),
         (DdsOptions(interface="lo", peers=("robot",)), "--interface eth0"),
-        (DdsOptions(interface="eth0", peers=("a b",)), "'a b' is no address of a machine"),
+        (DdsOptions(interface="eth0", peers=("a b",)), "'a b' is not the address of a machine"),
         (DdsOptions(distro="dashing"), "auto or humble, not 'dashing'"),  # type: ignore[arg-type]
     ],
 )

@@ -39,16 +39,17 @@ async def test_who_comes_back_after_a_long_time_is_not_said_to_be_no_bridge() ->
             new, said[:] = list(said), []
             return new
 
-        refused = f"--connect {where}: connection refused; trying on"
+        refused = f"--connect {where}: connection refused; still trying"
         assert [await look() for _ in range(3)] == [[refused]] * 3
         place.listen()
         assert await look() == []  # zenoh has a moment to make a link
         other = (
-            f"--connect {where}: somebody listens there, but no bridge of busd that takes this one; trying on"
+            f"--connect {where}: a program listens there, but not a bridge of busd that accepts this one; "
+            "still trying"
         )
         assert await look() == [other]
         assert [one.text for one in links.status([])] == [
-            "somebody listens there, but no bridge of busd that takes this one"
+            "a program listens there, but not a bridge of busd that accepts this one"
         ]
         session.up = [Link("f00", "tcp/127.0.0.1:1", where)]
         assert await look() == []
@@ -75,7 +76,7 @@ async def test_an_address_that_refuses_is_not_up_by_a_link_with_another_port_the
         assert await status() == ("trying", "connection refused")
         place.listen()
         assert await status() == ("up", "by another link")
-        assert said == [f"--connect {where}: connection refused; trying on"]
+        assert said == [f"--connect {where}: connection refused; still trying"]
 
 
 async def test_a_tunnel_without_a_bridge_is_said_to_be_one_and_never_up_by_another_link() -> None:
@@ -90,5 +91,5 @@ async def test_a_tunnel_without_a_bridge_is_said_to_be_one_and_never_up_by_anoth
         for _ in range(3):
             await links.check()
         reason = "it accepts connections and closes them at once: a tunnel without a bridge?"
-        assert said == [f"--connect {where}: {reason}; trying on"]
+        assert said == [f"--connect {where}: {reason}; still trying"]
         assert [(one.state, one.text) for one in links.status([])] == [("trying", reason)]

@@ -36,7 +36,7 @@ def test_addresses(text: str, is_loopback: bool) -> None:
         ("tls/robot:0", "port '0'"),
         ("tls/robot:70000", "port '70000'"),
         ("tls/robot:x", "port 'x'"),
-        ("tls/ro#bot:7", "a character that no host has"),
+        ("tls/ro#bot:7", "has a host with an invalid character"),
     ],
 )
 def test_what_is_no_address(text: str, why: str) -> None:
@@ -51,7 +51,7 @@ def test_loopback_needs_nothing() -> None:
 
 def test_nobody_to_reach_is_said() -> None:
     assert check(ZenohOptions()) == [
-        "none of --listen, --connect and --router is given: nobody can be reached"
+        "none of --listen, --connect and --router is given: no other bridge can be reached"
     ]
 
 
@@ -98,7 +98,7 @@ def test_certificates_are_looked_at(tmp_path: Path) -> None:
         (options(robot.key, robot.certificate, robot.key), "^--ca .* has no certificate in PEM"),
         (options(robot.ca, robot.key, robot.key), "^--certificate .* has no certificate in PEM"),
         (options(robot.ca, robot.certificate, laptop.key), "does not belong to"),
-        (options(robot.ca, robot.certificate, robot.ca), "is no private key"),
+        (options(robot.ca, robot.certificate, robot.ca), "is not a private key"),
     ):
         with pytest.raises(BridgeError, match=why):
             check(wrong)

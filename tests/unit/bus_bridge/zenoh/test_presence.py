@@ -141,8 +141,8 @@ def test_who_claims_the_id_of_another_bus_is_not_heard(
     for _ in range(3):
         heard.presence.poll(linked)
     text = (
-        "two buses have the id 'robot', and the one that came first is heard: give the other one another by "
-        "--id"
+        "two buses have the id 'robot', and this bridge uses the first one: give the other one another id "
+        "with --id"
     )
     assert heard.take() == [("warning", text)]
     assert [one[2] for one in heard.presence.buses()] == [
@@ -160,7 +160,7 @@ def test_who_claims_the_id_of_another_bus_is_not_heard(
     [
         ({"f01": "", "f02": ""}, ""),
         ({"f01": "a", "f02": "b"}, ""),
-        ({"f01": "a", "f02": "a", "f00": "a"}, "its bridge has started anew"),
+        ({"f01": "a", "f02": "a", "f00": "a"}, "its bridge has restarted"),
         ({"f02": ""}, "no link leads to it any more"),
     ],
 )
@@ -221,7 +221,7 @@ def test_a_bus_has_so_many_tokens_and_no_more(heard: Heard, monkeypatch: pytest.
     monkeypatch.setattr(presence, "MAX_TOKENS", 3)
     for key in tokens().values():
         heard.presence.came(key)
-    assert heard.take()[-1] == ("no bus", "robot", "it has shown more than 3 tokens")
+    assert heard.take()[-1] == ("no bus", "robot", "it has announced more than 3 tokens")
 
 
 def test_there_are_so_many_bridges_and_no_more(heard: Heard, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,9 +233,7 @@ def test_there_are_so_many_bridges_and_no_more(heard: Heard, monkeypatch: pytest
         heard.presence.came(tokens(f"robot{number}")["bus"])
     assert len(heard.take()) == 3
     heard.presence.came(tokens("robot3")["bus"])
-    assert heard.take() == [
-        ("warning", "more than 3 bridges show themselves; those that come now are not heard")
-    ]
+    assert heard.take() == [("warning", "more than 3 bridges announce themselves; further ones are ignored")]
     heard.presence.went(tokens("robot1")["bus"])
     heard.take()
     heard.presence.came(tokens("robot3")["bus"])
@@ -271,7 +269,8 @@ def test_own_tokens_are_no_news_but_those_of_a_double_are_known(heard: Heard) ->
             heard.presence.poll({linked: ""})
         ((_, text),) = heard.take()
         assert text == (
-            "another bus has the id 'laptop' too, so neither sees the other: give one of them another by --id"
+            "another bus has the id 'laptop' too, so neither sees the other: give one of them another id "
+            "with --id"
         )
         heard.presence.went(keys.node_token("laptop", run, LocalNode(1, "talker", "/")))
         assert heard.presence.doubles
