@@ -96,7 +96,7 @@ class _Options:
 
     def __init__(self, entry: object) -> None:
         if not isinstance(entry, dict):
-            raise BagError("an entry of 'output_bags' is no map")
+            raise BagError("an entry of 'output_bags' is not a map")
         self._left: dict[str, Any] = {str(key): value for key, value in entry.items()}
 
     def output(self) -> Output:
@@ -150,7 +150,7 @@ class _Options:
         if mode not in ("", "none", "file", "message"):
             raise BagError(f"compression_mode '{mode}' is none of 'none', 'file', 'message'")
         if kind not in ("", "zstd"):
-            raise BagError(f"compression_format '{kind}' can't be written; there is 'zstd'")
+            raise BagError(f"compression_format '{kind}' can't be written; use 'zstd'")
         is_compressed = mode in ("file", "message")
         return preset or ("zstd_fast" if is_compressed else "none")
 
@@ -269,7 +269,7 @@ def _described(topic: _Topic, warnings: list[str]) -> _Topic:
         codec = codec_of(MessageSchema.of(message_class(metadata.type)))
     except (BusError, LookupError, ValueError):
         warnings.append(
-            f"topic '{metadata.name}': nothing describes {metadata.type}; it is copied without that"
+            f"topic '{metadata.name}': no definition of {metadata.type} found; it is copied without one"
         )
         return topic
     known = metadata.type_description_hash or codec.type_hash

@@ -210,7 +210,7 @@ def from_record(text: str) -> BagMetadata:
     """The contents of a `rosbag2` record. Raises ValueError with the reason if `text` is none."""
     document = load(text)
     if not isinstance(document, dict):
-        raise ValueError("it is no map")
+        raise ValueError("it is not a map")
     return _of_map(document)
 
 
@@ -275,7 +275,7 @@ def _list(fields: object, key: str) -> list[Any]:
     if value is None:
         return []
     if not isinstance(value, list):
-        raise ValueError(f"'{key}' is no list")
+        raise ValueError(f"'{key}' is not a list")
     return value
 
 
@@ -284,5 +284,5 @@ def _map(fields: object, key: str) -> dict[Any, Any]:
     if value is None:
         return {}
     if not isinstance(value, dict):
-        raise ValueError(f"'{key}' is no map")
+        raise ValueError(f"'{key}' is not a map")
     return value

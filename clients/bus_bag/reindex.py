@@ -36,7 +36,7 @@ def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
             lost += file.problems
             lost += [Problem(str(file.path), None, text) for text in left_out]
             messages = counted(file.summary.message_count, "message")
-            say(f"{file.path.name}: written anew with an index, {messages}")
+            say(f"{file.path.name}: rewritten with an index, {messages}")
     with BagReader(folder, all_files=True) as reader:
         write_metadata_file(folder, msgspec.structs.replace(reader.metadata, version=VERSION))
         messages = counted(reader.metadata.message_count, "message")

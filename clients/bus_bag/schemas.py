@@ -28,5 +28,5 @@ def schema_from_text(text: str) -> MessageSchema:
     try:
         encoded = b64decode(text, validate=True)
     except (Base64Error, ValueError):
-        raise ConfigurationError(f"{SCHEMA} is no base64") from None
+        raise ConfigurationError(f"{SCHEMA} is not base64") from None
     return MessageSchema.of(MessageSchema("", "", encoded).description)

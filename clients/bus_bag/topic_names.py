@@ -38,4 +38,4 @@ def compiled(pattern: str) -> Pattern[str] | None:
     try:
         return re.compile(pattern)
     except re.error as error:
-        raise ConfigurationError(f"'{pattern}' is no regular expression: {error}") from None
+        raise ConfigurationError(f"'{pattern}' is not a regular expression: {error}") from None

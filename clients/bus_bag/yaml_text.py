@@ -24,8 +24,8 @@ def load(text: str) -> object:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
         reason = " ".join(str(getattr(error, "problem", None) or error).split())
-        raise ValueError(f"it is no YAML{line}: {reason}") from None
+        raise ValueError(f"it is not YAML{line}: {reason}") from None
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
     except ValueError as error:  # of a value: a date that is none
-        raise ValueError(f"it is no YAML: {error}") from None
+        raise ValueError(f"it is not YAML: {error}") from None

@@ -65,7 +65,7 @@ class Gate:
     def judge(self, ask: Ask, *, is_socket: bool) -> Enter | Redirect | Refuse:
         """`is_socket`: it asks for a WebSocket, which goes by no redirect."""
         if ask.method != "GET":
-            return Refuse(405, "only GET is answered here")
+            return Refuse(405, "only GET is allowed here")
         host = ask.host[0].lower() if len(ask.host) == 1 else ""
         if not _is_loopback(host):
             return Refuse(403, "use localhost or 127.0.0.1: requests by another host name are refused")
@@ -83,7 +83,9 @@ class Gate:
         if len(given) == 1 and given[0] in self._tickets and not is_socket:
             self._tickets.discard(given[0])
         elif not all(self._is_token(one) for one in given):
-            return Refuse(403, "this token is of another start: open the address that the server has printed")
+            return Refuse(
+                403, "this token is from an earlier start: open the address that the server has printed"
+            )
         if is_socket:
             return Enter(parts.path, host)
         cookie = f"{self._cookie}={self._token.decode()}; Path=/; HttpOnly; SameSite=Strict"

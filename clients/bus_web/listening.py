@@ -71,7 +71,7 @@ def _clear(path: Path) -> None:
     except FileNotFoundError:
         return
     if not stat.S_ISSOCK(kind):
-        raise ListenError(f"can't listen on unix:{path}: there is something else")
+        raise ListenError(f"can't listen on unix:{path}: it is not a socket")
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.settimeout(_PROBE_S)
         try:
@@ -82,7 +82,7 @@ def _clear(path: Path) -> None:
             with suppress(FileNotFoundError):
                 path.unlink()
             return
-    raise ListenError(f"can't listen on unix:{path}: another process does")
+    raise ListenError(f"can't listen on unix:{path}: another process uses it")
 
 
 def _take_away(path: Path, made: os.stat_result) -> None:

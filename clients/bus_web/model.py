@@ -53,7 +53,7 @@ class Model:
     @property
     def graph(self) -> Graph:
         """The newest graph. Call this only after the first look."""
-        assert self._graph is not None, "nobody has looked yet"
+        assert self._graph is not None, "no graph yet"
         return self._graph
 
     def take(self, graph: Graph, now_ns: int) -> bool:

@@ -58,13 +58,13 @@ _decoder = msgspec.json.Decoder(Look | Log)
 def read(frame: str | bytes) -> Look | Log:
     """Decode a frame of the page. Raises Mistake."""
     if isinstance(frame, bytes):
-        raise Mistake("frames of the page are texts")
+        raise Mistake("a page must send text frames")
     try:
         said: Look | Log = _decoder.decode(frame)
     except (msgspec.DecodeError, RecursionError) as error:
         raise Mistake(f"not understood: {error}") from None
     if isinstance(said, Look) and len(said.topics) > _MOST_LOOKS:
-        raise Mistake(f"{len(said.topics)} topics looked at; {_MOST_LOOKS} is the most")
+        raise Mistake(f"{len(said.topics)} topics watched; the limit is {_MOST_LOOKS}")
     return said
 
 

@@ -11,7 +11,7 @@ __all__ = ["DEFAULT", "Place", "parse_address", "parse_place"]
 
 _MOST_PATH_BYTES = 107
 _COOKIES = 64
-_WHY = "whoever looks at the bus sees every message, so it is served on loopback or a unix socket only"
+_WHY = "viewers see every message of the bus, so it is served only on loopback or a unix socket"
 
 
 class Place(NamedTuple):
@@ -79,23 +79,23 @@ def parse_address(text: str, default: Place, why: str, *, or_path: bool = False)
         address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
     except ValueError:
         raise ArgumentTypeError(
-            f"{host!r} is no address of loopback: 127.0.0.1, [::1] or localhost"
+            f"{host!r} is not a loopback address: 127.0.0.1, [::1] or localhost"
         ) from None
     if not address.is_loopback:
         forwarding = Place("127.0.0.1", int(port) or default.port).forwarding
-        raise ArgumentTypeError(f"{host} is not loopback; {why}. On another machine, say: {forwarding}")
+        raise ArgumentTypeError(f"{host} is not loopback; {why}. On the other machine, run: {forwarding}")
     return Place(str(address), int(port))
 
 
 def _checked_path(text: str) -> Path:
     if not text:
-        raise ArgumentTypeError("unix: without a path; say unix:PATH")
+        raise ArgumentTypeError("unix: without a path; write unix:PATH")
     try:
         path = Path(text).expanduser().absolute()
     except RuntimeError:
         raise ArgumentTypeError(f"unix:{text}: there is no such user") from None
     if not str(path).isprintable():
-        raise ArgumentTypeError(f"unix:{text!r}: its path has characters that can not be printed")
+        raise ArgumentTypeError(f"unix:{text!r}: its path has characters that can't be printed")
     length = len(os.fsencode(path))
     if length > _MOST_PATH_BYTES:
         raise ArgumentTypeError(

@@ -77,7 +77,7 @@ class Server:
 
     async def _serve(self, connection: ServerConnection) -> None:
         if self._clients >= _MOST_CLIENTS:
-            await connection.close(_POLICY_VIOLATION, f"{_MOST_CLIENTS} clients are here already")
+            await connection.close(_POLICY_VIOLATION, f"{_MOST_CLIENTS} clients are connected")
             return
         self._clients += 1
         try:
@@ -97,7 +97,7 @@ class Server:
         for name in self._handlers:
             if name in (offered or ()):  # type: ignore[operator]
                 return Subprotocol(name)
-        raise NegotiationError(f"speak one of: {', '.join(self._handlers)}")
+        raise NegotiationError(f"subprotocols here: {', '.join(self._handlers)}")
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """None lets it through to its handler."""

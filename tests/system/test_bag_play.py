@@ -432,7 +432,7 @@ def test_ctrl_c_ends_it_without_a_traceback(daemon: Daemon, tmp_path: Path) -> N
     ("words", "text"),
     [
         (("none",), "Bag path 'none' does not exist!"),
-        (("bag", "-e", "("), "'(' is no regular expression: "),
+        (("bag", "-e", "("), "'(' is not a regular expression: "),
         (("bag", "-m", "x"), "--remap"),
         (("bag", "--qos-profile-overrides-path", "qos.yaml"), "[ERROR] [ros2bag]: Unexpected key `dep` for"),
         (("bag", "--qos-profile-overrides-path", "none.yaml"), "No such file or directory: 'none.yaml'"),

@@ -98,7 +98,7 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
         "[ERROR] [ros2bag]: --use-sim-time and --no-discovery both set, but are incompatible settings. The "
         "/clock topic needs to be discovered to record with sim time.\n"
     )
-    assert refused("-e", "[", "-o", str(tmp_path / "walk")).startswith("'[' is no regular expression: ")
+    assert refused("-e", "[", "-o", str(tmp_path / "walk")).startswith("'[' is not a regular expression: ")
     assert refused("/a!").startswith("Invalid topic name: topic name must not contain characters other than")
     assert refused("-a", "--custom-data", "a=b=c", "site") == (
         "[ERROR] [ros2bag]: --custom-data takes KEY=VALUE, not 'site'\n"
@@ -106,8 +106,8 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
     qos = tmp_path / "qos.yaml"
     for content, text in (
         (b"/topic: {depth: 5, colour: red}", "Unexpected key `colour` for QoS profile."),
-        (b"/topic: [", f"'{qos}' can't be used: it is no YAML, line "),
-        (b"\xff\xfe\0", f"'{qos}' can't be used: it is no YAML: "),
+        (b"/topic: [", f"'{qos}' can't be used: it is not YAML, line "),
+        (b"\xff\xfe\0", f"'{qos}' can't be used: it is not YAML: "),
         (b"[" * 100_000, f"'{qos}' can't be used: it is nested too deeply"),
     ):
         qos.write_bytes(content)

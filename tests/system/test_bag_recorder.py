@@ -93,8 +93,7 @@ async def test_a_topic_that_becomes_another(
         await until(lambda: said.append(capfd.readouterr().err) or "of another type" in "".join(said))
         second.publish(String(data="unheard"))
     assert (
-        "Topic '/topic' is recorded as std_msgs/msg/Int32; what publishers of another type send there is not "
-        "recorded"
+        "Topic '/topic' is recorded as std_msgs/msg/Int32; messages of another type on it are not recorded"
     ) in "".join(said)
     assert bag.losses()["/topic"] == TopicLosses(1, 1)
 

@@ -32,14 +32,16 @@ def test_a_bag_that_was_cut(tmp_path: Path) -> None:
     assert result.code == 0
     assert "Messages:          10\n" in result.out
     first, second, third = result.err.splitlines()
-    assert first == f"[WARN] [ros2bag]: {folder}/metadata.yaml: there is none; the files say what they have"
+    assert (
+        first == f"[WARN] [ros2bag]: {folder}/metadata.yaml: it is missing; the bag's files are read instead"
+    )
     assert second.startswith(f"[WARN] [ros2bag]: {path}, at byte ")
     assert second.endswith(": the file was not closed")
     assert third == f"[WARN] [ros2bag]: to repair it: bus bag reindex {folder}"
     result = bus("bag", "reindex", str(folder))
     assert (result.code, result.err) == (0, f"{second}\n")
     assert result.out == (
-        "walk_0.mcap: written anew with an index, 10 messages\nmetadata.yaml: 10 messages in 1 file\n"
+        "walk_0.mcap: rewritten with an index, 10 messages\nmetadata.yaml: 10 messages in 1 file\n"
     )
     assert bus("bag", "info", str(folder)).err == ""
 
@@ -48,7 +50,11 @@ def test_no_bags(tmp_path: Path) -> None:
     (tmp_path / "junk.mcap").write_bytes(b"junk")
     junk = f"{tmp_path}/junk.mcap"
     assert bus("bag", "info", "nowhere") == ("", "Bag path 'nowhere' does not exist!\n", 1)
-    assert bus("bag", "info", junk) == ("", f"'{junk}' is no MCAP file: it does not begin like one\n", 1)
+    assert bus("bag", "info", junk) == (
+        "",
+        f"'{junk}' is not an MCAP file: its first bytes are different\n",
+        1,
+    )
     assert bus("bag", "reindex", junk) == ("", "[ERROR] [ros2bag]: Must specify a bag directory\n", 1)
 
 

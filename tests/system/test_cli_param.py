@@ -134,7 +134,7 @@ def test_list_a_part(robot: Running) -> None:
     )
     broken = bus("param", "list", "--filter", "[")
     assert broken.code == 2
-    assert "'[' is no regular expression: unterminated character set" in broken.err
+    assert "'[' is not a regular expression: unterminated character set" in broken.err
 
 
 GET = {

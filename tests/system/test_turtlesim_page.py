@@ -167,7 +167,7 @@ async def test_where_it_listens(tmp_path: Path) -> None:
             await other.line(rf"^first: ssh -NL 8765:{unix} HOST$")
             await other.line(r"^page: http://127.0.0.1:8765/\?token=")
             wrong = await stack.enter_async_context(running(tmp_path, *RUN, "--listen", "0.0.0.0:80"))
-            await wrong.line("0.0.0.0 is not loopback; whoever looks at the bus")
+            await wrong.line("0.0.0.0 is not loopback; viewers see every message")
             assert await wrong.end() == 2
 
 

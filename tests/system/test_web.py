@@ -270,7 +270,7 @@ class TestMistakes:
             with server.viewer() as refused, pytest.raises(ConnectionClosed) as ended:
                 refused.hear("never")
             assert ended.value.rcvd is not None
-            assert (ended.value.rcvd.code, ended.value.rcvd.reason) == (1008, "16 clients are here already")
+            assert (ended.value.rcvd.code, ended.value.rcvd.reason) == (1008, "16 clients are connected")
 
     def test_topics_that_are_not_there_or_no_topics(self, daemon: Daemon) -> None:
         with serving() as server, server.viewer() as viewer:
@@ -410,7 +410,7 @@ class TestUnixSocket:
             assert self.ask(path, page.removeprefix("http://127.0.0.1:8765")).startswith("HTTP/1.1 303")
             assert self.ask(path, "/").startswith("HTTP/1.1 403")
             again = bus("web", "--listen", f"unix:{path}")
-            assert (again.code, again.err) == (1, f"can't listen on unix:{path}: another process does\n")
+            assert (again.code, again.err) == (1, f"can't listen on unix:{path}: another process uses it\n")
             assert running.end(signal.SIGINT) == ("", "", -signal.SIGINT)
         assert not path.exists()
 
@@ -430,11 +430,11 @@ class TestUnixSocket:
                 with suppress(BlockingIOError):
                     one.connect(str(path))
             again = bus("web", "--listen", f"unix:{path}")
-            assert (again.code, again.err) == (1, f"can't listen on unix:{path}: another process does\n")
+            assert (again.code, again.err) == (1, f"can't listen on unix:{path}: another process uses it\n")
         path.unlink()
         path.write_text("precious")
         result = bus("web", "--listen", f"unix:{path}")
-        assert (result.code, result.err) == (1, f"can't listen on unix:{path}: there is something else\n")
+        assert (result.code, result.err) == (1, f"can't listen on unix:{path}: it is not a socket\n")
         assert path.read_text() == "precious"
 
     def test_what_is_there_in_the_end_is_of_another(self, daemon: Daemon, tmp_path: Path) -> None:

@@ -515,7 +515,7 @@ def test_messages_are_published_where_that_is_allowed(daemon: Daemon) -> None:
         for number, topic, name, more, text in (
             (3, "/topic", STRING, {}, "a channel of this number"),
             (4, "/topic", "std_msgs/msg/Int32", {}, f"has the type {STRING}"),
-            (5, "/add/_request", STRING, {}, "services are called"),
+            (5, "/add/_request", STRING, {}, "a service is called"),
             (6, "no topic", STRING, {}, "no topic"),
             (7, "/x", "nobody/msg/Knows", {}, "nobody/msg/Knows"),
             (8, "/x", STRING, {"encoding": "json"}, "not in 'json'"),

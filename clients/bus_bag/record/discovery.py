@@ -64,7 +64,7 @@ class Discovery:
                     if not self._options.has_discovery:
                         return
         except BusError as error:
-            self._log.error(f"no more topics can be found: {error}")
+            self._log.error(f"the search for topics has ended: {error}")
 
     async def _examine(self, graph: Graph) -> None:
         found, reasons = self._choice.choose(graph)
@@ -96,8 +96,8 @@ class Discovery:
             return
         self._refused.add(found)
         self._log.warning(
-            f"Topic '{found.topic}' is recorded as {known.found.type_name}; what publishers of another "
-            "type send there is not recorded"
+            f"Topic '{found.topic}' is recorded as {known.found.type_name}; messages of another type "
+            "on it are not recorded"
         )
 
     async def _schema(self, type_name: str, type_hash: str) -> MessageSchema | None:
@@ -131,12 +131,10 @@ class Discovery:
         self._on_arrival(topic)
         self._log.info(f"Subscribed to topic '{found.topic}'")
         if topic.why_json:
-            self._log.warning(f"Topic '{found.topic}' is recorded as texts of JSON: {topic.why_json}")
+            self._log.warning(f"Topic '{found.topic}' is recorded as JSON text: {topic.why_json}")
         elif topic.encoder.as_json:
             fields = ", ".join(topic.encoder.as_json)
-            self._log.warning(
-                f"Topic '{found.topic}': ROS 2 can't describe {fields}; recorded as a text of JSON"
-            )
+            self._log.warning(f"Topic '{found.topic}': ROS 2 can't describe {fields}; recorded as JSON text")
 
     def _update_publishers(self, topic: RecordedTopic) -> None:
         """Publishers of it have come or gone."""

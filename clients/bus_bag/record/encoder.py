@@ -57,7 +57,7 @@ class _JsonEncoder:
         try:
             text = msgspec.json.encode(msgspec.msgpack.decode(payload)).decode()
         except (ValueError, TypeError, RecursionError) as error:
-            raise CdrError(f"no payload that JSON can say: {error}") from None
+            raise CdrError(f"a payload that JSON can't represent: {error}") from None
         return self._codec.encode(msgspec.msgpack.encode([text]))
 
     def encode_many(self, payloads: Iterable[Buffer]) -> list[bytes]:

@@ -79,7 +79,7 @@ async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
                     keyboard.close()
         _log_losses(node, losses)
     if recorder.failure is not None:
-        raise BagError(f"{recorder.failure}; the bag has what came before")
+        raise BagError(f"{recorder.failure}; the bag has all earlier messages")
     return 0
 
 

@@ -61,7 +61,7 @@ def decompress_messages(
             continue
         yield message
     if passed_over:
-        text = f"{counted(passed_over, 'message', 'is', 'are')} passed over: unpacking fails ({why})"
+        text = f"{counted(passed_over, 'message', 'is', 'are')} skipped: unpacking fails ({why})"
         problem = Problem(str(path), None, text)
         if problem not in problems:
             problems.append(problem)

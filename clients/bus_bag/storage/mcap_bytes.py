@@ -114,7 +114,7 @@ class McapBytes:
             )
         except (ValueError, OSError, MemoryError) as error:
             why = str(error) or type(error).__name__
-            self._problem(segment.offset, f"a chunk{self._how_many(segment)} is passed over: {why}")
+            self._problem(segment.offset, f"a chunk{self._how_many(segment)} is skipped: {why}")
             data = b""
         self._loaded[segment.offset] = data
         self._loaded_size += len(data)

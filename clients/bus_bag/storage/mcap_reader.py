@@ -136,7 +136,7 @@ class McapFile(McapBytes):
         """Times and places of messages, and not these: they would keep their chunks in memory."""
         times, positions = self._entries(segment, wanted, 4 if by == "log_time" else 5)
         if self._waiting + len(times) > _MOST_WAITING:
-            self._problem(segment.offset, f"{len(times)} messages are passed over: too many overlap in time")
+            self._problem(segment.offset, f"{len(times)} messages are skipped: too many overlap in time")
             return
         self._waiting += len(times)
         if not all(map(le, times, islice(times, 1, None))):
@@ -182,7 +182,7 @@ class McapFile(McapBytes):
         if not self._size:
             raise BagError(f"'{self.path}' is empty")
         if self._read(0, len(MAGIC)) != MAGIC:
-            raise BagError(f"'{self.path}' is no MCAP file: it does not begin like one")
+            raise BagError(f"'{self.path}' is not an MCAP file: its first bytes are different")
         try:
             self._read_index()
             self.has_index = True
@@ -215,7 +215,7 @@ class McapFile(McapBytes):
         if not start:
             raise ValueError("")
         if not len(MAGIC) <= start <= begin:
-            raise ValueError("its footer names no place in the file")
+            raise ValueError("its footer points outside the file")
         self._check_summary(start, begin, footer)
         statistics = None
         for opcode, _, content in self._records(start, begin):
@@ -365,11 +365,11 @@ class McapFile(McapBytes):
         is_end = self._peek(position, 1) == bytes((Opcode.DATA_END,))
         rest = self._size - position
         if self.is_cut:
-            more = "" if is_end or not rest else f"; the last {rest:,} bytes are no whole record"
+            more = "" if is_end or not rest else f"; the last {rest:,} bytes are not a whole record"
             state = "is still being written" if self.is_being_written else "was not closed"
             self._problem(position, f"the file {state}{more}")
         elif not is_end:
-            self._problem(position, "no record begins here; what follows is not read")
+            self._problem(position, "no record begins here; the rest is not read")
         counts: Counter[str] = Counter()
         for channel, count in scan.counts.items():
             if channel in self._channels:
@@ -424,7 +424,7 @@ class McapFile(McapBytes):
 
     def _describe_at(self, position: int, length: int) -> None:
         if length > _MAX_RECORD:
-            self._problem(position, f"a record of {length:,} bytes is passed over")
+            self._problem(position, f"a record of {length:,} bytes is skipped")
         else:
             opcode = self._peek(position, 1)[0]
             self._try_describe(position, opcode, self._read(position + 9, length))

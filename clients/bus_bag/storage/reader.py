@@ -125,7 +125,7 @@ class BagReader:
         found = [path for path in self.path.iterdir() if _is_bag_file(path) and path.is_file()]
         if not found:
             raise BagError(
-                f"'{self.path}' is no bag: there is neither a {NAME} nor a file {suffix_list()} in it"
+                f"'{self.path}' is not a bag: there is neither a {NAME} nor a file {suffix_list()} in it"
             )
         return sorted(found, key=_number_first)
 
@@ -138,12 +138,12 @@ class BagReader:
     def _read_metadata(self, path: Path) -> BagMetadata | None:
         try:
             if path.exists() and not path.is_file():
-                raise ValueError("it is no file")
+                raise ValueError("it is not a file")
             if path.stat().st_size > _MAX_METADATA:
                 raise ValueError(f"it is larger than {_MAX_METADATA:,} bytes")
             return from_yaml(path.read_text(errors="replace"))
         except FileNotFoundError:
-            self._problems.append(Problem(str(path), None, "there is none; the files say what they have"))
+            self._problems.append(Problem(str(path), None, "it is missing; the bag's files are read instead"))
         except ValueError as error:
             self._problems.append(Problem(str(path), None, f"it can't be used: {error}"))
         return None
@@ -219,7 +219,7 @@ def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
 
 def _open_file(path: Path) -> BagFile:
     if path.exists() and not path.is_file():
-        raise BagError(f"'{path}' is no file")
+        raise BagError(f"'{path}' is not a file")
     if path.suffix == COMPRESSED:
         return open_compressed(path)
     return storage_of(path).open(path)

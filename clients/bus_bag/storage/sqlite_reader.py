@@ -96,7 +96,7 @@ class SqliteFile:
             self._problem(f"the rest of its messages can't be read: {error}")
         if passed_over:
             rows = counted(passed_over, "row", "is", "are")
-            self._problem(f"{rows} passed over: no message of a topic")
+            self._problem(f"{rows} skipped: no message of a topic")
 
     def _problem(self, text: str) -> None:
         problem = Problem(str(self.path), None, text)
@@ -109,7 +109,7 @@ class SqliteFile:
         if not head:
             raise BagError(f"'{self.path}' is empty")
         if len(head) < 100 or not head.startswith(_MAGIC):
-            raise BagError(f"'{self.path}' is no SQLite file: it does not begin like one")
+            raise BagError(f"'{self.path}' is not an SQLite file: its first bytes are different")
         page = int.from_bytes(head[16:18], "big")
         pages = int.from_bytes(head[28:32], "big")
         size, whole = path.stat().st_size, (65536 if page == 1 else page) * pages
@@ -127,7 +127,7 @@ class SqliteFile:
                 rows = self._database.execute(f"PRAGMA table_info({name})").fetchall()
                 found[name] = {row[1] for row in rows}
         if not {"topics", "messages"} <= found.keys():
-            raise BagError(f"'{self.path}' is no bag: the tables 'topics' and 'messages' are not in it")
+            raise BagError(f"'{self.path}' is not a bag: the tables 'topics' and 'messages' are not in it")
         return found
 
     def _rows(self, table: str, *columns: str) -> list[tuple[Any, ...]]:

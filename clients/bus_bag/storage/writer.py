@@ -81,7 +81,7 @@ class BagWriter:
         it needs. `extra` is kept with the topic.
         """
         if len(self._topics) == _MAX_CHANNELS:
-            raise BagError(f"a bag has {_MAX_CHANNELS} topics at most")
+            raise BagError(f"a bag can have at most {_MAX_CHANNELS} topics")
         schema = self._schemas.setdefault((topic.type, definition), len(self._schemas) + 1)
         entry = (schema, topic, dict(extra or {}))
         self._topics.append(entry)

@@ -131,7 +131,7 @@ def _size(text: str) -> int:
     found = re.fullmatch(r"(\d{1,12})\s*([A-Za-z]*)", text)
     factor = _UNITS.get(found[2].upper()) if found else None
     if found is None or factor is None:
-        raise ArgumentTypeError(f"'{text}' is no size; write it as 64, 1KiB, 4MiB or 2MB")
+        raise ArgumentTypeError(f"'{text}' is not a size; write it as 64, 1KiB, 4MiB or 2MB")
     size = int(found[1]) * factor
     if size < HEAD:
         raise ArgumentTypeError(f"{text} is too small: the stamps need {HEAD} B")

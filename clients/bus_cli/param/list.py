@@ -80,4 +80,4 @@ def _pattern(text: str) -> re.Pattern[str]:
     try:
         return re.compile(text)
     except re.error as error:
-        raise ArgumentTypeError(f"'{text}' is no regular expression: {error}") from None
+        raise ArgumentTypeError(f"'{text}' is not a regular expression: {error}") from None

@@ -61,7 +61,7 @@ class Calls:
             frame = protocol.call_failure(said, "no server exists now")
         except BusError as error:
             frame = protocol.call_failure(said, str(error))
-        too_slow = "there is an answer, but this client reads too slowly"
+        too_slow = "the answer was dropped, because this client reads too slowly"
         self._client.answer(frame, protocol.call_failure(said, too_slow))
 
     async def close(self) -> None:
@@ -75,7 +75,7 @@ class Calls:
         if name is None:
             return protocol.call_failure(said, f"there is no service {said.service_id}")
         if said.encoding != "cdr":
-            return protocol.call_failure(said, f"requests are in cdr, not in {said.encoding!r:.40}")
+            return protocol.call_failure(said, f"requests must be in cdr, not in {said.encoding!r:.40}")
         format_ = self._advertised.entries[name].format
         request = format_.read_request(said.data)
         async with self._making:

@@ -43,7 +43,7 @@ class ServiceFormat(NamedTuple):
         try:
             return type_support(self.definition.Request).decode(payload)
         except ValueError as error:
-            raise CdrError(f"no request of {self.definition.__type_name__}: {error}") from None
+            raise CdrError(f"not a valid request of {self.definition.__type_name__}: {error}") from None
 
     def write_response(self, response: Any) -> list[Any]:
         """The parts of an answer in CDR. Raises CdrError."""

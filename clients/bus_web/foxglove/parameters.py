@@ -37,7 +37,9 @@ class Parameters:
         wanted = self._by_node(said.names) if said.names else dict.fromkeys(self._nodes())
         found = await asyncio.gather(*(self._values(node, names) for node, names in wanted.items()))
         values = [one for those in found for one in those]
-        too_slow = protocol.status(Level.WARNING, "no values of parameters: this client reads too slowly")
+        too_slow = protocol.status(
+            Level.WARNING, "parameter values were dropped, because this client reads too slowly"
+        )
         self._client.answer(protocol.parameter_values(values, said.id), too_slow)
 
     async def set(self, said: protocol.SetParameters) -> None:

@@ -223,7 +223,7 @@ def _read_binary(frame: bytes) -> Publish | Call:
         service_id, call_id, length = struct.unpack_from("<III", frame, 1)
         if length > len(frame) - 13:
             raise Misunderstood(
-                f"the encoding's name is said to have {length} bytes; {len(frame) - 13} are there"
+                f"the encoding's name should have {length} bytes; {len(frame) - 13} are there"
             )
         encoding = frame[13 : 13 + length].decode(errors="replace")
         return Call(service_id, call_id, encoding, view[13 + length :])

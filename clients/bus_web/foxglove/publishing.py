@@ -74,11 +74,11 @@ class Publishing:
         if one.id in self._channels:
             raise ConfigurationError("there is a channel of this number already")
         if len(self._channels) >= _MOST_CHANNELS:
-            raise ConfigurationError(f"{_MOST_CHANNELS} channels are the most")
+            raise ConfigurationError(f"a client can have at most {_MOST_CHANNELS} channels")
         if one.encoding != "cdr":
-            raise ConfigurationError(f"messages are published in cdr here, not in {one.encoding!r:.40}")
+            raise ConfigurationError(f"messages must be in cdr, not in {one.encoding!r:.40}")
         if service_of_topic(one.topic) is not None:
-            raise ConfigurationError("services are called, not published to")
+            raise ConfigurationError("a service is called, not published to")
 
     async def _schema(self, one: ClientChannel) -> MessageSchema:
         """The type as it is on the bus; else as it is known here; else as the client describes it.
@@ -100,6 +100,6 @@ class Publishing:
                 raise
             if (size := len(one.schema)) > _MOST_DEFINITION:
                 raise ConfigurationError(
-                    f"its definition has {size} characters; {_MOST_DEFINITION} are the most"
+                    f"its definition has {size} characters; the limit is {_MOST_DEFINITION}"
                 ) from None
             return schema_of_definition(name, one.schema)

@@ -26,7 +26,7 @@ class Subscriptions:
         if topic in self._ids:
             return f"{topic} is subscribed to already"
         if len(self._topics) >= MOST:
-            return f"{MOST} subscriptions are the most"
+            return f"a client can have at most {MOST} subscriptions"
         self._topics[id] = topic
         self._ids[topic] = id
         return ""

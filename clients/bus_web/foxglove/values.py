@@ -61,7 +61,7 @@ def value_of(said: Parameter, present: ParameterType) -> tuple[ParameterType, An
             return _array_of(value, present)
         return _scalar_of(value, present)
     except (TypeError, ValueError, OverflowError, binascii.Error):
-        raise Misunderstood(f"{said.name}: {value!r:.100} is no value of a parameter") from None
+        raise Misunderstood(f"{said.name}: {value!r:.100} is not a parameter value") from None
 
 
 def _scalar_of(value: Any, present: ParameterType) -> tuple[ParameterType, Any]:

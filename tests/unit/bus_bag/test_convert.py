@@ -91,7 +91,7 @@ def test_types_that_the_bag_does_not_describe(tmp_path: Path) -> None:
     writer.close()
     target, warnings = converted(tmp_path, tmp_path / "walk", topics=["/other", "name"])
     assert warnings == [
-        "topic '/other': nothing describes nobody_msgs/msg/Nothing; it is copied without that"
+        "topic '/other': no definition of nobody_msgs/msg/Nothing found; it is copied without one"
     ]
     with open_bag(target) as reader:
         assert [one.topic for one in read(reader)] == ["/other", "/name"]
@@ -179,10 +179,10 @@ def test_what_was_lost_is_kept(tmp_path: Path) -> None:
 @for_each(
     ("text", "reason"),
     [
-        ("[1", "it is no YAML"),
+        ("[1", "it is not YAML"),
         ("other: 1", "it has no list 'output_bags'"),
         ("output_bags: []", "it has no list 'output_bags'"),
-        ("output_bags: [1]", "an entry of 'output_bags' is no map"),
+        ("output_bags: [1]", "an entry of 'output_bags' is not a map"),
         ("output_bags: [{topics: [/a]}]", "an entry of 'output_bags' has no 'uri'"),
         ("output_bags: [{uri: a, storage_id: sqlite3}]", "storage_id 'sqlite3' can't be written"),
         ("output_bags: [{uri: a, topcis: [/a]}]", "Unknown output option 'topcis'; did you mean 'topics'?"),
@@ -205,7 +205,7 @@ def test_refused(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "walk", said(1))
     with pytest.raises(BagError, match=r"^Output folder '.*/walk' already exists\.$"):
         convert([folder], read_outputs(outputs({"uri": str(folder)})), lambda done, total: None)
-    with pytest.raises(ConfigurationError, match=r"^'\(' is no regular expression"):
+    with pytest.raises(ConfigurationError, match=r"^'\(' is not a regular expression"):
         converted(tmp_path, folder, regex="(")
     with pytest.raises(BagError, match=r"^unknown MCAP storage preset profile"):
         converted(tmp_path, folder, storage_preset_profile="tiny")

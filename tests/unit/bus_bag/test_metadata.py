@@ -130,18 +130,18 @@ def test_an_old_version() -> None:
     ("text", "reason"),
     [
         ("", "it has no map 'rosbag2_bagfile_information'"),
-        ("[1", "it is no YAML, line "),
+        ("[1", "it is not YAML, line "),
         ("rosbag2_bagfile_information: 3", "it has no map"),
         ("rosbag2_bagfile_information: {version: 10}", "version 10 is none of 1 to 9"),
         ("rosbag2_bagfile_information: {version: 9, message_count: -1}", "'message_count' is -1"),
         ("rosbag2_bagfile_information: {version: 9, message_count: x}", "'message_count' is 'x'"),
-        ("rosbag2_bagfile_information: {version: 9, files: 1}", "'files' is no list"),
-        ("rosbag2_bagfile_information: {version: 9, duration: 1}", "'duration' is no map"),
+        ("rosbag2_bagfile_information: {version: 9, files: 1}", "'files' is not a list"),
+        ("rosbag2_bagfile_information: {version: 9, duration: 1}", "'duration' is not a map"),
         ("[" * 3_000, "it is nested too deeply"),
         ("[1, " * 2_001, "it is "),
         ("- " * 1_000, "it is nested too deeply"),
-        ("a: \x01", "it is no YAML: unacceptable character #x0001: "),
-        ("a: 2026-13-45", "it is no YAML: month must be"),
+        ("a: \x01", "it is not YAML: unacceptable character #x0001: "),
+        ("a: 2026-13-45", "it is not YAML: month must be"),
     ],
 )
 def test_no_metadata(text: str, reason: str) -> None:

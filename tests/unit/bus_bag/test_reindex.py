@@ -101,7 +101,7 @@ def test_no_bag(tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"^Bag path '.*/nowhere' does not exist!$"):
         reindex(tmp_path / "nowhere", print)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(BagError, match="is no bag"):
+    with pytest.raises(BagError, match="is not a bag"):
         reindex(tmp_path / "empty", print)
 
 

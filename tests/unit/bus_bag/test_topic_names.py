@@ -26,5 +26,5 @@ def test_events_of_a_service(topic: str, types: set[str], is_event: bool) -> Non
 
 def test_regular_expressions() -> None:
     assert compiled("") is None
-    with pytest.raises(ConfigurationError, match=r"'\(' is no regular expression: missing \)"):
+    with pytest.raises(ConfigurationError, match=r"'\(' is not a regular expression: missing \)"):
         compiled("(")

@@ -27,7 +27,7 @@ def test_a_unix_socket_is_for_its_user_and_goes_in_the_end(tmp_path: Path) -> No
     with listening(place) as (_, told):
         assert told == place
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
-        with pytest.raises(ListenError, match="another process does"), listening(place):
+        with pytest.raises(ListenError, match="another process uses it"), listening(place):
             pass
         assert path.exists(), "it is still the first one's"
     assert not path.exists()
@@ -44,7 +44,7 @@ def test_one_that_a_killed_process_has_left_is_taken_over(tmp_path: Path) -> Non
 def test_what_is_no_socket_stays(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text("mine")
-    with pytest.raises(ListenError, match="there is something else"), listening(Place(path=path)):
+    with pytest.raises(ListenError, match="it is not a socket"), listening(Place(path=path)):
         pass
     assert path.read_text() == "mine"
     with pytest.raises(ListenError, match="No such file"), listening(Place(path=tmp_path / "no" / "x")):

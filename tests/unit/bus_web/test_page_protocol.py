@@ -102,10 +102,10 @@ def test_what_the_page_says() -> None:
         ('{"op":"look","topics":{"/a":[1]}}', "not understood"),
         ('{"op":"look","topics":[],"more":1}', "not understood"),
         ("[" * 10000, "not understood"),
-        (b"\x00", "texts"),
+        (b"\x00", "text frames"),
         (
             msgspec.json.encode({"op": "look", "topics": {f"/{n}": [] for n in range(33)}}).decode(),
-            "33 topics looked at; 32 is the most",
+            "33 topics watched; the limit is 32",
         ),
     ],
 )

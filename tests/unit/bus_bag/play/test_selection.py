@@ -31,5 +31,5 @@ def test_what_is_played(choice: dict[str, str], played: list[str]) -> None:
 
 @pytest.mark.parametrize("option", ["regex", "exclude_regex"])
 def test_what_is_no_regular_expression(option: str) -> None:
-    with pytest.raises(ValueError, match=r"'\(' is no regular expression: "):
+    with pytest.raises(ValueError, match=r"'\(' is not a regular expression: "):
         Selection(**{option: "("})

@@ -120,5 +120,5 @@ def test_when_nothing_more_can_be_found(wanted: Wanted, recorded: list[str], is_
 
 
 def test_no_regular_expression() -> None:
-    with pytest.raises(ConfigurationError, match=r"'\[' is no regular expression: unterminated"):
+    with pytest.raises(ConfigurationError, match=r"'\[' is not a regular expression: unterminated"):
         Choice(Wanted(regex="["), OWN)

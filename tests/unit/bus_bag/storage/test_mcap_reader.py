@@ -42,7 +42,7 @@ def test_a_chunk_is_damaged(tmp_path: Path) -> None:
         assert 0 < len(lost) < 2000
         assert found == messages[: lost[0].sequence] + messages[lost[-1].sequence + 1 :]
         assert problem.offset == second
-        assert problem.text.startswith(f"a chunk with {len(lost)} messages is passed over: ")
+        assert problem.text.startswith(f"a chunk with {len(lost)} messages is skipped: ")
 
 
 def test_an_index_is_damaged(tmp_path: Path) -> None:
@@ -209,4 +209,4 @@ def test_more_messages_overlap_than_can_wait(tmp_path: Path, monkeypatch: pytest
     with open_bag(tmp_path / "walk") as reader:
         assert read(reader) == messages[::2]
         (problem,) = reader.problems
-        assert problem.text == "30 messages are passed over: too many overlap in time"
+        assert problem.text == "30 messages are skipped: too many overlap in time"

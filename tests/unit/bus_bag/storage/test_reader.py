@@ -71,8 +71,8 @@ def test_an_old_database(tmp_path: Path) -> None:
     with open_bag(tmp_path) as reader:
         assert [one.text for one in read(reader)] == ["a", "b"]
         assert [problem.text for problem in reader.problems] == [
-            "there is none; the files say what they have",
-            "2 rows are passed over: no message of a topic",
+            "it is missing; the bag's files are read instead",
+            "2 rows are skipped: no message of a topic",
         ]
         assert reader.definitions == {}
 
@@ -136,13 +136,13 @@ def test_no_bags(tmp_path: Path) -> None:
     database.close()
     texts = {
         "nowhere": "Bag path '{}' does not exist!",
-        "empty": "'{}' is no bag: there is neither a metadata.yaml nor a file .mcap or .db3 in it",
-        "junk": "'{}/b.mcap' is no MCAP file: it does not begin like one",
-        "junk/c.db3": "'{}' is no SQLite file: it does not begin like one",
+        "empty": "'{}' is not a bag: there is neither a metadata.yaml nor a file .mcap or .db3 in it",
+        "junk": "'{}/b.mcap' is not an MCAP file: its first bytes are different",
+        "junk/c.db3": "'{}' is not an SQLite file: its first bytes are different",
         "junk/d.mcap.zstd": "'{}' can't be unpacked: ",
-        "junk/a.txt": "'{}' is no MCAP file: it does not begin like one",
+        "junk/a.txt": "'{}' is not an MCAP file: its first bytes are different",
         "nothing.mcap": "'{}' is empty",
-        "other.db3": "'{}' is no bag: the tables 'topics' and 'messages' are not in it",
+        "other.db3": "'{}' is not a bag: the tables 'topics' and 'messages' are not in it",
     }
     for name, text in texts.items():
         with pytest.raises(BagError) as refused:
@@ -156,14 +156,14 @@ def test_what_is_no_file(tmp_path: Path) -> None:
     """Opening a pipe would wait for its other end."""
     folder = write_bag(tmp_path / "walk", said(3))
     os.mkfifo(tmp_path / "pipe.mcap")
-    with pytest.raises(BagError, match=r"^'.*/pipe.mcap' is no file$"):
+    with pytest.raises(BagError, match=r"^'.*/pipe.mcap' is not a file$"):
         open_bag(tmp_path / "pipe.mcap")
     (folder / "metadata.yaml").unlink()
     os.mkfifo(folder / "metadata.yaml")
     os.mkfifo(folder / "walk_1.mcap")
     with open_bag(folder) as reader:
         assert read(reader) == said(3)
-        assert [problem.text for problem in reader.problems] == ["it can't be used: it is no file"]
+        assert [problem.text for problem in reader.problems] == ["it can't be used: it is not a file"]
 
 
 def test_the_package_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -199,7 +199,7 @@ def test_a_bag_is_repaired(tmp_path: Path) -> None:
     problems = reindex(folder, heard.append)
     assert [one.text for one in problems] == ["the weather"]
     assert heard == [
-        "walk_1.lines: written anew with an index, 6 messages",
+        "walk_1.lines: rewritten with an index, 6 messages",
         "metadata.yaml: 9 messages in 2 files",
     ]
 

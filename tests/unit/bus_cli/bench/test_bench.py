@@ -77,10 +77,10 @@ def test_sizes(text: str, sizes: tuple[int, ...]) -> None:
     [
         ("0", "0 is too small: the stamps need 32 B"),
         ("31", "31 is too small"),
-        ("64,", "'' is no size"),
-        ("-1", "'-1' is no size"),
-        ("1.5K", "'1.5K' is no size"),
-        ("1X", "'1X' is no size"),
+        ("64,", "'' is not a size"),
+        ("-1", "'-1' is not a size"),
+        ("1.5K", "'1.5K' is not a size"),
+        ("1X", "'1X' is not a size"),
         ("2GiB", "2GiB is too large: no message may have more than 1073741824 B"),
     ],
 )

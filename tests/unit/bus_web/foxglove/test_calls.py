@@ -82,7 +82,7 @@ async def test_calls() -> None:
     ("call", "why"),
     [
         (Call(9, 1, "cdr", request(1, 2)), "there is no service 9"),
-        (Call(1, 1, "json", request(1, 2)), "requests are in cdr, not in 'json'"),
+        (Call(1, 1, "json", request(1, 2)), "requests must be in cdr, not in 'json'"),
         (Call(1, 1, "cdr", request(-1, 2)), "no negative numbers"),
         (Call(1, 1, "cdr", memoryview(b"\0\1\0\0\1")), ""),
         (Call(2, 1, "cdr", request(1, 2)), "no server exists now"),

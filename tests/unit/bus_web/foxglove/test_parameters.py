@@ -106,7 +106,7 @@ async def test_setting_tells_what_was_refused_and_what_holds_now() -> None:
     assert isinstance(world.arm.values["gain"], float), "browsers write 2.0 as 2"
     await world.parameters.set(SetParameters([Parameter("/base.speed", {})]))
     (wrong,) = await world.told()
-    assert wrong["message"] == "/base.speed: {} is no value of a parameter"
+    assert wrong["message"] == "/base.speed: {} is not a parameter value"
     await world.parameters.set(SetParameters([Parameter(f"/base.x{number}", 1) for number in range(1000)]))
     (all_refused,) = await world.told()
     assert all_refused["message"] == "/base.x0 was not set: not declared (and 999 more)"

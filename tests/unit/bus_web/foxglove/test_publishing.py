@@ -60,15 +60,15 @@ async def test_the_type_is_that_of_the_bus_else_the_client_s() -> None:
     ("one", "why"),
     [
         (channel(1), "there is a channel of this number already"),
-        (channel(3, encoding="json"), "messages are published in cdr here, not in 'json'"),
-        (channel(3, "/add/_request"), "services are called, not published to"),
+        (channel(3, encoding="json"), "messages must be in cdr, not in 'json'"),
+        (channel(3, "/add/_request"), "a service is called, not published to"),
         (channel(3, schema_name="no/msg/Where"), "no/msg/Where"),
         (
             channel(3, schema_name="no/msg/Where", schema="int32 x", schema_encoding="protobuf"),
             "no/msg/Where",
         ),
-        (channel(3, schema_name="no/msg/Where", schema="#" * 262_145), "262145 characters; 262144 are"),
-        (channel(2), "1 channels are the most"),
+        (channel(3, schema_name="no/msg/Where", schema="#" * 262_145), "262145 characters; the limit is"),
+        (channel(2), "a client can have at most 1 channels"),
     ],
 )
 async def test_what_can_not_be_published(

@@ -18,4 +18,4 @@ def test_by_id_and_by_topic() -> None:
 def test_there_is_a_bound() -> None:
     subscriptions = Subscriptions()
     faults = [subscriptions.add(number, f"/{number}") for number in range(MOST + 1)]
-    assert faults == [""] * MOST + [f"{MOST} subscriptions are the most"]
+    assert faults == [""] * MOST + [f"a client can have at most {MOST} subscriptions"]

@@ -64,7 +64,7 @@ def test_what_is_meant(said: Parameter, present: ParameterType, meant: tuple[Par
     ],
 )
 def test_what_is_no_value(said: Parameter) -> None:
-    with pytest.raises(Misunderstood, match=r"^/n\.p: .* is no value of a parameter$"):
+    with pytest.raises(Misunderstood, match=r"^/n\.p: .* is not a parameter value$"):
         value_of(said, ParameterType.NOT_SET)
 
 
