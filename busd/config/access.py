@@ -112,11 +112,11 @@ def _doubts_of_the_socket(rules: Sequence[AccessRule], path: Path) -> list[str]:
     what = f"{path} (mode {stat.S_IMODE(mode):04o}, its folder {stat.S_IMODE(folder):04o})"
     if has_guests and not reaches:
         return [
-            f"[[access]] has rules for others, but nobody else can reach {what}: "
+            f"[[access]] has rules for other users, but they can't reach {what}: "
             "see [socket] mode and group, and the folder's mode"
         ]
     if reaches and not has_guests:
-        return [f"others may connect to {what}, but no rule of [[access]] allows them anything"]
+        return [f"other users can connect to {what}, but no rule of [[access]] allows them anything"]
     return []
 
 

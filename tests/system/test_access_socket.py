@@ -43,7 +43,7 @@ def test_the_kernel_keeps_others_out_by_default(guests: Callable[..., Guests]) -
     assert stat.S_IMODE(busd.path.stat().st_mode) == 0o600
     assert not can_connect(busd.path, GUEST)
     assert can_connect(busd.path, OWNER) and can_connect(busd.path, 0)
-    busd.wait_for_log("[[access]] has rules for others, but nobody else can reach")
+    busd.wait_for_log("[[access]] has rules for other users, but they can't reach")
 
 
 def test_a_group_is_let_in(guests: Callable[..., Guests]) -> None:
@@ -68,7 +68,7 @@ def test_a_group_of_others_can_not_be_given(folder: Path) -> None:
 
 def test_an_open_door_behind_which_nobody_may_do_anything_is_logged(guests: Callable[..., Guests]) -> None:
     busd = guests()
-    busd.wait_for_log("others may connect to")
+    busd.wait_for_log("other users can connect to")
     with acting_as(GUEST), RawPeer(busd.path) as peer:
         assert "may not use" in peer.fault()
 

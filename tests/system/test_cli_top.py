@@ -293,7 +293,7 @@ async def test_live_values(daemon: Daemon) -> None:
         await shown.until("data: 41", "below")
         numbers.publish(Int64(data=42))
         await shown.until("data: 42", "below")
-        await shown.until("/numbers  message 2, .* old when it came", "about")
+        await shown.until("/numbers  message 2, .* old on arrival", "about")
         assert (await node.graph()).subscriptions_of("/numbers")
         assert " 0 " in next(line for line in shown.text("rows").splitlines() if "/numbers" in line)
         await shown.press("up")

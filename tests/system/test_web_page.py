@@ -349,6 +349,6 @@ def test_another_start_asks_for_its_address(daemon: Daemon, page: Page) -> None:
         page.wait("return document.getElementById('state').textContent.startsWith('on ')")
     page.wait("return document.getElementById('state').textContent.includes('away')")
     with serving("--listen", f"127.0.0.1:{server.port}"):
-        page.wait("return document.getElementById('state').textContent.includes('started anew')")
+        page.wait("return document.getElementById('state').textContent.includes('has restarted')")
     page.open("about:blank")
     assert all("403" in line or "refused" in line.lower() or "ERR_" in line for line in page.console())

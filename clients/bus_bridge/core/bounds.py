@@ -95,7 +95,7 @@ def wrong_endpoint(endpoint: FarEndpoint) -> str:
     if len(endpoint.type_hash) > _MAX_HASH or not endpoint.type_hash.isprintable():
         return f"a type hash of {len(endpoint.type_hash)} characters {where}"
     if endpoint.kind == "publisher" and endpoint.qos.durability is Durability.BEST_AVAILABLE:
-        return f"a publisher {where} whose durability is best_available, which is for subscriptions"
+        return f"a publisher {where} with durability best_available, which is for subscriptions"
     return ""
 
 

@@ -413,8 +413,8 @@ class Mirrors:
         qos = far.far.qos
         if qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
             self._warn(
-                f"'{far.topic}': manual liveliness can't be seen through a bridge; that of far publishers is "
-                "offered as automatic here"
+                f"'{far.topic}': manual liveliness does not cross a bridge; far publishers have automatic "
+                "liveliness here"
             )
             qos = msgspec.structs.replace(qos, liveliness=Liveliness.AUTOMATIC)
         return qos

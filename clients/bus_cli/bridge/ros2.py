@@ -6,8 +6,8 @@ from bus.base.optional import how_to_install
 from bus_cli.bridge.bridgeargs import add_bridge_arguments, run_bridge
 
 _EPILOG = f"""\
-Topics cross; services, actions and parameters don't. DDS protects nothing: choose an --interface whose
-network you trust. Needs cyclonedds: {how_to_install("cyclonedds")}
+Topics cross; services, actions and parameters don't. DDS has no protection: choose an --interface with
+a network that you trust. Needs cyclonedds: {how_to_install("cyclonedds")}
 See docs/bridge.md
 """
 
@@ -32,7 +32,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     group.add_argument(
         "--distro",
         choices=("auto", "humble"),
-        help="the form of the graph: Humble's, or found out (default: auto)",
+        help="format of ROS 2's graph messages: Humble's, or detected (default: auto)",
     )
     add_bridge_arguments(parser, "ros2")
 

@@ -59,7 +59,7 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
     for title, counts in (("shown here", status.shown_here), ("shown there", status.shown_there)):
         yield f"{title:11}  {counts.nodes:5}  {counts.publishers:10}  {counts.subscriptions:13}"
     if status.repeated:
-        yield f"dropped because it came a second time: {counted(status.repeated, 'message')}"
+        yield f"dropped because they came twice: {counted(status.repeated, 'message')}"
     yield ""
     for link in sorted(status.links, key=lambda link: (link.state != "up", link.address)):
         what = ", ".join(text for text in (link.bus, link.text) if text)
@@ -86,7 +86,7 @@ def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[st
             yield from _rows([*group])
     if not all(one.counts_lost for one in routes):
         yield ""
-        yield "lost -: not counted by DDS, which shows a bridge no numbers of messages"
+        yield "lost -: not counted, because DDS shows no numbers of messages"
     if idle:
         yield ""
         yield f"and {len(idle)} route{'s' if len(idle) > 1 else ''} without a subscription (-v shows them)"
@@ -112,7 +112,7 @@ def _rows(routes: list[RouteState]) -> Iterator[str]:
     if dropped:
         yield "     dropped: " + ", ".join(f"{reason}: {count}" for reason, count in sorted(dropped.items()))
     if any(one.is_stuck for one in routes):
-        yield "     stuck: messages wait for a subscription, and none was sent for seconds"
+        yield "     stuck: messages wait for a subscription, and the bridge could send none for seconds"
 
 
 def _row(way: object, *cells: object) -> str:

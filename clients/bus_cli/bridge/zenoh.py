@@ -26,13 +26,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--connect",
         action="append",
         metavar="ADDRESS",
-        help="connect to another bridge, and retry while it is not there; can be repeated",
+        help="connect to another bridge, and retry until it answers; may be given several times",
     )
     group.add_argument(
         "--router",
         action="append",
         metavar="ADDRESS",
-        help="go by a router of zenoh (zenohd), instead of --listen and --connect; of several one is used",
+        help="use a router of zenoh (zenohd) instead of --listen and --connect; of several, one is used",
     )
     group.add_argument(
         "--ca", metavar="FILE", help="CA certificate (PEM) that has signed the certificates of both sides"

@@ -157,7 +157,7 @@ class BusCollector(Collector):
         absent = seen.charges.absent
         text = "Messages kept for lost subscriptions that did not reconnect."
         yield CounterMetricFamily("busd_unclaimed_messages_total", text, absent.unclaimed)
-        text = "Lost subscriptions whose counters had no room."
+        text = "Lost subscriptions without room for their counts of missed messages."
         yield CounterMetricFamily("busd_absent_given_up_total", text, absent.given_up)
         limits: Numbers = {(name,): float(value) for name, value in seen.charges.limits.items()}
         yield self._gauge("busd_limit", "Limits in busd.toml.", ("limit",), limits)

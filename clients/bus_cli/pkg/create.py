@@ -46,7 +46,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--license",
         default="TODO: License declaration",
-        help="The license attached to this package; a LICENSE file is made of those that '?' lists",
+        help="The license attached to this package; '?' lists the ones with a LICENSE file",
     )
     parser.add_argument(
         "--destination-directory", default=".", help="Directory where to create the package directory"

@@ -25,7 +25,7 @@ from bus_cli.top.columns import SORT_KEYS
 
 _EPILOG = f"""\
 Keys: s next column to sort by, r reverse, / filter, h hidden ones, n by node, Enter live values, space pause,
-? help, q quit. --once and --json need no terminal; the rest needs textual:
+? help, q quit. Without --once or --json, bus top needs a terminal and textual:
 {how_to_install("textual")}
 """
 

@@ -69,7 +69,7 @@ class Values:
             return self._topic
         info = self._newest[1]
         age_s = max(0.0, (info.received_timestamp - info.source_timestamp) / 1e9)
-        return f"{self._topic}  message {self._count}, {seconds_text(age_s)} old when it came"
+        return f"{self._topic}  message {self._count}, {seconds_text(age_s)} old on arrival"
 
     def lines(self) -> list[Line]:
         """The newest message, as YAML."""

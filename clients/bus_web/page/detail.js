@@ -85,7 +85,7 @@ export class Detail {
 
   value(told) {
     if (told.topic !== this.topic) return;
-    setText(this.valueNote, `message ${count(told.number)} · ${size(told.bytes)} · ${told.age_ms.toFixed(told.age_ms < 10 ? 2 : 0)} ms old when it came`);
+    setText(this.valueNote, `message ${count(told.number)} · ${size(told.bytes)} · ${told.age_ms.toFixed(told.age_ms < 10 ? 2 : 0)} ms old on arrival`);
     this.tree.show(told.tree);
   }
 

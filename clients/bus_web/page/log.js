@@ -44,7 +44,7 @@ export class Log {
     }
     while (this.list.children.length > MOST) this.list.firstChild.remove();
     if (isAtEnd) this.list.scrollTop = this.list.scrollHeight;
-    setText(this.note, this.leftOut ? `${this.leftOut} lines came too fast to be shown` : "");
+    setText(this.note, this.leftOut ? `${this.leftOut} lines arrived too fast and are not shown` : "");
   }
 
   choose() {

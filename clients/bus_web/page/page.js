@@ -66,7 +66,7 @@ const connection = new Connection((told) => hear[told.op]?.(told), (how) => {
     log.clear();
     the("log").open && connection.say("log", { on: true });
     look();
-  } else state("away", how === "shut" ? "bus web was started anew: open the address that it has printed" : "bus web is away: trying again");
+  } else state("away", how === "shut" ? "bus web has restarted: open the new address that it has printed" : "bus web is away: trying again");
 });
 
 function state(kind, text) {

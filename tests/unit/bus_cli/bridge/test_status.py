@@ -80,7 +80,7 @@ def test_a_loss_that_can_not_be_counted_is_not_said_to_be_none() -> None:
     of_ros = RouteState(topic="/scan", direction="in", taken=5, sent=5, counts_lost=False)
     shown = text(Answer(routes=[CAMERA, of_ros]))
     assert "in            5           5        0         0         -  /scan\n" in shown
-    assert shown.endswith("\n\nlost -: not counted by DDS, which shows a bridge no numbers of messages")
+    assert shown.endswith("\n\nlost -: not counted, because DDS shows no numbers of messages")
     assert "DDS" not in text(Answer(routes=[CAMERA, COMMANDS]))
 
 
@@ -88,8 +88,8 @@ def test_what_is_wrong_is_said() -> None:
     stuck = RouteState(topic="/a", waiting=7, is_flowing=True, is_stuck=True)
     shown = text(Answer(routes=[stuck], repeated=2))
     assert "stuck: messages wait" in shown
-    assert "came a second time: 2 messages\n" in shown
-    assert "came a second time: 1 message\n" in text(Answer(repeated=1))
+    assert "dropped because they came twice: 2 messages\n" in shown
+    assert "came twice: 1 message\n" in text(Answer(repeated=1))
     assert "no link\n" in shown
 
 

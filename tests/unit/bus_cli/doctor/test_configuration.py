@@ -57,7 +57,7 @@ def test_rules_that_can_not_work(file: Path) -> None:
     path.touch(mode=0o600)
     (found,) = examine(path, 1)
     assert found.mark == "warn"
-    assert "[[access]] has rules for others, but nobody else can reach" in found.text
+    assert "[[access]] has rules for other users, but they can't reach" in found.text
     assert found.advice == f"edit {file}, then bus daemon reload"
 
 

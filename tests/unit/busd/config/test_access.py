@@ -112,9 +112,9 @@ def test_a_table_alone() -> None:
     [
         (0o600, 0o755, (), ""),
         (0o600, 0o755, (DENIAL,), ""),
-        (0o600, 0o755, (RULE,), "nobody else can reach"),
-        (0o660, 0o700, (RULE,), "nobody else can reach"),
-        (0o666, 0o700, (RULE,), "nobody else can reach"),
+        (0o600, 0o755, (RULE,), "but they can't reach"),
+        (0o660, 0o700, (RULE,), "but they can't reach"),
+        (0o666, 0o700, (RULE,), "but they can't reach"),
         (0o660, 0o750, (RULE,), ""),
         (0o666, 0o755, (RULE,), ""),
         (0o660, 0o750, (), "but no rule of [[access]] allows them anything"),
