@@ -1,10 +1,10 @@
-"""The command-line tool `bus`: one module a verb, imported when it is chosen.
+"""The command-line tool `bus`: one module for each verb, imported only for that verb.
 
     `entry.py` --+-- `run.py`   (`bus run`, a short way of its own)
                  +-- `main.py`  (COMMANDS, parsers, exit codes) --> topic/hz.py, ...: add_arguments, main
 
-    verbs that ask one thing   `query.py`: a small blocking client without an event loop
-    verbs that stay            `stream.py`: a hidden node on an event loop, ended by signals
+    verbs with one question   `query.py`: a small blocking client without an event loop
+    verbs that keep running   `stream.py`: a hidden node on an event loop, ended by signals
 
 Shared parts: `output.py` (texts, JSON, tables), `render.py` (messages as text), `populate.py` (messages from
 YAML), `filter.py`, `fields.py`, `stats.py`, `qosargs.py`, `completion.py`, `suggestions.py`.
@@ -12,12 +12,12 @@ YAML), `filter.py`, `fields.py`, `stats.py`, `qosargs.py`, `completion.py`, `sug
 Invariants:
 
 - Only the module of the chosen verb is imported. Slow modules are imported inside functions.
-- Output and options are those of `ros2` where it has the verb.
-- Everything printed goes through `output.py`, because texts of other processes may have escape sequences.
+- If `ros2` has the verb, output and options are the same.
+- All output goes through `output.py`, because texts of other processes may contain escape sequences.
 - `main(args)` returns the exit code. An error is a CommandError or BusError with one line for the user.
 - `--filter` evaluates a safe subset of Python, at a bounded cost.
 
-docs/architecture.md, "How to add", says how to add a verb; docs/cli.md describes each.
+docs/architecture.md, "How to add", explains how to add a verb. docs/cli.md describes each verb.
 
 Read first: `main.py`, then `query.py` and `stream.py`.
 

@@ -1,4 +1,4 @@
-"""`python -m bus_cli`."""
+"""Entry point of `python -m bus_cli`."""
 
 from bus_cli.entry import main
 

@@ -1,4 +1,4 @@
-"""What the action verbs have in common: types by name, and the names that the shell completes."""
+"""Shared code of the action verbs: types by name, and completion of names in the shell."""
 
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any, get_type_hints
@@ -16,9 +16,9 @@ __all__ = ["action_types", "actions", "find_action_type", "full_action_type"]
 
 
 def full_action_type(text: str) -> str:
-    """`example_interfaces/Fibonacci` as `example_interfaces/action/Fibonacci`.
+    """Expand a type name: `example_interfaces/Fibonacci` is `example_interfaces/action/Fibonacci`.
 
-    Raises CommandError for what is no action's type.
+    Raises CommandError if the name is not the type of an action.
     """
     name = full_type_name(text, "action")
     if (kind := name.split("/")[1]) != "action":
@@ -28,19 +28,19 @@ def full_action_type(text: str) -> str:
 
 
 def actions(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Names of actions, for the shell."""
+    """Names of actions, for completion in the shell."""
     return list(_served(parsed_args))
 
 
 def action_types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Names of types, for the shell: the action's where it is on the bus, else all that are defined here."""
+    """Names of types, for completion: the action's types if it is on the bus, else all local definitions."""
     from bus.types.definitions import names
 
     return _served(parsed_args).get(getattr(parsed_args, "action_name", ""), []) or names("action")
 
 
 def _served(args: Namespace) -> dict[str, list[str]]:
-    """The actions of the graph now, and their types; none where no busd runs."""
+    """Actions in the current graph, and their types; empty if no busd runs."""
     from bus_actions.graph import actions_of
 
     graph = live_graph(args)
@@ -48,9 +48,9 @@ def _served(args: Namespace) -> dict[str, list[str]]:
 
 
 async def find_action_type(node: "Node", graph: "Graph", action: str, name: str) -> Any:
-    """The definition called `name`, as it is served: from a file, or made of what is on the bus.
+    """Find the definition `name` in a file, or make it from the types on the bus.
 
-    Raises CommandError where nothing knows it, or the action has another type.
+    Raises CommandError if neither knows it, or if the action has another type.
     """
     from bus.types.service import message_of
     from bus.types.support import type_support

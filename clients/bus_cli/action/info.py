@@ -1,4 +1,4 @@
-"""`bus action info`: who serves and who calls an action."""
+"""`bus action info`: the servers and clients of an action."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
@@ -49,7 +49,7 @@ def main(args: Namespace) -> int:
 
 
 def _nodes(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
-    """Their nodes, with the types of the action there."""
+    """Nodes of the endpoints, with the types that the action has there."""
     found: dict[str, list[GraphEndpoint]] = {}
     for endpoint in endpoints:
         found.setdefault(endpoint.node.full_name, []).append(endpoint)

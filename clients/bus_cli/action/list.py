@@ -1,4 +1,4 @@
-"""`bus action list`."""
+"""`bus action list`: names of actions."""
 
 from argparse import ArgumentParser, Namespace
 

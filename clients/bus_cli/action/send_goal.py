@@ -33,7 +33,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    # First what is wrong with the line itself.
+    # Before anything else, report mistakes in the command line itself.
     name, values = full_action_type(args.action_type), load(args.goal)
     action = full_topic_name(args.action_name)
     return run_stream(_send(args, action, name, {} if values is None else values))
@@ -47,7 +47,7 @@ async def _send(args: Namespace, action: str, name: str, values: Any) -> int:
         async with ActionClient(node, definition, action) as client:
             if not args.json:
                 say("Waiting for an action server to become available...")
-            # A client that was just opened may not be ready yet, though its server is up: ask the graph, too.
+            # A new client may not be ready although its server is up, so ask the graph, too.
             if not (client.server_is_ready() or action_servers_of(graph, action)):
                 from bus_cli.suggestions import near_action
 
@@ -75,7 +75,7 @@ async def _send(args: Namespace, action: str, name: str, values: Any) -> int:
 
 
 async def _follow(args: Namespace, goal: ClientGoal) -> int:
-    """Returns 0 where it succeeds."""
+    """Print feedback and result of a goal; returns 0 if the goal succeeds."""
     async for feedback in goal:
         if args.feedback:
             _show(args, f"Feedback:\n    {_yaml(feedback)}", {"feedback": _plain(feedback)})

@@ -1,4 +1,4 @@
-"""`bus action type`."""
+"""`bus action type`: the type of an action."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus bag convert`."""
+"""`bus bag convert`: rewrite bags with other options."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -53,7 +53,7 @@ def main(args: Namespace) -> int:
 
 
 def _input(words: list[str]) -> Path:
-    """In ROS 2's words."""
+    """Path of an input bag. Errors have ROS 2's texts."""
     from bus_bag.storage.registry import storages
 
     if len(words) > 2:

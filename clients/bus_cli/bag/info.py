@@ -1,4 +1,4 @@
-"""`bus bag info`."""
+"""`bus bag info`: a summary of a bag."""
 
 from argparse import ArgumentParser, Namespace
 from typing import Any

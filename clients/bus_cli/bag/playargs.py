@@ -1,4 +1,4 @@
-"""What `bus bag play` and `bus bag burst` have in common: the bag, what of it is played, and how."""
+"""Shared options of `bus bag play` and `bus bag burst`: the bag, the messages, and the way to play them."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
@@ -70,7 +70,7 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
 
 
 def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
-    """Play as the arguments and the other `options` of a PlayOptions say; returns the exit code."""
+    """Play with the arguments and further `options` of PlayOptions; returns the exit code."""
     from bus_bag.play.options import PlayOptions
     from bus_bag.play.program import run
     from bus_bag.play.selection import Selection

@@ -1,4 +1,4 @@
-"""What the verbs have in common."""
+"""Shared code of the verbs that read a bag."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 __all__ = ["add_bag_argument", "add_storage_argument", "opened", "overrides_in", "print_problems"]
 
 _MOST = 20
-"""Problems that are told one by one."""
+"""Number of problems printed one by one."""
 
 
 def add_bag_argument(parser: ArgumentParser) -> None:
-    """`bag_path`, and `-s`."""
+    """Add `bag_path` and `-s`."""
     parser.add_argument("bag_path", type=Path, help="Bag to open.")
     add_storage_argument(parser)
 
 
 def add_storage_argument(parser: ArgumentParser) -> None:
-    """`-s`."""
+    """Add `-s`."""
     from bus_bag.storage.registry import storages
 
     parser.add_argument(
@@ -39,7 +39,7 @@ def add_storage_argument(parser: ArgumentParser) -> None:
 
 @contextmanager
 def opened(args: Namespace) -> "Iterator[BagReader]":
-    """The bag; what of it could not be read is told at the end."""
+    """Open the bag; at the end, print the problems met while reading."""
     from bus_bag.storage import open_bag
 
     with open_bag(args.bag_path) as reader:
@@ -50,7 +50,7 @@ def opened(args: Namespace) -> "Iterator[BagReader]":
 
 
 def print_problems(reader: "BagReader") -> None:
-    """One line each, on stderr; and what can be done."""
+    """Print one line for each problem on stderr, and advice."""
     problems = reader.problems
     for problem in problems[:_MOST]:
         complain(f"[WARN] [ros2bag]: {problem}")
@@ -62,7 +62,7 @@ def print_problems(reader: "BagReader") -> None:
 
 
 def overrides_in(path: str | None) -> "dict[str, QoSProfile]":
-    """The profiles of a file `--qos-profile-overrides-path`, by topic; none without one."""
+    """Profiles by topic, read from a `--qos-profile-overrides-path` file; empty without a file."""
     if path is None:
         return {}
     from bus.errors import ConfigurationError

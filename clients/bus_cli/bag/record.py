@@ -1,4 +1,4 @@
-"""`bus bag record`: topics into a bag; what `ros2 bag record` does."""
+"""`bus bag record`: record topics into a bag, as `ros2 bag record` does."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -139,7 +139,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    """Record until Ctrl-C; 1 where the disk is full."""
+    """Record until Ctrl-C; returns 1 if the disk is full."""
     args.topics = [*args.names, *args.topics]
     args.use_sim_time = getattr(args, "use_sim_time", False)
     folder = Path(args.output or strftime("rosbag2_%Y_%m_%d-%H_%M_%S", localtime()))
@@ -191,7 +191,7 @@ def main(args: Namespace) -> int:
 
 
 def _check(args: Namespace, folder: Path) -> None:
-    """What ros2 bag says of options that don't go together."""
+    """Raise the errors of ros2 bag for options that contradict each other."""
     has_all = args.all or args.all_topics
     if not (has_all or args.all_services or args.services or args.topics or args.topic_types or args.regex):
         raise _error(

@@ -1,4 +1,4 @@
-"""`bus bag reindex`."""
+"""`bus bag reindex`: repair a bag, and write its metadata.yaml again."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""Verbs of `bus bench`, and the processes that they measure with.
+"""Verbs of `bus bench`, and the processes that they start for a measurement.
 
     `options.py` (command line) --> `plan.py` --> `measure.py` --> `session.py` --> `harness.py` --> processes
                                                        |              words: `task.py` <--> `worker.py`
@@ -6,10 +6,10 @@
 
 Invariants:
 
-- A child ends when its stdin ends, so no process is left behind, however the verb ends.
+- A child ends when its stdin ends. So no process is left behind, whatever ends the verb.
 - The words between verb and worker are lines of JSON with the fields of `task.py`.
 - `figures.py`, `plan.py` and `options.py` know no processes.
-- A measurement that went wrong is a Failure with a text, never a number.
+- A failed measurement is a Failure with a text, never a number.
 
 Read first: `plan.py`, `task.py`. Tests: `tests/unit/bus_cli/bench/`, `tests/system/test_cli_bench.py`.
 """

@@ -1,4 +1,4 @@
-"""`bus bench fanout`: one publisher to many subscribers, as fast as it goes and then at a fixed pace."""
+"""`bus bench fanout`: one publisher to many subscribers, at full speed and then at a fixed pace."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""Numbers of a measurement: percentiles, rates, losses; and their tables. Knows no processes."""
+"""Results of a measurement: percentiles, rates, losses and their tables. Knows no processes."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ _COLUMNS = ("p50", "p90", "p99", "p99.9", "max")
 
 
 class Ages(msgspec.Struct, frozen=True, rename={"p99_9": "p99.9"}):
-    """Percentiles by nearest rank of so many samples, in µs."""
+    """Percentiles (nearest rank) of the ages of `samples` messages, in µs."""
 
     samples: int
     p50: float
@@ -26,20 +26,20 @@ class Ages(msgspec.Struct, frozen=True, rename={"p99_9": "p99.9"}):
 
 
 def percentile(ordered: Sequence[float], percent: float) -> float:
-    """The smallest of the `ordered` samples that at least `percent` % of them don't exceed (nearest rank).
+    """The smallest sample that at least `percent` % of the `ordered` samples don't exceed (nearest rank).
 
-    It is always one that was measured: nothing is interpolated, and 100 gives the largest.
-    Raises ValueError where there are none, or `percent` is not in 0..100.
+    The result is always a measured sample, never interpolated; 100 gives the largest.
+    Raises ValueError if there are no samples, or if `percent` is not in 0..100.
     """
     if not ordered or not 0 <= percent <= 100:
         raise ValueError(f"no {percent:g}th percentile of {len(ordered)} samples")
-    # 99.9 % of 1,000 is 999, and 999.0000000000001 in floating point.
+    # 99.9 % of 1,000 is 999, but 999.0000000000001 in floating point.
     rank = math.ceil(round(percent * len(ordered) / 100, 9))
     return ordered[max(rank, 1) - 1]
 
 
 def ages(samples_ns: Iterable[int]) -> Ages | None:
-    """Of samples in ns; None where there are none."""
+    """Percentiles of samples in ns; None if there are no samples."""
     ordered = sorted(samples_ns)
     if not ordered:
         return None
@@ -47,47 +47,47 @@ def ages(samples_ns: Iterable[int]) -> Ages | None:
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
-    """One measurement: one size, paced or as fast as it goes. Its fields are the keys of --json."""
+    """One measurement with one size, at a pace or at full speed. Its fields are the keys of --json."""
 
     size: int
-    """B in the sized field of each message."""
+    """Bytes in the sized field of each message."""
     rate: float | None
-    """Messages/s of each publisher by the schedule; None: as fast as it goes."""
+    """Messages/s of each publisher by the schedule; None: at full speed."""
     route: str
     """shm, socket, or shm+socket."""
     seconds: float
-    """From the first message's publication to the last one's arrival."""
+    """Time from the publication of the first message to the arrival of the last."""
     published: int
-    """By all publishers."""
+    """Messages of all publishers."""
     expected: int
-    """Deliveries: `published` times the number of subscribers."""
+    """Expected deliveries: `published` times the number of subscribers."""
     delivered: int
-    """To all subscribers."""
+    """Deliveries to all subscribers."""
     dropped: dict[str, int]
-    """Deliveries that did not happen, by reason."""
+    """Missing deliveries by drop reason."""
     unaccounted: int
-    """Deliveries that neither happened nor have a reason."""
+    """Missing deliveries without a drop reason."""
     published_per_s: float
     delivered_per_s: float
     bytes_per_s: float
-    """Of the sized field, in all deliveries."""
+    """Rate of the sized field's bytes, in all deliveries."""
     since_sent_us: Ages | None
-    """Age at the subscriber since it was published, of all deliveries (a flood: of a sample)."""
+    """Time from publishing a message to its arrival. A flood has it only for stamped messages."""
     since_due_us: Ages | None
-    """Age since it should have been published by the schedule; None without a schedule."""
+    """Time from a message's place in the schedule to its arrival; None without a schedule."""
     last_us: Ages | None
-    """Age since it was published when the last of the subscribers had it; None with one subscriber."""
+    """Time from publishing a message to its arrival at the last subscriber; None with one subscriber."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether nothing was lost."""
+        """Whether no message was lost."""
         return self.delivered == self.expected
 
     @classmethod
     def of(
         cls, size: int, rate: float, route: str, sent: Sequence[Sent], settled: Sequence[Settled]
     ) -> "Run":
-        """From what the publishers and the subscribers say."""
+        """Make the result from the reports of publishers and subscribers."""
         published = sum(one.count for one in sent)
         expected = published * len(settled)
         delivered = sum(one.delivered for one in settled)
@@ -119,7 +119,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _last_ages(settled: Sequence[Settled]) -> Iterable[int]:
-    """For each stamped message that all have, the age at which the last one got it."""
+    """Ages of stamped messages at the last subscriber, for messages that all subscribers received."""
     found: dict[tuple[int, int], list[int]] = {}
     for one in settled:
         for sent_ns, late_ns, age_ns in zip(one.sent_ns, one.late_ns, one.age_ns, strict=True):
@@ -128,7 +128,7 @@ def _last_ages(settled: Sequence[Settled]) -> Iterable[int]:
 
 
 def tables(runs: Sequence[Run]) -> str:
-    """Rates with losses, and ages."""
+    """A table of rates and losses, and a table of ages."""
     kinds = [(bytes_text(run.size), f"{run.rate:,g}/s" if run.rate else "flood", run) for run in runs]
     rates = table(
         ("size", "pace", "route", "published/s", "delivered/s", "bytes/s", "lost"),
@@ -170,7 +170,7 @@ def _us_text(value: float) -> str:
 
 
 def bytes_text(size: int) -> str:
-    """`64 B`, `1 KiB`, `2 MiB`; what is no whole number of a unit stays in the smaller one."""
+    """A size as text: `64 B`, `1 KiB`, `2 MiB`. A unit is only used if the size is a multiple of it."""
     for unit, factor in (("MiB", 1 << 20), ("KiB", 1 << 10)):
         if size >= factor and not size % factor:
             return f"{size // factor} {unit}"

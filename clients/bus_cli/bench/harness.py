@@ -1,9 +1,9 @@
-"""The processes of one measurement: started, listened to, and in every case ended and reaped.
+"""Child processes of one measurement: their start, their events, and their end in every case.
 
-A child reports as JSON objects with an `event`, one a line on its stdout, and obeys words
-that come as lines on its stdin; when its stdin ends, so does it. It ends for no other reason, unless it is
-started as one that `ends`: a child that is gone earlier, or ends with a status other than 0, or is silent for
-longer than it may be, is a `Failure` of the measurement.
+A child writes JSON objects with an `event` to its stdout, one on each line. It obeys words, which are lines
+on its stdin, and ends when its stdin ends. A child only ends by itself if it is started with `ends`. The
+measurement is a `Failure` if a child ends too early, ends with a status other than 0, or is silent for too
+long.
 """
 
 import json
@@ -28,7 +28,7 @@ from bus_cli.output import CommandError
 __all__ = ["START_S", "STOP_S", "Child", "Event", "Failure", "Group"]
 
 START_S = 20.0
-"""More than any process needs to start on a busy machine."""
+"""Longer than the start of any process on a busy machine."""
 STOP_S = 5.0
 _READ_BYTES = 1 << 20
 _CPUCLOCK_SCHED = 2
@@ -37,18 +37,18 @@ _TAIL_BYTES = 40
 
 
 class Failure(CommandError):
-    """A measurement that came to nothing; the text says why."""
+    """A measurement failed; the text has the reason."""
 
 
 class Event(dict[str, Any]):
-    """What a child said; a value that it left out is a Failure."""
+    """An event of a child. Access to a missing value raises Failure."""
 
     def __missing__(self, key: str) -> Any:
         raise Failure(f"the event {self.get('event')!r} came without {key!r}")
 
 
 class Child:
-    """A process of a `Group`; made by `Group.start`."""
+    """A process of a `Group`, made by `Group.start`."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Child:
         self.has_closed_stdout = False
         self._rest = bytearray()
         with self._log.open("wb") as log:
-            # A session of its own: Ctrl-C in the terminal reaches only this process, which ends the others in
+            # With a new session, Ctrl-C in the terminal only reaches this process. It ends the others in
             # order.
             self._process = subprocess.Popen(
                 command,
@@ -89,52 +89,52 @@ class Child:
         self.exit_fd = os.pidfd_open(self.pid)
 
     def send(self, word: str) -> None:
-        """Send `word`. Whether the child is gone, the wait for its answer finds out."""
+        """Send `word`. If the child is gone, the wait for its answer detects it."""
         try:
             os.write(self._stdin, word.encode() + b"\n")
         except BrokenPipeError:
             pass
 
     def cpu_ns(self) -> int:
-        """Processor time used so far by all threads, in ns and not in ticks. Raises Failure if it is gone."""
+        """CPU time of all its threads so far, in ns and not in ticks. Raises Failure if the child is gone."""
         try:
-            # The kernel's number for "the CPU clock of process N"; see clock_getcpuclockid(3).
+            # The kernel's number for the CPU clock of a process; see clock_getcpuclockid(3).
             return clock_gettime_ns((~self.pid << 3) | _CPUCLOCK_SCHED)
         except OSError:
             raise Failure(self.describe_end()) from None
 
     def read(self) -> None:
-        """Take what it has written, without waiting."""
+        """Read its output so far, without waiting."""
         data = os.read(self.stdout, _READ_BYTES)
         self.has_closed_stdout = not data
         self._rest += data
         if b"\n" not in data:
-            return  # part of a long line: it is split when it is whole
+            return  # part of a long line: split only complete lines
         *lines, self._rest = self._rest.split(b"\n")
         for line in map(bytes, lines):
             if not line.startswith(b"{"):
-                continue  # what a program prints for people
+                continue  # output for people
             try:
                 self.events.append(Event(json.loads(line)))
             except ValueError:
                 raise Failure(f"{self.name} printed a line that is not JSON: {line[:80]!r}") from None
 
     def take(self, event: str) -> Event | None:
-        """The oldest event of that name that came, or None."""
+        """Remove and return the oldest event of that name, or None."""
         for index, one in enumerate(self.events):
             if one.get("event") == event:
                 return self.events.pop(index)
         return None
 
     def is_running(self) -> bool:
-        """Whether it has not ended yet. Raises Failure where it ended when it should not, or wrongly."""
+        """Whether it still runs. Raises Failure if it ended too early or with an error."""
         status = self._process.poll()
         if status is None or (status == 0 and self.ends):
             return status is None
         raise Failure(self.describe_end())
 
     def describe_end(self) -> str:
-        """How it ended, and its last words on stderr."""
+        """Text about its end, with its last line on stderr."""
         try:
             status = self._process.wait(timeout=STOP_S)
         except subprocess.TimeoutExpired:
@@ -142,19 +142,19 @@ class Child:
         how = f"was ended by {signal.Signals(-status).name}" if status < 0 else f"exited with {status}"
         lines = self._log.read_text(errors="replace").strip().splitlines()
         last = lines[-1] if lines else ""
-        if self._cwd is not None:  # results are published: no path of this machine in them
+        if self._cwd is not None:  # results are published and must not contain paths of this machine
             last = last.replace(str(self._log.parent), "<folder>").replace(str(self._cwd), ".")
         return f"{self.name} {how}" + (f": {last}" if last else "")
 
     def ask_to_end(self) -> None:
-        """End its stdin, and send the signal that it obeys if it does not read that."""
+        """Close its stdin. If it has a stop signal, send that, too."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         if self._stop_signal is not None:
             self._process.send_signal(self._stop_signal)
 
     def end(self, deadline: float) -> None:
-        """Reap it; kill it where it is still there at `deadline` (of the monotonic clock)."""
+        """Reap it; kill it if it still runs at `deadline` (of the monotonic clock)."""
         try:
             self._process.wait(timeout=max(0.0, deadline - monotonic()))
         except subprocess.TimeoutExpired:
@@ -169,10 +169,10 @@ class Child:
 
 
 class Group:
-    """All processes of one measurement, and a folder for them that goes with them.
+    """All processes of one measurement, and a temporary folder for them.
 
-    They run in `cwd`, or where this one does if that is None; `busd` is the command that starts one. Leaving
-    the `with` ends them in the reverse order of their start, whatever happened inside.
+    They run in `cwd`, or in the current folder if that is None. `busd` is the command to start a busd. The
+    end of the `with` block ends the processes in the reverse order of their start, also after an exception.
     """
 
     def __init__(self, cwd: Path | None = None, busd: Sequence[str] = BUSD) -> None:
@@ -192,7 +192,7 @@ class Group:
         stop_signal: signal.Signals | None = None,
         ends: bool = False,
     ) -> Child:
-        """Start `command`, which `ends` by itself, or which `stop_signal` ends, or the end of its stdin."""
+        """Start `command`. It `ends` by itself, or ends at `stop_signal`, or at the end of its stdin."""
         with deferred():
             environ = {**self.environ, **(environ or {})}
             child = Child(name, command, environ, self.folder, self._cwd, stop_signal, ends)
@@ -200,11 +200,11 @@ class Group:
         return child
 
     def start_python(self, name: str, *arguments: str) -> Child:
-        """Start a Python program that speaks the protocol of this module."""
+        """Start a Python program that uses the protocol of this module."""
         return self.start(name, sys.executable, *arguments)
 
     def expect(self, child: Child, event: str, *, within_s: float) -> Event:
-        """The next `event` of `child`. Raises Failure where it does not come, or any child ends meanwhile."""
+        """Wait for the next `event` of `child`. Raises Failure if it does not come, or if any child ends."""
         deadline = monotonic() + within_s
         while True:
             found = child.take(event)
@@ -213,33 +213,34 @@ class Group:
             self.wait_for_news(deadline, f"{child.name} did not say {event!r} within {within_s:g} s")
 
     def wait(self, child: Child, *, within_s: float) -> None:
-        """Until a child that `ends` has ended. Raises Failure as `expect` does."""
+        """Wait for the end of a child started with `ends`. Raises Failure like `expect`."""
         deadline = monotonic() + within_s
         while child.is_running():
             self.wait_for_news(deadline, f"{child.name} did not end within {within_s:g} s", child.exit_fd)
 
     def kill(self, child: Child) -> None:
-        """End a child as a crash would, and reap it."""
+        """Kill a child like a crash, and reap it."""
         os.kill(child.pid, signal.SIGKILL)
         self.let_go(child)
 
     def let_go(self, child: Child) -> None:
-        """Reap a child that has ended, long before the others do."""
+        """Reap a child that has ended before the others."""
         self._children.remove(child)
         child.end(monotonic())
 
     def start_busd(self, program: str = "", *more: str, name: str = "busd") -> Child:
-        """A busd of our own, which the children started later find; returns when it listens.
+        """Start a busd and return when it listens. Children started later use it.
 
-        `program`: that of another checkout. `more`: arguments. `name`: of the child, and of its socket.
+        `program`: the program of another checkout. `more`: its arguments. `name`: the name of the child and
+        of its socket.
         """
         path, notify = self.folder / f"{name}.sock", self.folder / "ready"
         self.environ["BUSD_SOCKET"] = str(path)
-        notify.unlink(missing_ok=True)  # of one that was killed
+        notify.unlink(missing_ok=True)  # a killed busd may have left it
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
             ready.bind(str(notify))
             ready.setblocking(False)
-            # Should we be killed, it leaves by itself once the clients have gone.
+            # If this process is killed, busd ends by itself after its last client.
             child = self.start(
                 name,
                 *((program,) if program else self._busd),
@@ -276,24 +277,24 @@ class Group:
             while self._children:
                 child = self._children.pop()
                 try:
-                    # Servers go last, when no child needs them any more, and get a time of their own.
+                    # Servers end last, because children need them, and have a separate time limit.
                     if child.is_server:
                         child.ask_to_end()
                         deadline = monotonic() + grace_s
                 finally:
                     child.end(deadline)
         except BaseException:
-            # Interrupted once more: end all at once.
+            # A second interruption ends all at once.
             self._reap(0.0)
             raise
         finally:
             self._folder.cleanup()
 
     def wait_for_news(self, deadline: float, complaint: str, *others: int) -> None:
-        """Until a child writes or ends, or one of the `others` (descriptors) has something to read.
+        """Wait until a child writes or ends, or until one of the `others` (descriptors) is readable.
 
-        Raises Failure with `complaint` at `deadline` (of the monotonic clock), or where a child has ended
-        that should not, or wrongly.
+        Raises Failure with `complaint` at `deadline` (of the monotonic clock), or if a child has ended too
+        early or with an error.
         """
         running = [child for child in self._children if child.is_running()]
         writers = {child.stdout: child for child in self._children if not child.has_closed_stdout}
@@ -313,6 +314,6 @@ class Group:
 
 
 def _short_folder() -> str:
-    """The folder for temporary files; /tmp where that leaves too little room for a socket's path."""
+    """The folder for temporary files; /tmp if its path is too long for a socket below it."""
     folder = gettempdir()
     return folder if len(os.fsencode(folder)) < MAX_PATH_BYTES - _TAIL_BYTES else "/tmp"

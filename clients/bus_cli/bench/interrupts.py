@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM that come when an exception would get lost, or leave a child that no Group knows."""
+"""Deferral of Ctrl-C and SIGTERM while an exception would be lost, or leave a child that no Group knows."""
 
 import signal
 import threading
@@ -14,14 +14,14 @@ _ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 def end_on_signals() -> None:
-    """SIGINT and SIGTERM raise KeyboardInterrupt and Terminated, also where they were ignored."""
+    """Let SIGINT and SIGTERM raise KeyboardInterrupt and Terminated, even if they were ignored before."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, _terminate)
 
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """What comes inside is raised at the end: for what must not be left half done."""
+    """Raise a signal that arrives inside the block at its end, for work that must not stop half done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

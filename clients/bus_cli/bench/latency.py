@@ -1,4 +1,4 @@
-"""`bus bench latency`: how old messages are when they come, at a fixed pace."""
+"""`bus bench latency`: the age of messages at their arrival, at a fixed pace."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""Carries out a plan: one session after the other, and what came of it as text or JSON."""
+"""Runs a plan: one session after the other, and prints the results as text or JSON."""
 
 import secrets
 from argparse import Namespace
@@ -28,7 +28,7 @@ __all__ = ["judge", "run_plan"]
 def run_plan(args: Namespace, plan: Plan) -> int:
     """Measure and print; returns the exit code."""
     for size in plan.sizes:
-        Payload(plan.type_name, size)  # says at once what can't be
+        Payload(plan.type_name, size)  # raises now if the size is impossible
     end_on_signals()
     return _Bench(args, plan).run()
 
@@ -57,7 +57,7 @@ class _Bench:
         return judge(self._plan.qos, self._runs)
 
     def _measure(self, place: Place, size: int, pace: float, bar: Bar) -> None:
-        """One run. Once it is under way, an interruption ends it early, and its figures count."""
+        """Measure one run. After its start, an interruption ends it early, and its results count."""
         plan = self._plan
         task = Task(
             role="",
@@ -129,7 +129,7 @@ class _Bench:
 
 
 def judge(qos: QoSProfile, runs: Sequence[Run]) -> int:
-    """The exit code: an error where something was lost that `qos` promises not to lose."""
+    """The exit code: an error if messages were lost although `qos` promises no losses."""
     if not qos.is_lossless or all(run.is_complete for run in runs):
         return 0
     complain("messages were lost, although reliable + keep all promises that none is")
@@ -137,7 +137,7 @@ def judge(qos: QoSProfile, runs: Sequence[Run]) -> int:
 
 
 class _Meter:
-    """How much of a Go is done, for the bar."""
+    """Progress of a Go, for the bar."""
 
     def __init__(self, bar: Bar, publishers: int) -> None:
         self._bar = bar
@@ -159,7 +159,7 @@ class _Meter:
 
 
 def _route(ready: list[Ready], wanted: str | None) -> str:
-    """The route of all matches. Raises CommandError where it is another one than was asked for."""
+    """The route of all matches. Raises CommandError if it is not the `wanted` route."""
     routes = sorted({route for one in ready for route in one.routes})
     if wanted is not None and routes != [wanted]:
         why = next((one.why_socket for one in ready if one.why_socket), "busd chose so")

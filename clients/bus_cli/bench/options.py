@@ -1,4 +1,4 @@
-"""What the verbs of `bus bench` take, and the plan that it makes. Reads the command line only."""
+"""Options of `bus bench`, and the plan made from them. Only reads the command line."""
 
 import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -35,7 +35,7 @@ still lost, the exit status is 1."""
 
 
 def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float) -> None:
-    """`rate` is the default pace, 0 a flood."""
+    """Add all options. `rate` is the default pace; 0 is a flood."""
     parser.epilog = _METHOD
     parser.add_argument(
         "--size",
@@ -102,7 +102,7 @@ def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float
 
 
 def read_plan(args: Namespace, verb: str, paces: tuple[float, ...]) -> Plan:
-    """What was asked for. Raises ConfigurationError for a QoS out of range."""
+    """Make the plan from the options. Raises ConfigurationError for a QoS out of range."""
     options = vars(args).items()
     is_given = any(
         name.startswith("qos_") and name != "qos_preset" and value is not None for name, value in options
@@ -123,7 +123,7 @@ def read_plan(args: Namespace, verb: str, paces: tuple[float, ...]) -> Plan:
 
 
 def read_sizes(text: str) -> tuple[int, ...]:
-    """For argparse: sizes in B of `64,1KiB,4M`. KB is a thousand; K and KiB are 1,024."""
+    """Read sizes such as `64,1KiB,4M`, for argparse; returns bytes. KB is 1,000; K and KiB are 1,024."""
     return tuple(_size(part.strip()) for part in text.split(","))
 
 

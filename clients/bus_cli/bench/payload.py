@@ -1,4 +1,4 @@
-"""Messages of a wanted size, with stamps in front: how they are made, and what a subscriber reads in them.
+"""Messages of a given size with stamps at the front: making them, and reading their stamps.
 
 Owns the layout of the stamps. Must not know nodes, topics or processes.
 """
@@ -18,11 +18,11 @@ from bus_cli.query import full_type_name
 __all__ = ["BYTES", "HEAD", "MARK", "Payload", "Stamps", "read_stamps"]
 
 BYTES: Final = "bytes"
-"""What users may write for the plainest type of bytes."""
+"""Users may write this for the simplest type with bytes."""
 HEAD: Final = 32
-"""Elements that the stamps need: a mark, when the message was due, and when it was sent."""
+"""Number of elements of the stamps: a mark, the due time and the sending time."""
 MARK: Final = "@"
-"""The first element of a stamped message, which no other message begins with."""
+"""The first element of a stamped message. No other message begins with it."""
 
 _ALIASES = {BYTES: "std_msgs/msg/UInt8MultiArray"}
 _FILLING = "The quick brown fox jumps over the lazy dog. "
@@ -35,18 +35,18 @@ _WIDTHS = {
 
 
 class Stamps(NamedTuple):
-    """What a message says of itself, in ns of CLOCK_MONOTONIC."""
+    """Times in a message, in ns of CLOCK_MONOTONIC."""
 
     due_ns: int
     sent_ns: int
 
 
 class Payload:
-    """Messages of the type `name`, whose sized field holds `size` bytes.
+    """Messages of the type `name`, whose sized field has `size` bytes.
 
-    That field is the first of bytes, else the first text, else the first list of numbers; stamps are ASCII in
-    all of them. Raises CommandError for an unknown type, one without such a field, and a size that it can't
-    have.
+    The sized field is the first field of bytes, else the first text, else the first list of numbers. The
+    stamps are ASCII in each of them. Raises CommandError for an unknown type, a type without such a field,
+    and an impossible size.
     """
 
     def __init__(self, name: str, size: int) -> None:
@@ -55,7 +55,7 @@ class Payload:
         self.field, node = _sized_field(self.name, self.type)
         self.size = size
         self.get: Callable[[Any], Sequence[Any]] = attrgetter(self.field)
-        """The sized field of a message."""
+        """Returns the sized field of a message."""
         self._put = _putter(node)
         self.mark: Any = self._put(MARK)[0]
         width = _WIDTHS[node[1]] if isinstance(node, list) else 1
@@ -70,16 +70,16 @@ class Payload:
         self._tail = plain[HEAD:]
         template: Any = self.type(**{self.field: plain})
         self.plain: Callable[[], msgspec.Struct] = template.__copy__
-        """A message without stamps: a new object, whose contents are always the same."""
+        """Makes a message without stamps: always a new object with the same contents."""
 
     def stamped(self, due_ns: int, sent_ns: int) -> msgspec.Struct:
-        """A message with stamps."""
+        """Make a message with stamps."""
         head = self._put(f"{MARK}{due_ns:015x}{sent_ns:016x}")
         return self.type(**{self.field: head + self._tail})
 
 
 def read_stamps(head: Sequence[Any]) -> Stamps:
-    """The stamps in the first `HEAD` elements of a stamped message's sized field."""
+    """Read the stamps from the first `HEAD` elements of the sized field of a stamped message."""
     text = head if isinstance(head, str) else bytes(map(int, head)).decode()
     return Stamps(int(text[1:16], 16), int(text[16:HEAD], 16))
 
@@ -95,7 +95,7 @@ def _class(name: str) -> type[msgspec.Struct]:
 
 
 def _sized_field(name: str, cls: type[msgspec.Struct]) -> tuple[str, Node]:
-    """Its name, and its type in the schema."""
+    """The name of the sized field, and its type in the schema."""
     schema = type_support(cls).schema
     fields = [(field["name"], field["type"]) for field in schema["types"][schema["root"]]["fields"]]
     for fits in (_is_octets, _is_text, _is_numbers):
@@ -118,7 +118,7 @@ def _is_numbers(node: Node) -> bool:
 
 
 def _putter(node: Node) -> Callable[[str], Any]:
-    """How ASCII becomes the contents of such a field."""
+    """A function that converts ASCII to the contents of such a field."""
     if not isinstance(node, list):
         return str if _is_text(node) else str.encode
     number = float if node[1].startswith("float") else int

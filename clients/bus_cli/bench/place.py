@@ -1,4 +1,4 @@
-"""The bus that is measured: the one that runs, or one of its own, which ends with the measurement."""
+"""The bus to measure: the running one, or a temporary one, which ends with the measurement."""
 
 import os
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ __all__ = ["Place", "find_bus"]
 
 
 class Place(msgspec.Struct, frozen=True):
-    """A busd: its socket and pid, and whether it is of our own."""
+    """A busd: its socket and pid, and whether this program started it."""
 
     socket: str
     pid: int
@@ -25,9 +25,9 @@ class Place(msgspec.Struct, frozen=True):
 
 @contextmanager
 def find_bus(path: Path) -> Iterator[Place]:
-    """The busd that listens at `path`; where none does, one on a temporary socket until the block ends.
+    """The busd that listens at `path`; if there is none, a temporary one, which runs until the block ends.
 
-    Raises CommandError where none may be started (BUSD_AUTOSTART=0), or it does not come up.
+    Raises CommandError if no busd may be started (BUSD_AUTOSTART=0), or if it does not start.
     """
     try:
         with Query(path, may_start=False) as query:

@@ -1,4 +1,4 @@
-"""What is to be measured: no more than the command line says. Knows no processes."""
+"""The measurements to make, as the command line asks for them. Knows no processes."""
 
 import msgspec
 
@@ -9,14 +9,14 @@ __all__ = ["Plan"]
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
-    """Each of `sizes` at each of `paces` (messages/s; 0: as fast as it goes)."""
+    """Measure each of `sizes` at each of `paces` (messages/s; 0: at full speed)."""
 
     verb: str
     type_name: str
     sizes: tuple[int, ...]
     paces: tuple[float, ...]
     count: int
-    """For each publisher; 0: as many as fit into `seconds`."""
+    """Number of messages of each publisher; 0: as many as possible in `seconds`."""
     seconds: float
     warm_up_s: float
     publishers: int
@@ -25,11 +25,11 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     qos: QoSProfile
 
     def warm_up(self, pace: float) -> Go | None:
-        """What comes first and does not count; None without warm-up."""
+        """The Go of the warm-up, which does not count; None without a warm-up."""
         return _go(0, self.warm_up_s, pace) if self.warm_up_s else None
 
     def measured(self, pace: float) -> Go:
-        """What counts."""
+        """The Go of the measurement."""
         return _go(self.count, self.seconds, pace)
 
 

@@ -1,4 +1,4 @@
-"""A bar on the terminal, where there is one and rich is installed; else nothing."""
+"""A progress bar on the terminal. Without a terminal, or without rich, it shows nothing."""
 
 import sys
 from types import TracebackType
@@ -8,7 +8,7 @@ __all__ = ["Bar"]
 
 
 class Bar:
-    """Shows what is being done, and how much of it, on stderr; use it as `with`."""
+    """Shows the current step and its progress on stderr; use it with `with`."""
 
     def __init__(self) -> None:
         self._progress: Any = _make() if sys.stderr.isatty() else None
@@ -16,12 +16,12 @@ class Bar:
         self._label = ""
 
     def begin(self, label: str) -> None:
-        """Something new, of which nothing is done yet."""
+        """Start a new step at 0."""
         self._label = label
         self.show("starts", 0.0)
 
     def show(self, phase: str, part: float) -> None:
-        """`part` is from 0 to 1."""
+        """Show the progress `part`, from 0 to 1."""
         if self._progress is not None:
             self._progress.update(
                 self._task, description=f"{self._label}: {phase}", completed=part, refresh=True
@@ -46,7 +46,7 @@ def _make() -> Any:
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
     except ImportError:
         return None
-    # Drawn when there is news: a thread that draws would be measured too.
+    # Draw only when there is news: a drawing thread would disturb the measurement.
     columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn())
     return Progress(
         *columns,

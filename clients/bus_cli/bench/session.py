@@ -1,7 +1,7 @@
 """The publishers and subscribers of one measurement: processes of a `Group`, the words sent to them, and
 their events.
 
-Knows `bus_cli.bench.task`'s words, and not what the figures mean.
+Knows the words of `bus_cli.bench.task`. Does not know the meaning of the figures.
 """
 
 import os
@@ -23,19 +23,19 @@ __all__ = ["SILENT_S", "START_S", "Session", "worker_environ"]
 E = TypeVar("E", Ready, Sent, Settled)
 
 SILENT_S = 20.0
-"""A worker that gets no further for so long, and for two of its messages' periods, hangs."""
+"""A worker without progress for this time, plus two periods of its messages, counts as hanging."""
 
 START_S = 0.5
-"""For each process, more than that until it has started: they may all share one CPU."""
+"""More time for the start, for each process: all of them may share one CPU."""
 
 _MODULE = "bus_cli.bench.worker"
 
 
 class Session:
-    """`task.publishers` and `task.subscribers` processes; use it as `with`.
+    """Runs `task.publishers` and `task.subscribers` processes; use it with `with`.
 
-    `on_progress` gets the number of messages that all publishers have published in this Go. What the methods
-    wait for raises Failure where a worker dies, hangs, or says that it can't go on.
+    `on_progress` gets the number of messages that all publishers have published in this Go. The methods raise
+    Failure if a worker dies, hangs, or reports trouble.
     """
 
     def __init__(self, task: Task, environ: dict[str, str], on_progress: Callable[[int], None]) -> None:
@@ -50,7 +50,7 @@ class Session:
         self._silent_s = SILENT_S
 
     def start(self) -> list[Ready]:
-        """Start all; returns what the publishers say, when each is matched with each."""
+        """Start all workers; returns the reports of the publishers when all are matched with all."""
         for number in range(self._task.subscribers):
             self._subscribers.append(self._start("subscriber", number))
         for number in range(self._task.publishers):
@@ -61,21 +61,21 @@ class Session:
         return ready[len(self._subscribers) :]
 
     def publish(self, go: Go) -> list[Sent]:
-        """Let all publishers publish."""
+        """Let all publishers publish; returns their reports."""
         self._counts, self._sent = {}, {}
         return self._ask(self._publishers, go, Sent, self._sent)
 
     def stop_publishing(self) -> list[Sent]:
-        """End what `publish` has begun, after its interruption."""
+        """End an interrupted `publish`; returns the publishers' reports."""
         return self._ask(self._publishers, Stop(), Sent, self._sent)
 
     def settle(self, published: int) -> list[Settled]:
-        """What the subscribers have, when each of all messages so far has come or is lost."""
+        """Wait until each message so far has arrived or is lost; returns the subscribers' reports."""
         return self._ask(self._subscribers, Settle(published=published), Settled, {})
 
     @property
     def workers(self) -> list[Child]:
-        """All of them."""
+        """All processes."""
         return [*self._subscribers, *self._publishers]
 
     def _start(self, role: str, number: int) -> Child:
@@ -87,16 +87,19 @@ class Session:
 
     def _ask(self, workers: Sequence[Child], word: Word, kind: type[E], found: dict[Child, E]) -> list[E]:
         text = msgspec.json.encode(word).decode()
-        with deferred():  # all of them or none
+        with deferred():  # all workers get the word, or none
             for worker in workers:
                 worker.send(text)
         return self._collect(workers, kind, found)
 
     def _collect(self, workers: Sequence[Child], kind: type[E], found: dict[Child, E]) -> list[E]:
-        """That event of each of them, in their order; `found` are those that came, also when interrupted."""
+        """Wait for an event of this `kind` from each of `workers`; returns the events in the workers' order.
+
+        `found` has the events received so far, also after an interruption.
+        """
         deadline = monotonic() + self._silent_s
         while True:
-            with deferred():  # no event gets lost
+            with deferred():  # an interruption here would lose an event
                 has_news = [self._take(worker, kind, found) for worker in self.workers]
             if len(found) == len(workers):
                 return [found[worker] for worker in workers]
@@ -107,7 +110,7 @@ class Session:
             self._group.wait_for_news(deadline, complaint)
 
     def _take(self, worker: Child, kind: type[E], found: dict[Child, E]) -> bool:
-        """Take what it has said; returns whether it got any further."""
+        """Handle the events of a worker; returns whether it made progress."""
         has_news = False
         while worker.events:
             event: Event = msgspec.convert(worker.events.pop(0), Event)
@@ -133,7 +136,7 @@ class Session:
 
 
 def worker_environ(route: str | None) -> dict[str, str]:
-    """The environment of workers that are to use `route`."""
+    """The environment of workers that must use `route`."""
     environ = {**os.environ, "BUSD_AUTOSTART": "0"}
     if route == "socket":
         environ["BUS_ROUTE"] = "socket"

@@ -1,11 +1,11 @@
-"""What a worker is to do, and the words between it and the verb: lines of JSON both ways.
+"""The task of a worker, and the words between worker and verb: lines of JSON in both directions.
 
-    verb    -> worker   Go: publish so many messages, or for so long. Stop: that is enough. Settle: so many
-                        were published; wait until each has come or is known to be lost.
-    worker  -> verb     Ready: it is matched with all. Sent: all were published. Progress: some were. Settled:
-                        what came since the last time. Trouble: it can't go on; the text is for the user.
+    verb    -> worker   Go: publish a number of messages, or for some time. Stop: publish no more.
+                        Settle: wait until each published message has arrived or is known to be lost.
+    worker  -> verb     Ready: matched with all. Sent: all are published. Progress: number published so far.
+                        Settled: arrivals since the last Settled. Trouble: it can't continue, and why.
 
-Owns their fields. Must not know processes or nodes.
+Owns the fields of the words. Must not know processes or nodes.
 """
 
 from typing import TypeAlias
@@ -18,9 +18,9 @@ __all__ = ["Event", "Go", "Progress", "Ready", "Sent", "Settle", "Settled", "Sto
 
 
 class Task(msgspec.Struct, frozen=True, kw_only=True):
-    """One publisher or subscriber of one measurement.
+    """Task of one publisher or subscriber of one measurement.
 
-    `rate` messages a second on a fixed schedule; 0: as fast as it goes.
+    `rate`: messages a second on a fixed schedule; 0: at full speed.
     """
 
     role: str
@@ -35,37 +35,37 @@ class Task(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Go(msgspec.Struct, frozen=True, tag=True):
-    """`count` messages, else as many as it can in `seconds`."""
+    """Publish `count` messages; if that is 0, as many as possible in `seconds`."""
 
     count: int
     seconds: float
 
 
 class Stop(msgspec.Struct, frozen=True, tag=True):
-    """No more messages."""
+    """Publish no more messages."""
 
 
 class Settle(msgspec.Struct, frozen=True, tag=True):
-    """`published` by all publishers, since the beginning."""
+    """Wait for all messages. `published`: number of messages of all publishers since the beginning."""
 
     published: int
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
-    """`routes` of the matches of a publisher; `why_socket` says why they can't be by shared memory."""
+    """`routes` of a publisher's matches; `why_socket` is the reason if they can't use shared memory."""
 
     routes: tuple[str, ...] = ()
     why_socket: str = ""
 
 
 class Progress(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
-    """`count` messages of this Go were published so far."""
+    """The publisher has published `count` messages of this Go so far."""
 
     count: int
 
 
 class Sent(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
-    """All of this Go, between two times of CLOCK_MONOTONIC."""
+    """The publisher has published all messages of this Go, between two times of CLOCK_MONOTONIC."""
 
     count: int
     begin_ns: int
@@ -73,8 +73,8 @@ class Sent(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
 
 
 class Settled(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
-    """What came since the last Settled, and of each stamped message when it was sent, how late that was, and
-    how old it was when it came. `last_ns` is when the last one came (0: none did)."""
+    """Arrivals since the last Settled. For each stamped message: its sending time, the delay of the sending
+    after the due time, and its age at the arrival. `last_ns` is the arrival of the last message (0: none)."""
 
     delivered: int
     dropped: dict[str, int]
@@ -85,7 +85,7 @@ class Settled(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
 
 
 class Trouble(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
-    """`text` is for the user."""
+    """The worker can't continue; `text` is for the user."""
 
     text: str
 

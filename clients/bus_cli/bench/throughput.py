@@ -1,4 +1,4 @@
-"""`bus bench throughput`: how many messages go through, and what is lost, as fast as it goes."""
+"""`bus bench throughput`: messages a second and losses at full speed."""
 
 from argparse import ArgumentParser, Namespace
 

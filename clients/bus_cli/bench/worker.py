@@ -1,6 +1,6 @@
 """One publisher or subscriber of a measurement, as a process: `python -m bus_cli.bench.worker TASK`.
 
-Obeys and says what `bus_cli.bench.task` has, on stdin and stdout, and ends when its stdin does.
+Reads and writes the words of `bus_cli.bench.task` on stdin and stdout. Ends when its stdin ends.
 """
 
 import asyncio
@@ -24,20 +24,20 @@ from bus_cli.bench.task import Event, Go, Progress, Ready, Sent, Settle, Settled
 from bus_cli.output import CommandError
 
 _LOOP_NS = 2_000_000
-"""The loop's timers have whole milliseconds: the rest of a wait is slept by the process itself."""
+"""The loop's timers have whole milliseconds, so the process sleeps the rest of a wait itself."""
 _PROGRESS_S = 0.2
 _STAMP_NS = 1_000_000
-"""In a flood, a message is stamped only so often: stamps cost more than a small message does."""
+"""Shortest time between stamped messages in a flood: stamps cost more than a small message."""
 _MOST_IN_TURN = 512
 _TURN_BYTES = 1 << 20
-"""In a flood, the event loop gets a turn after so much, and the clock is looked at."""
+"""In a flood, the publisher yields to the event loop and reads the clock after this many bytes."""
 _LOOK_S = 0.01
 _QUIET_S = 3.0
-"""A subscriber that has received nothing for so long receives nothing more."""
+"""A subscriber that has received nothing for this time expects no more messages."""
 
 
 class Verb:
-    """The process that started this one: takes events, and sends words."""
+    """The process that started this one. It receives events and sends words."""
 
     def __init__(self) -> None:
         self.stopped = asyncio.Event()
@@ -48,11 +48,11 @@ class Verb:
         sys.stdout.buffer.flush()
 
     async def word(self) -> Go | Settle:
-        """The next word, but Stop, which sets `stopped` as soon as it comes."""
+        """The next word. Exception: Stop sets `stopped` at its arrival and is not returned."""
         return await self._words.get()
 
     async def listen(self) -> None:
-        """Read its words until there are no more."""
+        """Read its words until stdin ends."""
         reader = asyncio.StreamReader()
         transport, _ = await asyncio.get_running_loop().connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(0, "rb", buffering=0)
@@ -67,7 +67,7 @@ class Verb:
 
 
 class Talker:
-    """A publisher that is matched with all subscribers."""
+    """Publishes the messages of a measurement. Its publisher is matched with all subscribers."""
 
     def __init__(self, verb: Verb, task: Task, publisher: Publisher[Any]) -> None:
         self._verb = verb
@@ -77,7 +77,7 @@ class Talker:
         self._count = 0
 
     async def work(self) -> None:
-        """Obey, for ever."""
+        """Execute words for ever."""
         routes = sorted({match.route for match in self._publisher.matches})
         self._verb.send(Ready(routes=tuple(routes), why_socket=shm.why_not()))
         while isinstance(go := await self._verb.word(), Go):
@@ -93,7 +93,7 @@ class Talker:
             self._verb.send(Sent(count=self._count, begin_ns=begin_ns, end_ns=end_ns))
 
     async def _pace(self, go: Go) -> None:
-        """By a schedule that is fixed beforehand: what is overdue is sent at once, and nothing is skipped."""
+        """Publish by a fixed schedule: overdue messages are sent at once, and no message is skipped."""
         period_ns = 1e9 / self._task.rate
         start_ns = monotonic_ns() + min(period_ns, _LOOP_NS)
         for number in range(go.count):
@@ -116,7 +116,7 @@ class Talker:
             sleep(rest_ns / 1e9)  # noqa: ASYNC251
 
     async def _flood(self, go: Go) -> None:
-        """As fast as it goes; the last message is stamped, and now and then another one."""
+        """Publish at full speed; stamp the last message, and another one from time to time."""
         publish, plain = self._publisher.publish, self._payload.plain
         turn = max(1, min(_MOST_IN_TURN, _TURN_BYTES // self._task.size))
         end_ns = monotonic_ns() + int(go.seconds * 1e9)
@@ -150,7 +150,7 @@ class Talker:
 
 
 class Listener:
-    """Counts what a subscription takes, and has the ages of what is stamped."""
+    """Counts the messages of a subscription, and keeps the ages of the stamped ones."""
 
     def __init__(self, verb: Verb, task: Task) -> None:
         payload = Payload(task.type_name, task.size)
@@ -167,12 +167,15 @@ class Listener:
             self.take = self._make_counter() if task.qos.is_lossless else self._take
 
     def _take_all(self, message: Any) -> None:
-        """All are stamped."""
+        """Callback if all messages are stamped."""
         self._came_ns.append(monotonic_ns())
         self._heads.append(self._get(message)[:HEAD])
 
     def _make_counter(self) -> Callable[[Any], None]:
-        """For floods: few are stamped, but surely the last. A closure, because each look at self counts."""
+        """Make the callback for floods: few messages are stamped, among them the last.
+
+        It is a closure because each access to self costs time.
+        """
         get, mark, take_stamped = self._get, self._mark, self._take_all
 
         def take(message: Any) -> None:
@@ -182,20 +185,20 @@ class Listener:
         return take
 
     def _take(self, message: Any) -> None:
-        """For floods whose last message may be lost."""
+        """Callback for floods whose last message may be lost."""
         self._last_ns = monotonic_ns()
         if self._get(message)[0] == self._mark:
             self._take_all(message)
 
     async def work(self, subscription: Subscription[Any]) -> None:
-        """Obey, for ever."""
+        """Execute words for ever."""
         self._verb.send(Ready())
         while isinstance(settle := await self._verb.word(), Settle):
             await self._settle(subscription, settle.published)
             self._verb.send(self._report(subscription))
 
     async def _settle(self, subscription: Subscription[Any], published: int) -> None:
-        """Until so many came or are known to be lost; or nothing more happens."""
+        """Wait until `published` messages have arrived or are known to be lost, or until no more arrive."""
         known, quiet_s = -1, 0.0
         while quiet_s < _QUIET_S:
             totals = subscription.statistics()
@@ -267,7 +270,7 @@ async def _until_the_end(task: Task) -> None:
     try:
         await asyncio.wait({working, listening}, return_when=asyncio.FIRST_COMPLETED)
         if working.done():
-            working.result()  # a bug of this worker
+            working.result()  # raises if this worker has a bug
             await listening
     finally:
         await _cancel(working, listening)
@@ -282,7 +285,7 @@ async def _cancel(*tasks: "asyncio.Task[None]") -> None:
 def main() -> None:
     """The program."""
     work: Coroutine[Any, Any, None] = _until_the_end(json.decode(sys.argv[1], type=Task))
-    with contextlib.suppress(BrokenPipeError):  # the process that started this one is gone
+    with contextlib.suppress(BrokenPipeError):  # the parent process is gone
         run(work)
 
 
