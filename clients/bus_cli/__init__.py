@@ -1,6 +1,6 @@
 """The command-line tool `bus`: one module for each verb, imported only for that verb.
 
-    `entry.py` --+-- `run.py`   (`bus run`, a short way of its own)
+    `entry.py` --+-- `run.py`   (`bus run`, a short separate way)
                  +-- `main.py`  (COMMANDS, parsers, exit codes) --> topic/hz.py, ...: add_arguments, main
 
     verbs with one question   `query.py`: a small blocking client without an event loop

@@ -1,4 +1,4 @@
-"""`bus completion bash|zsh`, and the names that the shell completes, taken from the live graph."""
+"""`bus completion bash|zsh`, and completion of names from the live graph."""
 
 from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Callable, Iterable, Iterator
@@ -23,18 +23,18 @@ def main(args: Namespace) -> int:
         from argcomplete import shellcode  # type: ignore[attr-defined,unused-ignore]
     except ImportError:
         raise CommandError(f"completion needs argcomplete: {how_to_install('argcomplete')}") from None
-    # argcomplete's code is for both; it looks which shell runs it.
+    # argcomplete's code works in both shells: it checks which shell runs it.
     say(shellcode(["bus"], shell=args.shell).rstrip())
     return 0
 
 
 def completed_by(action: Action, completer: Callable[..., Iterable[str]]) -> None:
-    """Let the shell complete an argument with what `completer` finds."""
+    """Let the shell complete an argument with the results of `completer`."""
     vars(action)["completer"] = completer
 
 
 def topics(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Names of topics; hidden ones only where the prefix is hidden too."""
+    """Names of topics; hidden ones only if the prefix is hidden, too."""
     from bus.names import is_hidden_topic
 
     graph = live_graph(parsed_args)
@@ -49,7 +49,7 @@ def nodes(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
 
 
 def types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Names of types: the topic's where it is on the bus, else all on the bus and all ready-made ones."""
+    """Names of types: the topic's types if it is on the bus, else all on the bus and all ready-made ones."""
     graph = live_graph(parsed_args)
     by_topic = graph.topics() if graph else {}
     topic = getattr(parsed_args, "topic_name", None)
@@ -59,14 +59,14 @@ def types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
 
 
 def packages(prefix: str, **_: Any) -> list[str]:
-    """Names of packages, also of those whose programs come with busd."""
+    """Names of packages, including the packages with programs that come with busd."""
     from bus_ros.packages import built_in, names
 
     return sorted({*names(), *built_in()})
 
 
 def live_graph(args: Namespace) -> "Graph | None":
-    """The graph now; None where no daemon runs, for completion must not start one."""
+    """The current graph; None if no daemon runs, because completion must not start one."""
     from bus.errors import BusError
     from bus_cli.query import get_graph
 

@@ -1,4 +1,4 @@
-"""A busd.toml, as busd itself sees it: what it would say if it were started with it now."""
+"""Check of a busd.toml by busd itself: the errors and warnings that a start with it would give now."""
 
 import subprocess
 from pathlib import Path
@@ -10,18 +10,18 @@ from bus_cli.output import CommandError
 __all__ = ["Opinion", "ask"]
 
 _CHECK_S = 30.0
-"""A start of Python beside a load of 15 on two processors took more than five."""
+"""Under a load of 15 on two processors, a start of Python took more than five seconds."""
 
 
 class Opinion(NamedTuple):
-    """`doubts` where it would start, else the `fault`."""
+    """Result of a check: the `fault` if busd would not start, else its `doubts`."""
 
     fault: str
     doubts: list[str]
 
 
 def ask(file: Path, path: Path) -> Opinion:
-    """Have a busd for the socket `path` look at `file`. Raises CommandError where none can be asked."""
+    """Let a busd for the socket `path` check `file`. Raises CommandError if the check can't run."""
     command = [*BUSD, "--check", "--socket", str(path), "--config", str(file)]
     try:
         done = subprocess.run(

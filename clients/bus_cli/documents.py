@@ -1,6 +1,7 @@
-"""YAML from the standard input, one document after the other, as they come.
+"""YAML documents from the standard input, read one by one as they arrive.
 
-Documents are separated by lines of `---`, as echo prints them; a line that is a JSON object is one by itself.
+Lines of `---` separate documents, as in the output of echo. A line with a JSON object is a document by
+itself.
 """
 
 import asyncio
@@ -18,7 +19,7 @@ _WAITING = 64
 
 
 def load(text: str) -> Any:
-    """One document. Raises CommandError where it is no YAML."""
+    """The value of one document. Raises CommandError if it is not YAML."""
     try:
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -26,7 +27,7 @@ def load(text: str) -> Any:
 
 
 def split(lines: Iterable[str]) -> Iterator[str]:
-    """The documents in `lines`; empty ones are left out."""
+    """The documents in `lines`, without empty ones."""
     document: list[str] = []
     for line in lines:
         is_object = not document and line.startswith("{") and line.rstrip().endswith("}")
@@ -42,7 +43,7 @@ def split(lines: Iterable[str]) -> Iterator[str]:
 
 
 async def read_documents() -> AsyncIterator[Any]:
-    """The documents on the standard input, each as soon as it is whole."""
+    """The documents on the standard input, each as soon as it is complete."""
     loop = asyncio.get_running_loop()
     arrived: asyncio.Queue[str | None] = asyncio.Queue()
     room = Semaphore(_WAITING)
@@ -56,9 +57,9 @@ async def read_documents() -> AsyncIterator[Any]:
                 loop.call_soon_threadsafe(arrived.put_nowait, document)
             loop.call_soon_threadsafe(arrived.put_nowait, None)
         except RuntimeError:
-            pass  # the loop ended first
+            pass  # the loop ended before the input
 
-    # A daemon, because nothing can wake a thread that waits for input.
+    # A daemon thread, because a thread that waits for input can't be woken.
     Thread(target=read, daemon=True).start()
     while (document := await arrived.get()) is not None:
         room.release()

@@ -1,15 +1,15 @@
-"""Where the program `bus` begins: `bus run` goes its own, short way; everything else is bus_cli.main's.
+"""Start of the program `bus`: `bus run` has a short separate way; bus_cli.main does everything else.
 
-A program that `bus run` runs in this process must end as Python ends one, with its exit handlers; the other
-verbs end at once. And it must not wait for a parser that it does not use. Importing this belongs to the
-program: from here on a Ctrl-C ends it at once, until a verb has something to tidy up and says so, by
-`heed_interrupts` or handlers of its own.
+There are two reasons for the separate way. A program that `bus run` runs in this process must end like any
+Python program, with its exit handlers; the other verbs end at once. And it must not wait for a parser that it
+does not use. Only the program imports this module: after the import, Ctrl-C ends the process at once. A verb
+that has something to clean up changes that with `heed_interrupts` or with signal handlers.
 """
 
-import _signal  # type: ignore[import-not-found] # what `signal` is made of, and there without loading anything
+import _signal  # type: ignore[import-not-found] # the core of `signal`; built in, so it loads no file
 
-# Before anything is loaded: a KeyboardInterrupt in the middle of that would be shown, or be taken for an
-# error of a module. An ignored signal stays ignored.
+# Do this before all other imports: a KeyboardInterrupt during an import would print a traceback, or would
+# look like an error of a module. An ignored signal stays ignored.
 if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
@@ -21,7 +21,7 @@ from bus_cli.run import read, start
 
 
 def main() -> NoReturn:
-    """The program."""
+    """Run the program."""
     try:
         _main()
     except KeyboardInterrupt:

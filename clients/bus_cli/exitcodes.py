@@ -1,4 +1,4 @@
-"""The exit codes of the program `bus`. One below zero stands for the signal that ends it."""
+"""Exit codes of the program `bus`. A code below zero is minus the number of the signal to die by."""
 
 __all__ = ["EXIT_ERROR", "EXIT_USAGE"]
 

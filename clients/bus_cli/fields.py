@@ -12,16 +12,16 @@ _PYTHON_NAMES = {"string": "str", "float32": "float", "float64": "float", "bool"
 
 
 class FieldPath:
-    """A path as the user typed it, good for messages of `schema`.
+    """A path typed by the user, for messages of `schema`.
 
-    Raises CommandError, in ros2's words, where there is no such field.
+    Raises CommandError with ros2's text if there is no such field.
     """
 
     def __init__(self, text: str, schema: dict[str, Any]) -> None:
         self.text = text
         self._steps = _parse(text)
         self.node: Any = schema["root"]
-        """The schema's type of what is there."""
+        """Type of the field in the schema."""
         try:
             for step in self._steps:
                 self.node = _step(schema, self.node, step)
@@ -29,7 +29,7 @@ class FieldPath:
             raise self._invalid(error) from None
 
     def pick(self, message: Any) -> Any:
-        """What is there in `message`."""
+        """The value of the field in `message`."""
         try:
             for step in self._steps:
                 if isinstance(step, int) or isinstance(message, dict):

@@ -1,8 +1,8 @@
 """`--filter EXPR`: a safe subset of Python's expressions, over `m`, the message.
 
-ros2 hands the expression to eval(). Here it is parsed and walked: comparisons, arithmetic on numbers,
-attributes that are fields, indexing, and/or/not, literals, and len, abs, min, max. Nothing else is reachable,
-and what an evaluation costs is bounded by the length of the expression and the size of the message.
+ros2 passes the expression to eval(). This module compiles its syntax tree. It allows comparisons, arithmetic
+on numbers, attributes that are fields, indexing, and/or/not, literals, and len, abs, min, max. It allows
+nothing else. The length of the expression and the size of the message bound the cost of an evaluation.
 """
 
 import ast
@@ -46,16 +46,16 @@ _Evaluate = Callable[[Any], Any]
 
 
 def compile_filter(text: str) -> Callable[[Any], bool]:
-    """A function that tells whether a message passes.
+    """Make a function that returns whether a message passes.
 
-    Raises CommandError for an expression that is wrong or not allowed; so does the function where the
-    expression does not fit a message.
+    Raises CommandError for a wrong or forbidden expression. The function raises it if the expression does not
+    fit a message.
     """
     if len(text) > _MAX_LENGTH:
         raise CommandError(f"--filter: the expression has {len(text)} characters, {_MAX_LENGTH} are allowed")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "2and", say, means what it says
+            warnings.simplefilter("ignore")  # for example, "2and" is valid but Python warns
             evaluate = _compile(ast.parse(text.strip(), mode="eval").body)
     except SyntaxError as error:
         raise CommandError(f"--filter: {error.msg}: {text}") from None
@@ -114,7 +114,7 @@ def _compile(node: ast.expr) -> _Evaluate:
 def _compile_field(value: _Evaluate, name: str) -> _Evaluate:
     def field(m: Any) -> Any:
         owner = value(m)
-        # Only fields: methods and dunders lead out of the message.
+        # Allow only fields: methods and dunders reach beyond the message.
         if name not in getattr(type(owner), "__struct_fields__", ()):
             raise AttributeError(f"'{type(owner).__name__}' object has no attribute '{name}'")
         return getattr(owner, name)
@@ -125,7 +125,7 @@ def _compile_field(value: _Evaluate, name: str) -> _Evaluate:
 def _compile_arithmetic(operate: Callable[[Any, Any], Any], left: _Evaluate, right: _Evaluate) -> _Evaluate:
     def arithmetic(m: Any) -> Any:
         operands = left(m), right(m)
-        # Numbers only: 'x' * 10**9 would take all memory.
+        # Allow only numbers: 'x' * 10**9 would use up the memory.
         if not all(isinstance(operand, int | float) for operand in operands):
             kinds = " and ".join(type(operand).__name__ for operand in operands)
             raise TypeError(f"arithmetic is for numbers, not {kinds}")

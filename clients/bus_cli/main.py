@@ -1,8 +1,8 @@
 """The program `bus`: its commands and verbs, their parsers, exit codes.
 
-Imports only the module of the chosen verb, so that what needs no event loop starts without one. A verb's
-module has `add_arguments(parser)` and `main(args)`, which returns the exit code and raises CommandError (or a
-BusError) with the text for the user.
+Only imports the module of the chosen verb, so verbs without an event loop do not load one. A verb's module
+has `add_arguments(parser)` and `main(args)`. `main` returns the exit code, or raises CommandError (or a
+BusError) with a text for the user.
 """
 
 import io
@@ -168,7 +168,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "doctor": ("Check the set-up and advise how to correct faults", {}),
     "completion": ("Print the shell code that completes bus commands", {}),
 }
-"""Command -> what it does, and its verbs. One without verbs is a verb itself."""
+"""For each command, its help and its verbs. A command without verbs is a verb itself."""
 
 _EPILOG = """\
 {verbs}
@@ -179,28 +179,28 @@ see also: busd --help
 
 
 def main() -> NoReturn:
-    """The program."""
+    """Run the program."""
     _open_closed_streams()
     try:
         code = run(sys.argv[1:])
-    except SystemExit as end:  # argparse, which has said what it had to; or a launch file
+    except SystemExit as end:  # from argparse, which has printed its error, or from a launch file
         code = end.code or 0 if isinstance(end.code, int | None) else EXIT_ERROR
         if isinstance(end.code, str):
             complain(end.code)
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-    except OSError:  # nobody reads it any more; whatever else is wrong, the text before this one has met
+    except OSError:  # the reader is gone; earlier output has reported any other fault
         pass
     if code < 0:
         die_now(-code)
-    # Nothing is left to do, and taking the interpreter down costs as much as a quarter of `bus topic list`.
-    # It would also abort where a thread still reads the standard input.
+    # Skip the end of the interpreter: it costs as much as a quarter of `bus topic list`. It would also abort
+    # if a thread still reads the standard input.
     os._exit(code)
 
 
 def _open_closed_streams() -> None:
-    """Started with `>&-`, what is written goes nowhere; and into no socket that gets the number of stdout."""
+    """Open /dev/null for closed streams (`>&-`). Else a new socket could get the number of stdout."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
@@ -213,7 +213,7 @@ def run(words: Sequence[str]) -> int:
     try:
         return _run(words)
     except BrokenPipeError:
-        return 0  # the reader of our output has seen enough
+        return 0  # the reader of the output has ended
     except KeyboardInterrupt as interrupt:
         return -(signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
     except (CommandError, BusError, OSError) as error:
@@ -233,7 +233,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 class _Parser(ArgumentParser):
-    """Says of a command, a verb or an option that does not exist which one may have been meant."""
+    """Suggests a similar command, verb or option if the given one does not exist."""
 
     def error(self, message: str) -> NoReturn:
         what, _, words = message.partition("unrecognized arguments: ")
@@ -255,7 +255,7 @@ class _Parser(ArgumentParser):
 
 
 def _options(parser: ArgumentParser) -> Iterator[str]:
-    """All that a parser and those below it know."""
+    """All options of a parser and of its subparsers."""
     for action in parser._actions:
         yield from action.option_strings
         if isinstance(action, _SubParsersAction):
@@ -264,12 +264,12 @@ def _options(parser: ArgumentParser) -> Iterator[str]:
 
 
 class _VerbParser(_Parser):
-    """Lets options stand between arguments, as in `pub /topic TYPE --once VALUES`."""
+    """Allows options between arguments, as in `pub /topic TYPE --once VALUES`."""
 
     _is_within = False
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        # The intermixed variant calls this one; argcomplete follows the plain one.
+        # The intermixed variant calls this method again; argcomplete only works with the plain one.
         if self._is_within or "_ARGCOMPLETE" in os.environ:
             return super().parse_known_args(args, namespace)
         self._is_within = True
@@ -277,14 +277,14 @@ class _VerbParser(_Parser):
 
 
 class _Formatter(HelpFormatter):
-    """Asks the terminal for its width without `shutil`, which argparse would import for nothing else."""
+    """Gets the width of the terminal without `shutil`, which argparse would import only for that."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=_help_width())
 
 
 class _RawFormatter(_Formatter, RawDescriptionHelpFormatter):
-    """Leaves the lines of an epilog alone."""
+    """Keeps the lines of an epilog as they are."""
 
 
 @cache
@@ -297,7 +297,7 @@ def _help_width() -> int:
 
 
 def make_parser(words: Sequence[str]) -> ArgumentParser:
-    """The parser for `words`: it has all commands, but arguments only for the verbs that stand in `words`."""
+    """The parser for `words`: it has all commands, but arguments only for the verbs in `words`."""
     parser = _Parser(
         prog="bus",
         description="Look at and take part in the message bus of this machine.",
@@ -330,7 +330,7 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
 
 
 def version(distribution: str) -> str | None:
-    """Of an installed distribution; None where it is not installed."""
+    """Version of a distribution; None if it is not installed."""
     from importlib.metadata import PackageNotFoundError
     from importlib.metadata import version as installed
 
@@ -357,7 +357,7 @@ def _fill(parser: ArgumentParser, module: str) -> None:
 
 
 def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
-    """What every verb takes. SUPPRESS as default leaves what was given further left."""
+    """Add the options of every verb. SUPPRESS as `default` keeps a value given before the verb."""
     group = parser.add_argument_group("common options")
     group.add_argument("--socket", metavar="PATH", default=default, help="busd's socket ($BUSD_SOCKET)")
     group.add_argument(
@@ -371,10 +371,10 @@ def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
     group.add_argument(
         "--include-hidden-topics", action="store_true", default=SUPPRESS, help="hidden topics too"
     )
-    # ros2's, which mean nothing here.
+    # Options of ros2, without effect here.
     group.add_argument("--no-daemon", action="store_true", default=SUPPRESS, help=SUPPRESS)
     group.add_argument("--spin-time", metavar="S", type=float, default=SUPPRESS, help=SUPPRESS)
-    # Some verbs have a -s of their own.
+    # Some verbs use -s for another option.
     short = [] if "-s" in parser._option_string_actions else ["-s"]
     group.add_argument(*short, "--use-sim-time", action="store_true", default=SUPPRESS, help=SUPPRESS)
 

@@ -1,6 +1,7 @@
-"""How verbs say things: texts, JSON lines, tables, sizes. Knows nothing of the bus.
+"""Output of the verbs: texts, JSON lines, tables, sizes. Knows nothing of the bus.
 
-Whatever a verb writes goes through `say`, `complain` or `print_json`, for there may be texts of others in it.
+Verbs write only through `say`, `complain` or `print_json`, because output may contain texts of other
+programs.
 """
 
 import select
@@ -14,28 +15,28 @@ __all__ = ["CommandError", "complain", "dropped_text", "print_json", "reader", "
 
 
 class CommandError(Exception):
-    """A verb can't do what it was asked to: the text goes to stderr, the exit code is 1."""
+    """A verb failed: its text goes to stderr, and the exit code is 1."""
 
 
 def say(*words: object, sep: str = " ", end: str = "\n") -> None:
-    """As print(), with control characters but newlines and tabs escaped: wherever the output goes."""
+    """Print like print(), but escape control characters except newlines and tabs, on a terminal or not."""
     sys.stdout.write(printable(sep.join(map(str, words))) + end)
 
 
 def complain(text: object) -> None:
-    """Tell the user something that is not the output."""
+    """Print a text for the user to stderr, beside the output."""
     print(printable(str(text)), file=sys.stderr, flush=True)
 
 
 def print_json(record: Any) -> None:
-    """One object on one line; what JSON has no number for (NaN, infinity) is null."""
+    """Print one object on one line. NaN and infinity become null, because JSON does not have them."""
     from msgspec import json
 
     sys.stdout.write(printable_json(json.encode(record).decode()) + "\n")
 
 
 def show(text: object, record: Any, *, as_json: bool) -> None:
-    """One result of a verb: `text`, or with --json the `record`."""
+    """Print one result of a verb: its `text`, or with --json its `record`."""
     if as_json:
         print_json(record)
     else:
@@ -43,25 +44,26 @@ def show(text: object, record: Any, *, as_json: bool) -> None:
 
 
 def reader() -> select.epoll | None:
-    """An epoll that is ready as soon as nobody reads what is printed any more; None where that can't be told.
+    """An epoll that is ready as soon as the reader of the output is gone; None if that can't be detected.
 
-    To be closed. Verbs that only print watch it: else they would notice with the next line, maybe in an hour.
+    The caller closes it. Verbs that only print watch it. Else they would notice it at their next line, maybe
+    in an hour.
     """
     try:
         watch = select.epoll()
-        watch.register(sys.stdout.fileno(), 0)  # the end is told whatever is asked for
-    except (OSError, ValueError):  # a file, or nothing at all
+        watch.register(sys.stdout.fileno(), 0)  # epoll always reports a hang-up
+    except (OSError, ValueError):  # a file, or no stdout
         return None
     return watch
 
 
 def size_text(size: float) -> str:
-    """Bytes as ros2 writes them: `57 B`, `1.50 KB`, `2.00 MB`, in thousands."""
+    """A number of bytes as ros2 writes it, in steps of 1,000: `57 B`, `1.50 KB`, `2.00 MB`."""
     return in_unit(size, unit_of(size))
 
 
 def unit_of(size: float) -> int:
-    """How many times a thousand fits: 0 for B, 1 for KB, 2 for MB."""
+    """The unit for a size: 0 for B, 1 for KB, 2 for MB."""
     return 0 if size < 1000 else 1 if size < 1_000_000 else 2
 
 
@@ -70,13 +72,13 @@ def in_unit(size: float, unit: int) -> str:
 
 
 def dropped_text(dropped: Mapping[str, int]) -> str:
-    """The total, and how much each reason has in it: `12 (replaced: 12)`."""
+    """The total of drops with the count for each reason: `12 (replaced: 12)`."""
     reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(dropped.items()))
     return f"{sum(dropped.values())} ({reasons})" if reasons else "0"
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Columns under centred titles and a line of `=`, as `ros2 topic hz` draws them."""
+    """A table with centred titles and a line of `=`, as in `ros2 topic hz`."""
     body = [list(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(header, *body, strict=True)]
     lines = ["   ".join(title.center(width) for title, width in zip(header, widths, strict=True))]

@@ -1,4 +1,4 @@
-"""Messages from YAML values, as `ros2 topic pub` takes them (rosidl_runtime_py/set_message.py)."""
+"""Messages from YAML values, by the rules of `ros2 topic pub` (rosidl_runtime_py/set_message.py)."""
 
 from collections.abc import Mapping
 from time import time_ns
@@ -16,9 +16,9 @@ _TIME = "builtin_interfaces/msg/Time"
 
 
 class Prototype:
-    """A message of `message_type` filled with `values`; its stamps are the time of each `stamp` call.
+    """A message of `message_type` filled with `values`; each `stamp` call sets its stamps to the time.
 
-    Raises CommandError, in ros2's words, where the values don't fit.
+    Raises CommandError with ros2's text if the values don't fit.
     """
 
     def __init__(self, message_type: type[msgspec.Struct], values: Any) -> None:
@@ -36,13 +36,13 @@ class Prototype:
             raise CommandError(f"Failed to populate field: {error}") from None
 
     def stamp(self) -> None:
-        """Write the time into every field that was given as `now` or `auto`."""
+        """Write the time into every field with the given value `now` or `auto`."""
         sec, nanosec = divmod(time_ns(), 1_000_000_000)
         for time in self._stamps:
             time.sec, time.nanosec = sec, nanosec
 
     def _make(self, node: Any, value: Any) -> Any:
-        """What `value`, from YAML, means for a field of the type `node`; as it is where nothing is known."""
+        """Convert `value` from YAML for a field of the type `node`; keep it if the type is unknown."""
         match node:
             case str() if "/" in node:
                 return self._struct(node, value)
@@ -100,14 +100,14 @@ def _integer(value: Any) -> Any:
 
 
 def _octets(values: Any) -> bytes:
-    """From numbers, or from characters, which is how ros2 echoes octets."""
+    """Octets from numbers, or from characters, because ros2 prints octets as characters."""
     return bytes(
         ord(value) if isinstance(value, str) and len(value) == 1 else _integer(value) for value in values
     )
 
 
 def _classes(cls: type[msgspec.Struct]) -> dict[str, type[msgspec.Struct]]:
-    """By name, `cls` and all message classes that its fields need."""
+    """`cls` and all message classes that its fields need, by name."""
     found: dict[str, type[msgspec.Struct]] = {}
     waiting: list[Any] = [cls]
     while waiting:

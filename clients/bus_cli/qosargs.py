@@ -1,4 +1,4 @@
-"""The --qos-... options, and the profile that a tool's subscription takes from what the publishers offer."""
+"""The --qos-... options, and the choice of a subscription's profile from the publishers' offers."""
 
 from argparse import ArgumentParser, Namespace
 
@@ -13,7 +13,7 @@ _SYSTEM_DEFAULT = "system_default"
 
 
 def add_qos_arguments(parser: ArgumentParser, verb: str, preset: str) -> None:
-    """`verb` is what the tool does with the profile, `preset` where it begins."""
+    """Add the options. `verb` names the tool's use of the profile; `preset` has the defaults."""
     group = parser.add_argument_group("quality of service")
     group.add_argument(
         "--qos-profile",
@@ -41,7 +41,7 @@ def add_qos_arguments(parser: ArgumentParser, verb: str, preset: str) -> None:
 
 
 def given_profile(args: Namespace) -> QoSProfile:
-    """The preset with what the options change. Raises ConfigurationError for a value out of range."""
+    """The preset, changed by the options. Raises ConfigurationError for a value out of range."""
     base = PRESETS[args.qos_profile or args.qos_preset]
     changes = {
         "depth": args.qos_depth,
@@ -60,9 +60,10 @@ def given_profile(args: Namespace) -> QoSProfile:
 
 
 def choose_profile(graph: Graph, topic: str, args: Namespace) -> QoSProfile:
-    """The profile of the options; without any, one that matches all publishers of `topic` there are now.
+    """The profile of the options; without options, a profile to match all present publishers of `topic`.
 
-    As ros2topic's choose_qos: reliable if all are, transient local if all are, and a word where they differ.
+    It follows choose_qos of ros2topic: reliable if all publishers are, and transient local if all publishers
+    are. If the publishers differ, it prints a warning.
     """
     profile = given_profile(args)
     offers = [publisher.qos for publisher in graph.publishers_of(topic)]
@@ -84,7 +85,7 @@ def choose_profile(graph: Graph, topic: str, args: Namespace) -> QoSProfile:
 
 
 def serving_all(profile: QoSProfile, offers: list[QoSProfile]) -> QoSProfile:
-    """`profile`, reliable where all `offers` are, and transient local where all are; so it matches them."""
+    """`profile`, but reliable if all `offers` are, and transient local if all are. So it matches them."""
     reliable = all(offer.reliability is Reliability.RELIABLE for offer in offers)
     lasting = all(offer.durability is Durability.TRANSIENT_LOCAL for offer in offers)
     if not offers:

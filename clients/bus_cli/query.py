@@ -1,4 +1,4 @@
-"""A small blocking client of the broker, for verbs that ask one thing and end. Needs no event loop."""
+"""A small blocking client of the broker, for verbs with one question. Needs no event loop."""
 
 import os
 import socket
@@ -37,14 +37,14 @@ ANSWER_S = 10.0
 
 
 class NotRunning(BrokerUnavailable):
-    """No broker listens, and none was to be started."""
+    """No broker listens, and the caller did not allow to start one."""
 
 
 class Query:
-    """A connection to the broker at `path`. With `may_start`, one is started where none runs.
+    """A connection to the broker at `path`. With `may_start`, starts a broker if none runs.
 
-    Waits for `answer_s` seconds at most whenever it waits. Raises BrokerUnavailable; of that NotRunning
-    without `may_start`.
+    Each wait lasts `answer_s` seconds at most. Raises BrokerUnavailable; without `may_start` and without a
+    broker, it raises NotRunning, a subclass.
     """
 
     def __init__(self, path: Path, *, may_start: bool = True, answer_s: float = ANSWER_S) -> None:
@@ -64,10 +64,10 @@ class Query:
             time.sleep(pause_s)
 
     def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
-        """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
+        """Send the message that `make` returns for a request number; returns the answer, a `kind`.
 
-        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, RemoteProtocolError
-        where it answers something else, ConnectionClosed where it ends.
+        Raises ConfigurationError, QuotaExceeded or AccessDenied if the broker refuses; RemoteProtocolError if
+        the answer has another kind; ConnectionClosed if the broker ends.
         """
         number = next(self._numbers)
         self._send(make(number))
@@ -77,14 +77,13 @@ class Query:
                 return expect(message, kind)
 
     def graph(self, *, statistics: bool = False) -> Graph:
-        """The graph now."""
+        """The current graph."""
         return graph_of(
             self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.GraphSnapshot)
         )
 
     def description(self, type_name: str, type_hash: str) -> bytes | None:
-        """How a type that is on the bus was described, as it travels; None where no endpoint has it any
-        more."""
+        """The encoded description of a type on the bus; None if no endpoint has the type any more."""
         try:
             return self.request(
                 lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
@@ -94,13 +93,13 @@ class Query:
             return None
 
     def charges(self) -> m.Peers | None:
-        """What processes and users make busd hold; None where this busd does not know the question."""
-        if not self.broker.release:  # as old as that: it would end the connection
+        """Resources that busd holds for processes and users; None if this busd does not know the request."""
+        if not self.broker.release:  # such an old busd would close the connection
             return None
         return self.request(lambda number: m.GetPeers(request=number), m.Peers)
 
     def wait_for_end(self) -> None:
-        """Wait until the broker has closed the connection. Raises BrokerUnavailable where it does not."""
+        """Wait until the broker has closed the connection. Raises BrokerUnavailable if it does not."""
         try:
             while True:
                 self._receive()
@@ -121,7 +120,7 @@ class Query:
         self.close()
 
     def _greet(self) -> m.Hello:
-        """Exchange Hellos. Raises NotNow where the broker ends the connection for something that passes."""
+        """Exchange Hellos. Raises NotNow if the broker closes the connection for a temporary reason."""
         self._socket.settimeout(self._answer_s)
         self._session, self._items = Session(Role.CLIENT), iter(())
         try:
@@ -135,7 +134,7 @@ class Query:
         except BrokerUnavailable:
             self.close()
             raise
-        except ConnectionClosed as error:  # as one does that ends with connections in its backlog
+        except ConnectionClosed as error:  # for example, a broker ended with connections in its backlog
             self.close()
             raise NotNow(str(error)) from None
         except BaseException:
@@ -146,7 +145,7 @@ class Query:
         try:
             self._socket.sendall(m.encode_frame(message))
         except (BrokenPipeError, ConnectionResetError):
-            pass  # it has gone, but its last words are still to be read: why
+            pass  # busd is gone, but its last message, with the reason, can still be read
         except OSError as error:
             raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
 
@@ -166,7 +165,7 @@ class Query:
         return message
 
     def _read(self) -> int:
-        """Wait for bytes; after TELL_S say once that it waits. Raises TimeoutError."""
+        """Wait for bytes. After TELL_S, print once that it waits. Raises TimeoutError."""
         buffer = self._session.reader.get_buffer()
         if self._answer_s <= TELL_S:
             return self._socket.recv_into(buffer)
@@ -182,13 +181,13 @@ class Query:
 
 
 def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = True) -> Graph:
-    """The graph of the broker that the command line names."""
+    """The graph of the broker on the command line."""
     with Query(socket_path(args.socket, args.domain), may_start=may_start) as query:
         return query.graph(statistics=statistics)
 
 
 def graph_to_list(args: Namespace) -> Graph:
-    """The graph for a verb that lists names; a user at a terminal is told if it has no nodes, and where."""
+    """The graph for a verb that lists names. If it is empty, users at a terminal get a hint with the bus."""
     path = socket_path(args.socket, args.domain)
     with Query(path) as query:
         graph = query.graph()
@@ -198,7 +197,7 @@ def graph_to_list(args: Namespace) -> Graph:
 
 
 def _chosen_by(args: Namespace) -> str:
-    """The variable that chose the bus: a user may have forgotten that it is set."""
+    """The variable that chose the bus, for users who have forgotten that it is set."""
     if args.socket is not None:
         return ""
     for name in ("BUSD_SOCKET", "BUSD_DOMAIN"):
@@ -208,12 +207,12 @@ def _chosen_by(args: Namespace) -> str:
 
 
 def full_topic_name(name: str) -> str:
-    """The topic that a user of the command line means: a relative name is in the root namespace."""
+    """The full name of a topic on the command line: a relative name is in the root namespace."""
     return names.expand_topic_name(name, "_bus_cli", "/")
 
 
 def full_type_name(text: str, kind: "Kind" = "msg") -> str:
-    """`std_msgs/String` as `std_msgs/msg/String`. Raises CommandError for what is no type's name."""
+    """Expand a type name: `std_msgs/String` is `std_msgs/msg/String`. Raises CommandError for other words."""
     parts = text.split("/")
     if len(parts) not in (2, 3) or not all(parts):
         from bus_cli.suggestions import near_type
@@ -224,7 +223,7 @@ def full_type_name(text: str, kind: "Kind" = "msg") -> str:
 
 
 def _connect(path: Path) -> socket.socket | None:
-    """None where no broker listens."""
+    """Connect to the broker; returns None if no broker listens."""
     try:
         return try_to_connect(path)
     except (FileNotFoundError, ConnectionRefusedError):

@@ -1,7 +1,7 @@
 """`bus run`: a script, a module, or a program of a package.
 
-Reads its own words, for argparse costs as much as the rest of the start; argparse has the help and says what
-is wrong with a line that `read` does not take.
+Parses its command line itself, because argparse costs as much as the rest of the start. argparse prints the
+help, and the errors of command lines that `read` does not accept.
 """
 
 # pathlib would add milliseconds to the start of each script:
@@ -27,7 +27,7 @@ _USAGE = "bus run [options] script.py [args] | -m module [args] | PKG EXE [args]
 
 
 class _Refused(Exception):
-    """The call can't be done; a hint is its last line."""
+    """The call is impossible; the last line may be a hint."""
 
     def __init__(self, text: str, hint: str | None = None, code: int = EXIT_ERROR) -> None:
         super().__init__(text)
@@ -36,10 +36,10 @@ class _Refused(Exception):
 
 
 class Call(NamedTuple):
-    """What `bus run` was asked to do."""
+    """The parsed command line of `bus run`."""
 
     words: Sequence[str]
-    """The script, or the package and its program, and all that follows; of a module its arguments."""
+    """Script and arguments; or package, program and arguments; or, for a module, only arguments."""
     module: str | None = None
     force: bool = False
     prefix: str | None = None
@@ -48,7 +48,7 @@ class Call(NamedTuple):
 
 
 def read(words: Sequence[str]) -> Call | None:
-    """The call that a command line stands for; None where it is no `bus run`, or is left to argparse."""
+    """Parse a command line; returns None if it is not a `bus run`, or if argparse must handle it."""
     options: dict[str, str] = {}
     if "_ARGCOMPLETE" in os.environ:
         return None
@@ -83,8 +83,9 @@ def read(words: Sequence[str]) -> Call | None:
 
 
 def start(call: Call) -> int:
-    """Do it. Returns the exit code of a child, minus the number of a signal to die by, or the code
-    of a call that can't be done (its text is on stderr); a program that runs in this process ends it.
+    """Run the program. Returns the exit code of a child, or minus the number of a signal to die by. If the
+    call is impossible, prints the error to stderr and returns its code. A program that runs in this process
+    ends it.
     """
     from bus.errors import BusError
     from bus.process.start_errors import check_descriptors
@@ -96,7 +97,7 @@ def start(call: Call) -> int:
     except _Refused as refused:
         complain("\n".join(refused.lines))
         return refused.code
-    except OSError as error:  # of the start: what a program raises does not come here
+    except OSError as error:  # an error of the start: exceptions of a program do not reach this line
         complain(f"bus run: can't run '{error.filename}': {error.strerror}")
     except BusError as error:
         complain(error)
@@ -146,14 +147,14 @@ def _call(options: dict[str, str], words: Sequence[str], module: str | None) -> 
 
 
 def _export(call: Call) -> None:
-    """Choose the bus for the program, and for those that it starts."""
+    """Choose the bus for the program and for its child processes."""
     if call.socket is None and call.domain is None:
         return
     from bus.process.address import domain_id, socket_path
 
     if call.domain is not None:
         os.environ["BUSD_DOMAIN"] = str(domain_id(call.domain))
-        os.environ.pop("BUSD_SOCKET", None)  # it would hide the domain
+        os.environ.pop("BUSD_SOCKET", None)  # it would override the domain
     if call.socket is not None:
         os.environ["BUSD_SOCKET"] = str(socket_path(call.socket))
 
@@ -167,7 +168,7 @@ def _start(call: Call) -> int:
     if program and is_plain_executable:
         return running.run_child([*front, program.path, *call.words[2:]], of_package=True)
     if front:
-        # What Python runs has no command of its own: it is this tool again.
+        # A Python program has no command for the prefix, so the child runs this tool again.
         again = ["--force"] if call.force else []
         again += ["-m", call.module] if call.module is not None else []
         return running.run_child([*front, sys.executable, "-m", "bus_cli", "run", *again, *call.words])
@@ -207,7 +208,7 @@ def _is_script(words: Sequence[str]) -> bool:
 
 
 def _find(words: Sequence[str]) -> "Executable":
-    """The program that a package's name and its own stand for."""
+    """Find a program by the names of its package and itself."""
     from bus_ros import packages
 
     package = words[0]
@@ -238,7 +239,7 @@ def _find(words: Sequence[str]) -> "Executable":
 
 
 def _find_source(package: str) -> "tuple[list[Executable], set[str]]":
-    """Programs of a package that is not installed, and need not be; and those that must be compiled."""
+    """Programs of a package in source form, which need not be installed; and names of programs to compile."""
     from bus_ros import packages
 
     folder = packages.source_folder(package)
@@ -254,7 +255,7 @@ def _find_source(package: str) -> "tuple[list[Executable], set[str]]":
 
 
 def _source(folders: "Sequence[str]") -> None:
-    """What sourcing the set-up of the workspace would have done; `folders` of Python come first."""
+    """Do the same as sourcing the set-up of the workspace. The Python folders `folders` come first."""
     from bus_ros import packages
 
     new = [prefix for prefix in packages.prefixes() if not prefix.is_sourced]

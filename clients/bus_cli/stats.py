@@ -1,6 +1,6 @@
-"""What hz, bw and delay compute: windows over the last messages, and what a topic's publishers have sent.
+"""Calculations of hz, bw and delay: windows over the last messages, and the rate of a topic's publishers.
 
-Pure: times come in as arguments. The rules are those of ros2topic's verbs.
+Pure: times are arguments. The rules are the same as in ros2topic's verbs.
 """
 
 import math
@@ -24,7 +24,7 @@ class Spread(NamedTuple):
 
 
 def spread(values: Iterable[float]) -> Spread:
-    """Of at least one value."""
+    """The spread of at least one value."""
     known = tuple(values)
     mean = math.fsum(known) / len(known)
     deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in known) / len(known))
@@ -32,7 +32,7 @@ def spread(values: Iterable[float]) -> Spread:
 
 
 class Intervals:
-    """The gaps between messages, in nanoseconds, and when it is time to print them."""
+    """The gaps between messages in nanoseconds, and the time to print them."""
 
     def __init__(self, window: int) -> None:
         self._gaps: deque[int] = deque(maxlen=window)
@@ -40,13 +40,13 @@ class Intervals:
         self._printed_ns = 0
 
     def add(self, now_ns: int) -> None:
-        """A message came."""
+        """Count a message that arrived at `now_ns`."""
         if self._last_ns:
             self._gaps.append(now_ns - self._last_ns)
         self._last_ns = now_ns
 
     def due(self) -> Spread | None:
-        """The gaps, where a message came a second or more after what was printed last; else None."""
+        """The gaps if a message has arrived a second or more after the last print; else None."""
         if not self._gaps:
             return None
         if not self._printed_ns:
@@ -58,7 +58,7 @@ class Intervals:
         return spread(self._gaps)
 
     def new(self) -> Spread | None:
-        """The gaps, where a message came since they were given out last; for tables."""
+        """The gaps if a message has arrived since the last result; else None. For tables."""
         if not self._gaps or self._last_ns == self._printed_ns:
             return None
         self._printed_ns = self._last_ns
@@ -66,17 +66,17 @@ class Intervals:
 
 
 class Bandwidth:
-    """Sizes of messages, in bytes, with their times."""
+    """Sizes of messages in bytes, with their times."""
 
     def __init__(self, window: int) -> None:
         self._samples: deque[tuple[int, int]] = deque(maxlen=window)
 
     def add(self, now_ns: int, size: int) -> None:
-        """A message of `size` bytes came."""
+        """Count a message of `size` bytes that arrived at `now_ns`."""
         self._samples.append((now_ns, size))
 
     def rate(self, now_ns: int) -> tuple[float, Spread] | None:
-        """Bytes per second from the first message of the window until now, and the sizes; None below two."""
+        """Bytes per second from the window's first message until now, and the sizes; None for one message."""
         if len(self._samples) < 2 or now_ns <= self._samples[0][0]:
             return None
         sizes = spread(size for _, size in self._samples)
@@ -102,7 +102,7 @@ class Delays:
         return not self._delays
 
     def due(self) -> Spread | None:
-        """The delays; None where nothing came since the last call."""
+        """The delays; None if no message has arrived since the last call."""
         if not self._is_new:
             return None
         self._is_new = False
@@ -110,10 +110,10 @@ class Delays:
 
 
 class Flow:
-    """How fast a topic's publishers publish and one subscription receives.
+    """The rates at which a topic's publishers publish and one subscription receives.
 
-    By the numbers and stamps of the messages that came, from the oldest to the newest: so both rates are of
-    the same time, and their difference was lost.
+    Both rates come from the numbers and stamps of received messages, from the oldest to the newest. So they
+    cover the same time, and their difference is the rate of lost messages.
     """
 
     def __init__(self) -> None:
@@ -123,7 +123,7 @@ class Flow:
         self._newest: dict[bytes, int] = {}
 
     def add(self, publisher: bytes, number: int, stamp_ns: int) -> None:
-        """A message came: the publisher's gid, its number there, and when it was published."""
+        """Count a message: the gid of its publisher, its number there, and the time of publishing."""
         if not self.received:
             self._began_ns = self._ended_ns = stamp_ns
         self.received += 1
@@ -138,11 +138,11 @@ class Flow:
 
     @property
     def published(self) -> int:
-        """Messages from the first to the last that came of each publisher."""
+        """Number of messages that each publisher sent from its first to its last received one, added up."""
         return sum(newest - self._oldest[one] + 1 for one, newest in self._newest.items())
 
     def rates(self) -> tuple[float, float] | None:
-        """Published and received messages per second; None before two moments are known."""
+        """Published and received messages per second; None before two different stamps are known."""
         span_ns = self._ended_ns - self._began_ns
         if not span_ns:
             return None

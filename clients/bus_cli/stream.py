@@ -1,4 +1,4 @@
-"""What the verbs that stay have in common: a hidden node, types found on the bus, how signals end them."""
+"""Shared code of the verbs that keep running: a hidden node, types from the bus, their end by signals."""
 
 import asyncio
 import os
@@ -44,8 +44,8 @@ _ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt,
 def run_stream(main: Coroutine[Any, Any, T], *, only_prints: bool = False) -> T:
     """Run a verb on an event loop; returns its result, mostly an exit code.
 
-    Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up; and
-    BrokenPipeError where it `only_prints`, into a pipe that nobody reads any more.
+    Raises KeyboardInterrupt or Terminated if a signal ended it, after its cleanup. If it `only_prints`,
+    raises BrokenPipeError as soon as the reader of its output is gone.
     """
     try:
         check_descriptors()
@@ -92,7 +92,7 @@ async def _until_end(
 
 
 def open_node(args: Namespace, name: str | None = None) -> Node:
-    """A node of the tool, hidden unless it is given a name."""
+    """A node of the tool; without a `name` it is hidden."""
     return Node(
         name or f"_bus_cli_{os.getpid()}", arguments=(), socket=args.socket, domain=args.domain, rosout=False
     )
@@ -101,10 +101,10 @@ def open_node(args: Namespace, name: str | None = None) -> Node:
 async def find_class(
     node: Node, graph: Graph, topic: str, type_name: str | None = None
 ) -> type[msgspec.Struct] | None:
-    """The class for `topic`'s messages, made from the schema on the bus where there is no ready-made one.
+    """The class for `topic`'s messages, made from the schema on the bus, or a ready-made one.
 
-    Without `type_name` the topic's type; None where no endpoint has the topic. Raises CommandError where the
-    topic has several types, or where nothing knows the type that was named.
+    Without `type_name`, it is the class of the topic's type; None if no endpoint has the topic. Raises
+    CommandError if the topic has several types, or if the type `type_name` is unknown.
     """
     endpoints = (*graph.publishers, *graph.subscriptions)
     everywhere = [(one.topic, (one.type_name, one.type_hash)) for one in endpoints]
@@ -131,13 +131,13 @@ async def find_class(
 
 async def _first_schema(node: Node, kinds: Iterable[tuple[str, str]]) -> MessageSchema | None:
     for kind in kinds:
-        with suppress(ConfigurationError):  # its last endpoint has gone since the graph was asked for
+        with suppress(ConfigurationError):  # its last endpoint has gone since the request for the graph
             return await node.get_schema(*kind)
     return None
 
 
 async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> str:
-    """Where two types of one name differ, as the rest of a sentence; nothing where the names differ."""
+    """The difference between two types of one name, as the end of a sentence; "" if the names differ."""
     if one.type_name != other.type_name:
         return ""
     try:
@@ -150,48 +150,48 @@ async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> s
 
 
 def not_published(topic: str, graph: Graph) -> None:
-    """Say it, and which topic may have been meant."""
+    """Print a warning that the topic is not published, with a similar name."""
     from bus_cli.suggestions import near_topic
 
     complain(f"WARNING: topic [{topic}] does not appear to be published yet{near_topic(topic, graph)}")
 
 
 async def warn_if_unknown(node: Node, topic: str) -> None:
-    """Say so where no endpoint has the topic yet: a subscription without a class waits for it."""
+    """Print a warning if no endpoint has the topic yet: a subscription without a class waits for one."""
     graph = await node.graph()
     if topic not in graph.topics():
         not_published(topic, graph)
 
 
 async def for_ever() -> int:
-    """Until a signal ends the verb, or a callback fails."""
+    """Wait until a signal ends the verb, or until a callback fails."""
     code: int = await asyncio.get_running_loop().create_future()
     return code
 
 
 def add_window_argument(parser: ArgumentParser, size: int, meaning: str) -> None:
-    """`--window`: over how many messages a verb measures."""
+    """Add `--window`: the number of messages over which a verb measures."""
     parser.add_argument(
         "-w", "--window", type=positive_int, default=size, help=f"{meaning} (default: {size})"
     )
 
 
 def positive_int(text: str) -> int:
-    """For argparse."""
+    """Read a positive integer, for argparse."""
     if not (text.isascii() and text.isdigit() and 0 < len(text) < 10 and int(text)):
         raise ArgumentTypeError("value must be a positive integer")
     return int(text)
 
 
 def unsigned_int(text: str) -> int:
-    """For argparse."""
+    """Read a non-negative integer, for argparse."""
     if not (text.isascii() and text.isdigit() and len(text) < 19):
         raise ArgumentTypeError("value must be non-negative integer")
     return int(text)
 
 
 def positive(text: str) -> float:
-    """For argparse."""
+    """Read a positive number, for argparse."""
     try:
         value = float(text)
     except ValueError:

@@ -1,7 +1,8 @@
-"""What may have been meant by a word that does not exist: names, commands and verbs.
+"""Suggestions for unknown words: similar names, commands and verbs.
 
-A name's `near_...` is the end of a verb's message, "" where nothing is near. Names come from the graph, and
-from the definitions and packages on this machine. Slow, and needed for mistakes only: import it late.
+Each `near_...` returns the end of a verb's message, "" if no name is similar. Names come from the graph, and
+from the definitions and packages on this machine. This module is slow and only needed after mistakes, so
+import it late.
 """
 
 from collections.abc import Iterable, Mapping
@@ -39,10 +40,10 @@ _NOT_YET = {
     "security": "access rules are in busd.toml, under [[access]]",
     "trace": "",
 }
-"""Commands of ros2, and what there is instead."""
+"""Commands of ros2 that `bus` lacks, and their replacements."""
 
 _MOST = 3
-"""Commands that are offered at once."""
+"""Most commands in one suggestion."""
 
 _OTHER_NAMES = {"wtf": "doctor", "msg": "interface show", "srv": "interface show"}
 
@@ -66,7 +67,7 @@ def near_node(name: str, graph: "Graph") -> str:
 
 
 def near_type(text: str, kind: "Kind | None" = "msg", graph: "Graph | None" = None) -> str:
-    """Of the types that are defined here and, for messages, of those on the bus."""
+    """A similar type among the definitions here and, for messages, among the types on the bus."""
     from bus.types.definitions import names
 
     found = dict.fromkeys(names(kind))
@@ -82,7 +83,7 @@ def near_type(text: str, kind: "Kind | None" = "msg", graph: "Graph | None" = No
 
 
 def near_package(name: str) -> str:
-    """Of the packages that have programs or a manifest."""
+    """A similar package among the packages with programs or a manifest."""
     from bus_ros.packages import nearest
 
     near = nearest(name)
@@ -90,20 +91,20 @@ def near_package(name: str) -> str:
 
 
 def near_interface_package(name: str) -> str:
-    """Of the packages that have definitions."""
+    """A similar package among the packages with definitions."""
     from bus.types.definitions import packages
 
     return did_you_mean(name, packages())
 
 
 def types_called(short: str, among: Iterable[str]) -> list[str]:
-    """The full names that end in `short`. ROS's examples count where there are no others."""
+    """The full names that end in `short`. Includes types of ROS's examples only if there are no others."""
     found = [name for name in among if name.rpartition("/")[2].lower() == short.lower()]
     return [name for name in found if not name.startswith(_EXAMPLES)] or found
 
 
 def no_command(word: str, commands: Mapping[str, tuple[str, Iterable[str]]]) -> str:
-    """Of `bus WORD`."""
+    """The message for an unknown command `bus WORD`."""
     if word in _NOT_YET:
         instead = _NOT_YET[word]
         return f"bus {word}: not available{'; ' if instead else ''}{instead}"
@@ -115,7 +116,7 @@ def no_command(word: str, commands: Mapping[str, tuple[str, Iterable[str]]]) -> 
 
 
 def no_verb(command: str, word: str, verbs: Iterable[str]) -> str:
-    """Of `bus COMMAND WORD`."""
+    """The message for an unknown verb `bus COMMAND WORD`."""
     verbs = list(verbs)
     near = nearest(word, verbs)
     hint = f"did you mean '{command} {near}'?" if near else f"there are {', '.join(verbs)}"
@@ -123,7 +124,7 @@ def no_verb(command: str, word: str, verbs: Iterable[str]) -> str:
 
 
 def _near(name: str, among: Iterable[str]) -> str:
-    """As they were typed, names may lack their slash."""
+    """A similar name; `name` may lack its leading slash, as users type it."""
     full = name if name.startswith("/") else f"/{name}"
     return did_you_mean(full, set(among) - {full})
 

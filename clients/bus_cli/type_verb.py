@@ -1,4 +1,4 @@
-"""What `bus topic type`, `bus service type` and `bus action type` have in common."""
+"""Shared code of `bus topic type`, `bus service type` and `bus action type`."""
 
 from argparse import Namespace
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ __all__ = ["show_types"]
 def show_types(what: str, name: str, types: Sequence[str], graph: Graph, args: Namespace) -> int:
     """Show the types of a topic, a service or an action (`what`); returns the exit code.
 
-    Of one without types it says which name may have been meant; else, as in ros2, the status says it.
+    Without types, it suggests a similar name if there is one; else, as in ros2, only the exit code shows it.
     """
     if not types:
         from bus_cli.suggestions import near_action, near_service, near_topic

@@ -1,4 +1,4 @@
-"""`bus web`: a page with the graph, rates, values and plots; one small server, for Foxglove too."""
+"""`bus web`: a page with the graph, rates, values and plots. Its small server also serves Foxglove."""
 
 import os
 import re
@@ -45,7 +45,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    """Serve until a signal comes."""
+    """Serve until a signal."""
     if args.open and args.listen.path is not None:
         raise CommandError("--open needs an address:port: a browser opens no unix socket")
     try:
@@ -90,7 +90,7 @@ def _print_addresses(addresses: "Addresses", *, as_json: bool) -> None:
 
 
 def _origin(text: str) -> str:
-    """For argparse."""
+    """Read the origin of a web page, for argparse."""
     if not re.fullmatch(r"https?://([\w.-]+|\[[\da-f:]+\])(:\d{1,5})?/?", text, re.ASCII | re.IGNORECASE):
         raise ArgumentTypeError(f"{text!r} is not an origin, such as https://studio.example.org")
     return text

@@ -231,8 +231,8 @@ class Group:
     def start_busd(self, program: str = "", *more: str, name: str = "busd") -> Child:
         """Start a busd and return when it listens. Children started later use it.
 
-        `program`: the program of another checkout. `more`: its arguments. `name`: the name of the child and
-        of its socket.
+        `program`: busd's program in another checkout. `more`: its arguments. `name`: the name of the child
+        and of its socket.
         """
         path, notify = self.folder / f"{name}.sock", self.folder / "ready"
         self.environ["BUSD_SOCKET"] = str(path)

@@ -185,7 +185,7 @@ class Listener:
         return take
 
     def _take(self, message: Any) -> None:
-        """Callback for floods whose last message may be lost."""
+        """Callback for floods that may lose their last message."""
         self._last_ns = monotonic_ns()
         if self._get(message)[0] == self._mark:
             self._take_all(message)

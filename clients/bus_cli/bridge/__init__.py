@@ -1,10 +1,9 @@
-"""`bus bridge`: the bus of this machine joined with those of others, and with ROS 2.
+"""`bus bridge`: connects the bus of this machine to buses of other machines, and to ROS 2.
 
-`zenoh.py` and `ros2.py` run a bridge with options (`bridgeargs.py`) that are added to busd.toml; `status.py`
-asks running bridges by their service (`remote.py`).
+`zenoh.py` and `ros2.py` run a bridge. They add options (`bridgeargs.py`) to those in busd.toml. `status.py`
+asks running bridges through their service (`remote.py`).
 
-Invariants: the work is done in `bus_bridge`; a missing extra gives one line with the command that installs
-it.
+Invariants: `bus_bridge` does the work; if an extra is missing, one line shows the command that installs it.
 
 Read first: `bridgeargs.py`. Tests: `tests/unit/bus_cli/bridge/`, `tests/system/test_bridge_cli.py`.
 """

@@ -1,4 +1,4 @@
-"""What the verbs that run a bridge have in common: their options, and the file that these are added to."""
+"""Shared code of the verbs that run a bridge: their options, and the file to which they add them."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -19,7 +19,7 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 
 def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
-    """`engine`: as users call it."""
+    """Add the options. `engine` is its name for users."""
     group = parser.add_argument_group("what crosses")
     group.add_argument(
         "--namespace",
@@ -48,7 +48,7 @@ def add_bridge_arguments(parser: ArgumentParser, engine: str) -> None:
 
 
 def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
-    """Run it until a signal comes. `flags`: what the command line says besides, by the keys of busd.toml."""
+    """Run a bridge until a signal. `flags`: further options of the command line, by the keys of busd.toml."""
     from bus_bridge.config import TABLES, load, merged
     from bus_bridge.extras import why_missing
 
@@ -61,14 +61,14 @@ def run_bridge(args: Namespace, engine: str, flags: dict[str, Any]) -> int:
     from bus_bridge.program import Plan
 
     plan = Plan(engine, table)
-    with Query(path):  # a busd is started where none runs, and its folder made, which gives the bus its id
+    with Query(path):  # starts a busd if none runs; busd makes the folder that gives the bus its id
         pass
     run_stream(plan.run(path, args.log_level))
     return 0
 
 
 def config_file(path: Path) -> Path | None:
-    """What the busd at `path` was started with; None where none runs, or it has none."""
+    """The configuration file of the busd at `path`; None if no busd runs, or if it has no file."""
     from bus_cli.doctor.configuration import file_of_daemon
 
     try:
@@ -79,7 +79,7 @@ def config_file(path: Path) -> Path | None:
 
 
 def _from_flags(kind: "type[BridgeTable]", args: Namespace, flags: dict[str, Any]) -> "BridgeTable":
-    """What argparse has checked, and ranges, which the table knows."""
+    """Make a table from the options. argparse has checked their types; the table checks ranges."""
     from msgspec import structs
 
     from bus.process.tables import checked

@@ -1,4 +1,4 @@
-"""Bridges on this bus, by the service that each of them has, and what they say of themselves."""
+"""Status of the bridges on this bus. Each bridge has a service for it."""
 
 import asyncio
 import os
@@ -20,14 +20,15 @@ Answer = GetStatus.Response
 
 
 def services_of_bridges(graph: "Graph") -> list[str]:
-    """The services by which bridges tell of themselves, sorted."""
+    """Names of the services for the status of bridges, sorted."""
     return sorted(name for name, types in graph.services().items() if SERVICE_TYPE in types)
 
 
 async def ask_all(path: Path, graph: "Graph") -> dict[str, Answer | str]:
-    """By the full name of its node what each bridge in `graph` says, or why it says nothing.
+    """Ask all bridges in `graph` for their status.
 
-    `path` is the socket of their busd.
+    Returns the status, or the reason why there is none, by the full name of the bridge's node. `path` is the
+    socket of their busd.
     """
     services = services_of_bridges(graph)
     async with Node(f"_bus_cli_{os.getpid()}", arguments=(), socket=path, rosout=False) as node:

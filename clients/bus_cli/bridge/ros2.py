@@ -1,4 +1,4 @@
-"""`bus bridge ros2`: the bus joined with the nodes of ROS 2, by DDS."""
+"""`bus bridge ros2`: connects the bus to the nodes of ROS 2 through DDS."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus bridge status`: the bridges on this bus, their links, their routes and what became of each message."""
+"""`bus bridge status`: the bridges on this bus, their links, routes and message counters."""
 
 from argparse import ArgumentParser, Namespace
 from collections import Counter
@@ -20,7 +20,7 @@ from bus_cli.stream import run_stream
 __all__ = ["lines"]
 
 _COLUMNS = {"way": 3, "taken": 10, "sent": 10, "waiting": 7, "dropped": 8, "lost": 8}
-"""With their widths. What follows is the topic, which may be long."""
+"""Columns and their widths. The topic comes last because it may be long."""
 _WIDTH = 79
 
 
@@ -34,7 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    """1 where no bridge runs, or one does not answer."""
+    """Print the status; returns 1 if no bridge runs, or if one does not answer."""
     graph = get_graph(args, may_start=False)
     if not services_of_bridges(graph):
         raise CommandError("no bridge runs on this bus; `bus bridge zenoh` and `bus bridge ros2` start one")
@@ -52,7 +52,7 @@ def main(args: Namespace) -> int:
 
 
 def lines(node: str, status: Answer, *, is_verbose: bool = False) -> Iterator[str]:
-    """What is said of the bridge whose node has this full name."""
+    """Lines about the bridge with the full node name `node`."""
     namespace = f", namespace {status.namespace}" if status.namespace != "/" else ""
     yield f"{node}: {status.engine}, this bus is {status.bus}{namespace}, up {_duration(status.uptime_s)}"
     yield f"{'':11}  nodes  publishers  subscriptions"
@@ -97,7 +97,7 @@ def _is_idle(route: RouteState) -> bool:
 
 
 def _rows(routes: list[RouteState]) -> Iterator[str]:
-    """All routes of one topic in one direction, added up; and what went wrong, in words."""
+    """Sums of all routes of one topic in one direction, and lines about problems."""
     dropped: Counter[str] = Counter()
     for one in routes:
         dropped.update(one.dropped)

@@ -1,4 +1,4 @@
-"""`bus bridge zenoh`: the buses of several machines, joined by zenoh."""
+"""`bus bridge zenoh`: connects the buses of several machines through zenoh."""
 
 from argparse import ArgumentParser, Namespace
 

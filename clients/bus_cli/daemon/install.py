@@ -1,4 +1,4 @@
-"""`bus daemon install`: write systemd units that start the daemon when the first program connects."""
+"""`bus daemon install`: write systemd units that start the daemon when a first program connects."""
 
 import grp
 import os
@@ -36,7 +36,7 @@ def add_scope(parser: ArgumentParser) -> None:
 
 
 def units_of(args: Namespace) -> Units:
-    """Raises CommandError for names that do not fit together or do not exist."""
+    """Make the units from the options. Raises CommandError for names that contradict or do not exist."""
     if args.socket:
         raise CommandError("a unit's socket is chosen by --domain and --system, not by --socket")
     domain = domain_id(args.domain)
@@ -89,7 +89,7 @@ def main(args: Namespace) -> int:
 
 
 def _check(config: Path, socket: Path) -> None:
-    """Now, and not first when it is to start. Raises CommandError with what busd has to say against it."""
+    """Check the configuration now, before systemd starts busd with it. Raises CommandError with its fault."""
     opinion = ask(config, socket)
     if opinion.fault:
         raise CommandError(opinion.fault)
@@ -114,7 +114,7 @@ def _what_next(units: Units) -> list[str]:
 
 
 def _runs(domain: int) -> bool:
-    """Whether a busd has the socket that is to be systemd's."""
+    """Whether a busd already listens on the socket for systemd."""
     try:
         with Query(socket_path(None, domain), may_start=False):
             return True

@@ -1,4 +1,4 @@
-"""`bus daemon peers`: what each process, or each user, makes the daemon hold."""
+"""`bus daemon peers`: resources that the daemon holds for each process, or for each user."""
 
 import os
 from argparse import ArgumentParser, Namespace
@@ -29,7 +29,7 @@ def main(args: Namespace) -> int:
     if charges is None:
         raise CommandError("this busd is too old to report the resources of each process")
     records: Sequence[Any] = charges.users
-    if not args.users:  # without this process, which is there for the question only
+    if not args.users:  # without this process, which only asks
         records = [peer for peer in charges.peers if peer.pid != os.getpid()]
     if args.json:
         for record in records:
@@ -44,7 +44,7 @@ def main(args: Namespace) -> int:
 
 def _cell(record: Any, name: str, suffix: str, limits: Mapping[str, int | float]) -> str:
     value, most = getattr(record, name), limits.get(name + suffix)
-    if name == _SILENT:  # else it just has nothing to say
+    if name == _SILENT:  # a shorter silence is normal
         return f"{value:.0f} s" if value >= limits.get("lease_s", 0) else ""
     text = size_text(value) if name.endswith("_bytes") else str(value)
     part = value / most if most else 0

@@ -1,4 +1,4 @@
-"""`bus daemon reload`: have the daemon read its configuration again."""
+"""`bus daemon reload`: let the daemon read its configuration again."""
 
 from argparse import ArgumentParser, Namespace
 

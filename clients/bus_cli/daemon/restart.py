@@ -1,4 +1,4 @@
-"""`bus daemon restart`: the daemon begins anew, with what is installed now, and hands its socket over."""
+"""`bus daemon restart`: the daemon starts the release installed now, which takes over its socket."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -10,7 +10,7 @@ from bus_cli.output import CommandError, print_json, say
 from bus_cli.query import NotRunning, Query
 
 _RESTART_S = 30.0
-"""How long it may take: a look whether the new one could start, the end of the old one, the start."""
+"""Time limit for a check that the new daemon can start, the end of the old one, and the start."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -35,7 +35,7 @@ def main(args: Namespace) -> int:
 
 
 def _restart(path: Path) -> str:
-    """Returns the release of the one that has ended."""
+    """Restart the daemon; returns the release of the old one."""
     try:
         query = Query(path, may_start=False, answer_s=_RESTART_S)
     except NotRunning:

@@ -1,6 +1,6 @@
-"""`bus daemon start`: a busd in the background that stays until it is stopped.
+"""`bus daemon start`: start a busd in the background that runs until it is stopped.
 
-Unlike the one that a program starts (`bus.link.autostart`), it has no idle exit and may be given options.
+A busd that a program starts (`bus.link.autostart`) exits when idle. This one does not, and it takes options.
 """
 
 import asyncio

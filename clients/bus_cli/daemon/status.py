@@ -1,4 +1,4 @@
-"""`bus daemon status`."""
+"""`bus daemon status`: whether a daemon runs."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus daemon stop`: ask the daemon to stop, and wait until it is gone."""
+"""`bus daemon stop`: ask the daemon to stop, and wait for its end."""
 
 import os
 import select
@@ -16,7 +16,7 @@ _LOOK_S = 0.02
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """Nothing but the common ones."""
+    """This verb only has the common options."""
 
 
 def main(args: Namespace) -> int:
@@ -30,7 +30,7 @@ def main(args: Namespace) -> int:
 
 
 def _stop(path: Path) -> int | None:
-    """The pid of the daemon that was stopped; None where none ran."""
+    """Stop the daemon; returns its pid, or None if none ran."""
     try:
         query = Query(path, may_start=False)
     except NotRunning:
@@ -54,7 +54,7 @@ def _stop(path: Path) -> int | None:
 
 
 def _wait(path: Path, process: int | None) -> bool:
-    """Wait for the end of the process, or of its socket where the process can't be watched."""
+    """Wait for the end of the process. If it can't be watched, wait until its socket is gone."""
     if process is not None:
         return bool(select.select([process], [], [], _STOP_S)[0])
     end_s = monotonic() + _STOP_S

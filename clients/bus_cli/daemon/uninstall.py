@@ -27,7 +27,7 @@ def main(args: Namespace) -> int:
         except OSError as error:
             raise CommandError(f"can't remove {path}: {error.strerror}") from None
     if removed and wanted.is_symlink():
-        wanted.unlink()  # else systemd looks for the enabled unit at each start, in vain
+        wanted.unlink()  # else systemd looks for the missing unit at each start
     what_next = [f"{systemctl} stop {units.name}.socket {units.name}.service", f"{systemctl} daemon-reload"]
     if args.json:
         print_json({"files": [str(path) for path in removed], "next": what_next if removed else []})

@@ -1,6 +1,6 @@
-"""The systemd units of the daemon: what stands in them and where they lie, for a user or for the machine.
+"""The systemd units of the daemon: their contents and their paths, for a user or for the machine.
 
-Must not know what to do with them. The texts are in `systemd/`, with `$name` for what differs.
+Must not write, start or stop units. The texts are in `systemd/`, with `$name` for the parts that differ.
 """
 
 import os
@@ -23,10 +23,9 @@ _NOTIFY_RELOAD = 253
 
 
 class Units(msgspec.Struct, frozen=True):
-    """The units of one domain. `user` and `group` are for the machine's; without them they are the caller's
-    own.
+    """The units of one domain. With `user` and `group` they are the machine's units, else the caller's own.
 
-    `config` is the absolute path of busd.toml, None: none.
+    `config` is the absolute path of busd.toml, or None.
     """
 
     domain: int = 0
@@ -46,7 +45,7 @@ class Units(msgspec.Struct, frozen=True):
 
     @property
     def socket(self) -> str:
-        """Where it listens, in systemd's words."""
+        """Path of busd's socket, in systemd's notation."""
         return f"{'/run' if self.user else '%t'}/busd/{self.domain}.sock"
 
     @property
@@ -54,7 +53,7 @@ class Units(msgspec.Struct, frozen=True):
         return [self.folder / f"{self.name}.{kind}" for kind in _KINDS]
 
     def texts(self, command: str, version: int | None) -> dict[Path, str]:
-        """What stands in each file. `command` starts busd, `version` is systemd's, None where not known."""
+        """Contents of each file. `command` starts busd; `version` is systemd's version, None if unknown."""
         reloads_by_notify = version is not None and version >= _NOTIFY_RELOAD
         values = {
             "name": self.name,
@@ -63,7 +62,7 @@ class Units(msgspec.Struct, frozen=True):
             "group": self.group,
             "socket": self.socket,
             "command": command,
-            # systemd sends the signal itself, and waits until it has been heeded.
+            # With notify-reload, systemd sends the signal itself and waits for the end of the reload.
             "type": "notify-reload" if reloads_by_notify else "notify",
             "reload": "" if reloads_by_notify else "/bin/kill -HUP $MAINPID",
         }
@@ -71,7 +70,7 @@ class Units(msgspec.Struct, frozen=True):
         return {path: _fill(f"{scope}.{kind}", values) for path, kind in zip(self.paths, _KINDS, strict=True)}
 
     def command(self) -> str:
-        """What starts this installation's busd, as it stands in ExecStart."""
+        """The command that starts the busd of this installation, in the notation of ExecStart."""
         program = Path(sys.executable).with_name("busd")
         words = [str(program)] if program.is_file() else [sys.executable, "-m", "busd"]
         words += ["--domain", str(self.domain)] if self.domain else []
@@ -80,7 +79,7 @@ class Units(msgspec.Struct, frozen=True):
 
 
 def systemd_version(environ: Mapping[str, str] = os.environ) -> int | None:
-    """Of the systemd that is installed; None where there is none."""
+    """Version of the installed systemd; None without systemd."""
     systemctl = shutil.which("systemctl", path=environ.get("PATH"))
     if systemctl is None:
         return None
@@ -99,7 +98,7 @@ def _fill(name: str, values: Mapping[str, str]) -> str:
 
 
 def _quoted(word: str) -> str:
-    """As systemd.service(5) wants it."""
+    """Quote a word by the rules of systemd.service(5)."""
     for plain, said in (("\\", "\\\\"), ('"', '\\"'), ("%", "%%"), ("$", "$$"), ("\n", "\\n"), ("\r", "\\r")):
         word = word.replace(plain, said)
     return f'"{word}"' if any(c in word for c in " \t'\"\\;") else word

@@ -1,12 +1,12 @@
-"""`bus doctor`: checks everything that the bus needs, and says what to do if something is wrong.
+"""`bus doctor`: checks everything that the bus needs, and prints advice for each problem.
 
 A module for each subject yields findings (`finding.py`): ok, warn or fail, with a text and advice.
 
 Invariants:
 
-- No check waits for long, because a daemon or program that stands still is a reason to call a doctor.
-- `procfs.py` reads what the kernel says, which may be gone or hidden at any time. It does not judge.
-- A finding of `fail` makes the exit code 1. Each `fail` and `warn` says what would help, if anything does.
+- No check waits for long, because users run the doctor if a daemon or program hangs.
+- `procfs.py` reads data of the kernel, which may be gone or hidden at any time. It does not judge.
+- A finding of `fail` makes the exit code 1. Each `fail` and `warn` has advice, if there is any.
 
 Read first: `finding.py`. Tests: `tests/unit/bus_cli/doctor/`, `tests/system/test_cli_doctor.py`.
 """
@@ -30,7 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     code = 0
-    for finding in examine(args):  # each at once: some take seconds
+    for finding in examine(args):  # print each immediately, because some checks take seconds
         if args.json:
             print_json(finding._asdict())
         else:
@@ -42,7 +42,7 @@ def main(args: Namespace) -> int:
 
 
 def examine(args: Namespace) -> Iterator[Finding]:
-    """All findings, most basic first."""
+    """All findings, the most basic ones first."""
     clocks = machine.ClockWatch()
     charges, pid = None, None
     file, running = None, set[str]()

@@ -20,17 +20,17 @@ __all__ = ["engines_with_bridges", "examine"]
 
 _BUFFERS = Path("/proc/sys/net/core")
 _WANTED_BYTES = 4 << 20
-"""With the kernel's 208 KiB, most images of 900 KB were lost on their way to ROS 2; with this none."""
+"""With the kernel's 208 KiB, most images of 900 KB were lost on the way to ROS 2, with this size none."""
 
 
 def engines_with_bridges(graph: Graph) -> set[str]:
-    """For which engines a bridge runs on this bus."""
+    """Engines with a running bridge on this bus."""
     found = (name for name, types in graph.services().items() if SERVICE_TYPE in types)
     return {engine for name in found for engine in TABLES if f"/bridge_{engine}" in name}
 
 
 def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Finding]:
-    """`file`: what busd was started with; `running`: engines with a bridge on this bus."""
+    """Findings about bridges. `file`: busd's configuration; `running`: engines with a bridge on this bus."""
     for engine, kind in TABLES.items():
         try:
             table = load(file, kind) if file is not None else kind()
@@ -50,7 +50,7 @@ def examine(file: Path | None, running: Collection[str] = ()) -> Iterator[Findin
 
 
 def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
-    """Whether a bridge could listen where the table says."""
+    """Whether a bridge could listen on the addresses in the table."""
     for text in table.listen if isinstance(table, ZenohTable) else ():
         try:
             fault = _find_fault(parse_address(text))
@@ -70,7 +70,7 @@ def _ports(table: BridgeTable, *, is_running: bool) -> Iterator[Finding]:
 
 
 def _find_fault(address: Address) -> OSError | None:
-    """Why no socket can be bound there. Of a name nothing is said: to ask for its address may take long."""
+    """The error of binding a socket there. A host name gives None: to resolve it may take long."""
     kind = socket.SOCK_DGRAM if address.protocol == "quic" else socket.SOCK_STREAM
     host = "127.0.0.1" if address.host == "localhost" else address.host
     try:
@@ -88,7 +88,7 @@ def _find_fault(address: Address) -> OSError | None:
 
 
 def _receive_buffers() -> Finding:
-    """What the kernel gives a receiver of DDS, where large messages come in many packets at once."""
+    """The kernel's receive buffers. DDS needs large ones: a large message comes in many packets at once."""
     sizes = {name: procfs.number_in(str(_BUFFERS / name)) for name in ("rmem_default", "rmem_max")}
     found = {name: size for name, size in sizes.items() if size is not None}
     text = ", ".join(f"net.core.{name} = {size}" for name, size in found.items()) or "not visible here"

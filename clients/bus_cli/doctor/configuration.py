@@ -1,4 +1,4 @@
-"""The daemon's configuration file, as it is now: busd itself looks at it, as before a restart."""
+"""The daemon's current configuration file. busd itself checks it, as before a restart."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,7 +12,10 @@ __all__ = ["examine", "file_of", "file_of_daemon"]
 
 
 def examine(path: Path, pid: int) -> Iterator[Finding]:
-    """Of the daemon `pid`, which listens at `path`. Nothing where it has no file, or we may not look."""
+    """Findings about the file of the daemon `pid`, which listens at `path`.
+
+    There are none if it has no file, or if /proc hides its command line from us.
+    """
     file = file_of_daemon(pid)
     if file is None:
         return
@@ -31,12 +34,12 @@ def examine(path: Path, pid: int) -> Iterator[Finding]:
 
 
 def file_of_daemon(pid: int) -> Path | None:
-    """The file that the busd with this process id was given; None where there is none, or we may not look."""
+    """The configuration file of the busd `pid`; None without one, or if /proc hides it from us."""
     return file_of(procfs.command_line(pid), procfs.folder(pid))
 
 
 def file_of(words: Sequence[str], folder: Path | None) -> Path | None:
-    """The file that a busd with this command line was given; `folder` is the one it was started in."""
+    """The configuration file in the command line `words` of a busd that was started in `folder`."""
     for at, word in enumerate(words):
         name, equals, value = word.partition("=")
         if name == "--config":

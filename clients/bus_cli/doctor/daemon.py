@@ -1,4 +1,4 @@
-"""The daemon: whether it answers, since when it runs, and whether it is the one that one would start now."""
+"""The daemon: whether it answers, its age, and whether it runs the files that are installed now."""
 
 import os
 import sys
@@ -23,11 +23,11 @@ from bus_cli.query import NotRunning, Query
 __all__ = ["Seen", "examine", "others", "reach"]
 
 _ANSWER_S = 3.0
-"""Whatever state busd is in, the doctor has more to look at."""
+"""Short, because the doctor has further checks if busd does not answer."""
 
 
 class Seen(NamedTuple):
-    """The answers of a busd; `charges` is None where it gave none."""
+    """The answers of a busd; `charges` is None if busd gave none."""
 
     hello: m.Hello
     graph: Graph
@@ -35,7 +35,7 @@ class Seen(NamedTuple):
 
 
 def reach(path: Path) -> Seen | BusError:
-    """What the busd at `path` says, or why it says nothing."""
+    """Ask the busd at `path`; returns its answers, or the error."""
     try:
         with Query(path, may_start=False, answer_s=_ANSWER_S) as query:
             return Seen(query.broker, query.graph(), query.charges())
@@ -44,7 +44,7 @@ def reach(path: Path) -> Seen | BusError:
 
 
 def examine(path: Path, seen: Seen | BusError) -> Iterator[Finding]:
-    """About the one at `path`."""
+    """Findings about the busd at `path`."""
     if isinstance(seen, NotRunning):
         if os.environ.get("BUSD_AUTOSTART", "1") in ("0", "no", "off", "false"):
             yield warn("daemon", "not running, and BUSD_AUTOSTART is off", f"busd --socket {path}")
@@ -62,7 +62,7 @@ def examine(path: Path, seen: Seen | BusError) -> Iterator[Finding]:
 
 
 def others(path: Path) -> Iterator[Finding]:
-    """Other daemons of this user: each has a bus of its own, or none any more."""
+    """Other daemons of this user. Each has a separate bus, or no socket file any more."""
     sockets = procfs.listening_paths()
     found = {
         pid: procfs.listens_on(pid, sockets)
@@ -80,18 +80,18 @@ def others(path: Path) -> Iterator[Finding]:
 
 
 def _silent(path: Path, error: BusError) -> Finding:
-    """busd is there, but refuses us."""
+    """The finding if busd exists but gives no answers."""
     pid = procfs.number_in(str(lock_of(path)))
     if pid is not None and procfs.state(pid) in ("T", "t"):
         return fail("daemon", f"pid {pid} is stopped (SIGSTOP, Ctrl-Z or a debugger)", f"kill -CONT {pid}")
     if isinstance(error, RemoteProtocolError) or not os.access(path, os.W_OK):
-        return fail("daemon", str(error))  # it says itself what is wrong, or `permissions` does
+        return fail("daemon", str(error))  # the error has the reason, or `permissions` has it
     known = "" if pid is None or not procfs.state(pid) else f" (pid {pid})"
     return fail("daemon", f"{error}{known}", "bus daemon stop, or kill it; see its log")
 
 
 def _age_s(hello: m.Hello) -> float | None:
-    """By its own word: one that was restarted is the same process, and runs what is installed since."""
+    """Age by busd's own report: after a restart it is the same process, but runs newer files."""
     if hello.began_ns:
         return max(0, time.monotonic_ns() - hello.began_ns) / 1e9
     return procfs.age_s(hello.pid)
@@ -112,16 +112,16 @@ def _release(hello: m.Hello) -> Finding:
 
 
 def _replaced(hello: m.Hello) -> Iterator[Finding]:
-    """Whether it runs what has been replaced since: an update does nothing to a process that runs."""
+    """Whether its files have been replaced since its start: an update does not change a running process."""
     program, age_s = procfs.executable(hello.pid), _age_s(hello)
     if program is None or age_s is None:
-        return  # another user's, or in another namespace
+        return  # the process of another user, or in another namespace
     if program.endswith(" (deleted)"):
         yield warn("daemon's files", f"its Python has been replaced: {program}", "bus daemon restart")
         return
     spec = find_spec("busd")
     if spec is None or spec.origin is None or Path(program) != Path(sys.executable).resolve():
-        return  # it runs from another place
+        return  # it runs from another installation
     changed = [
         file for file in Path(spec.origin).parent.rglob("*.py") if _is_newer(file, time.time() - age_s)
     ]
@@ -147,7 +147,7 @@ def _open_files(pid: int) -> Iterator[Finding]:
 
 
 def _is_busd(words: list[str]) -> bool:
-    """As a program of its own, or as a module of Python."""
+    """Whether a command line runs busd, as a program or as a module of Python."""
     if not words:
         return False
     names = [Path(word).name for word in words[:2]]

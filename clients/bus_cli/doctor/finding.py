@@ -1,15 +1,15 @@
-"""What a look at one subject comes to."""
+"""The result of one check."""
 
 from typing import NamedTuple
 
 __all__ = ["FULL", "Finding", "fail", "ok", "warn"]
 
 FULL = 0.8
-"""The part of a limit from which on a finding warns of it."""
+"""Findings warn above this part of a limit."""
 
 
 class Finding(NamedTuple):
-    """One line: `mark` is ok, warn or fail; `advice` says what to do, where there is something to do."""
+    """One line: `mark` is ok, warn or fail; `advice` tells the user what to do, or is empty."""
 
     mark: str
     subject: str
@@ -18,15 +18,15 @@ class Finding(NamedTuple):
 
 
 def ok(subject: str, text: str) -> Finding:
-    """As it should be."""
+    """A finding without a problem."""
     return Finding("ok", subject, text)
 
 
 def warn(subject: str, text: str, advice: str = "") -> Finding:
-    """The bus works, but not as well as it could, or not for long."""
+    """A problem with which the bus still works, but worse than it could, or not for long."""
     return Finding("warn", subject, text, advice)
 
 
 def fail(subject: str, text: str, advice: str = "") -> Finding:
-    """The bus does not work like that."""
+    """A problem with which the bus does not work."""
     return Finding("fail", subject, text, advice)

@@ -1,4 +1,4 @@
-"""What the machine gives: descriptors, memory, socket buffers, clocks."""
+"""Resources of the machine: descriptors, memory, socket buffers, clocks."""
 
 import resource
 import socket
@@ -16,12 +16,12 @@ _MIN_FILES = 1024
 _MIN_SEND_BUFFER = 100_000
 _MIN_FREE = 256 << 20
 _RELEASED_S = 1_735_689_600
-"""2025-01-01: a clock that shows less is not set."""
+"""2025-01-01: a clock with an earlier time is not set."""
 _JUMP_S = 0.05
 
 
 def limits() -> Iterator[Finding]:
-    """Limits of this process, mostly those of all that the user starts, and of the machine."""
+    """Limits of the machine and of this process, which are mostly the limits of all programs of the user."""
     files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if files < _MIN_FILES:
         may_raise = f"ulimit -n {most if most > 0 else _MIN_FILES}"
@@ -43,9 +43,9 @@ def limits() -> Iterator[Finding]:
 
 
 def memory(limits: Mapping[str, int | float], daemon: int | None = None) -> Iterator[Finding]:
-    """What programs may take here, and the daemon, process `daemon`, where that is another memory cgroup.
+    """Free memory here. If the process `daemon` is in another memory cgroup, also the free memory there.
 
-    Also whether busd may hold more for a user, by its `limits`, than there is.
+    Warns if the `limits` of busd allow a user more memory than is free.
     """
     held = int(limits.get("queued_bytes_per_user", 0) + limits.get("history_bytes_per_user", 0))
     here = _narrowest("self")
@@ -62,7 +62,7 @@ def _narrowest(process: int | str) -> Room | None:
 
 
 def _left(whose: str, room: Room, held: int) -> Finding:
-    """`held`: what busd may hold of it for one user."""
+    """Finding about the free memory in `room`; busd may hold `held` bytes of it for one user."""
     text = f"{whose}{room.left >> 20} of {room.limit >> 20} MiB of {room.where} are free"
     if room.left < held:
         text += f"; busd may hold {held >> 20} MiB for one user"
@@ -73,13 +73,13 @@ def _left(whose: str, room: Room, held: int) -> Finding:
 
 
 class ClockWatch:
-    """Looks at the clocks when it is made and again in the end."""
+    """Compares the clocks at its creation and again at the end, to find a jump."""
 
     def __init__(self) -> None:
         self._ahead_s = _ahead_s()
 
     def finding(self) -> Finding:
-        """Whether stamps can be trusted."""
+        """Finding about the clock: whether stamps are right."""
         if time.time() < _RELEASED_S:
             text = f"the clock shows {time.strftime('%Y-%m-%d', time.gmtime())}: stamps will be wrong"
             return warn("clock", text, "set it, or run an NTP client")
@@ -99,8 +99,8 @@ class ClockWatch:
 
 
 def _ahead_s() -> float:
-    """By how much the clock on the wall is ahead of the monotonic one.
+    """Seconds by which the wall clock is ahead of the monotonic clock.
 
-    The most of some tries: less comes out where this process stood still between its two looks.
+    The highest of several tries, because a pause between the two readings makes the result too low.
     """
     return max(time.time() - time.monotonic() for _ in range(5))

@@ -1,4 +1,4 @@
-"""The socket: how it was chosen, its folder, its file, and what dead daemons have left there."""
+"""The socket: the choice of its path, its folder, its file, and leftovers of dead daemons."""
 
 import os
 import socket
@@ -21,7 +21,7 @@ def is_default(args: Namespace) -> bool:
 
 
 def origin(args: Namespace) -> str:
-    """What chose the path: an option, a variable, or the default."""
+    """The source of the path: an option, a variable, or the default."""
     if args.socket is not None:
         return "--socket"
     if os.environ.get("BUSD_SOCKET"):
@@ -31,9 +31,9 @@ def origin(args: Namespace) -> str:
 
 
 def folder(folder: Path, *, is_default: bool, is_served: bool) -> Finding:
-    """The rules by which busd refuses a folder (docs/configuration.md).
+    """Check the folder by busd's own rules (docs/configuration.md).
 
-    Where a busd serves (`is_served`), another user's folder is fine: that busd has looked at it.
+    If a busd serves there (`is_served`), the folder may belong to another user: that busd has checked it.
     """
     try:
         found = folder.lstat() if is_default else folder.stat()
@@ -57,7 +57,7 @@ def folder(folder: Path, *, is_default: bool, is_served: bool) -> Finding:
 
 
 def socket_file(path: Path) -> Iterator[Finding]:
-    """Which users may connect."""
+    """Findings about the socket's file: which users may connect."""
     try:
         found = path.stat()
     except OSError:
@@ -79,7 +79,7 @@ def socket_file(path: Path) -> Iterator[Finding]:
 
 
 def log_file(path: Path) -> Iterator[Finding]:
-    """What keeps a busd of ours that is started in the background from having its log beside the socket."""
+    """A problem that prevents a busd of ours in the background from writing its log beside the socket."""
     is_of_others = path.exists() and path.stat().st_uid != os.geteuid()
     if not is_of_others and (fault := find_fault(log_path(path))):
         yield warn(
@@ -94,7 +94,7 @@ def leftovers(path: Path, *, is_default: bool) -> Iterator[Finding]:
         yield warn("stale file", f"{path} was left by a dead daemon", advice)
     elif lock_of(path).exists():
         yield warn("stale file", f"{lock_of(path)} was left by a dead daemon", advice)
-    if is_default:  # the folder is busd's own
+    if is_default:  # the folder belongs to busd
         served = set(listening_paths().values())
         for other in sorted(path.parent.glob("*.sock")):
             if other != path and str(other) not in served and _is_dead(other):
@@ -114,5 +114,5 @@ def _is_dead(path: Path) -> bool:
 
 
 def lock_of(path: Path) -> Path:
-    """The file that a busd at `path` holds a lock on; its pid stands in it."""
+    """The file that a busd at `path` locks; it contains busd's pid."""
     return path.with_name(f"{path.name}.lock")

@@ -1,4 +1,4 @@
-"""The processes on the bus: those that don't run, those of another release, those near a limit."""
+"""Processes on the bus that stand still, use another release, or are near a limit."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,13 +11,13 @@ from bus_cli.doctor.finding import FULL, Finding, ok, warn
 __all__ = ["examine"]
 
 _SILENT_PART = 0.6
-"""Part of the lease: a healthy process sends three times in one."""
+"""Longest normal silence, as a part of the lease: a healthy process sends three times in a lease."""
 
 _UNITS = {"connections": "processes"}
 
 
 def examine(seen: Seen) -> Iterator[Finding]:
-    """All of them that are not as they should be; else one line that all are."""
+    """Findings about processes with problems. Without problems, one finding for all processes."""
     found = [*_still(seen), *_releases(seen)]
     if seen.charges is not None:
         found += [*_near(seen.charges, len(seen.graph.topics())), *_refused(seen.charges)]
@@ -29,7 +29,7 @@ def examine(seen: Seen) -> Iterator[Finding]:
 
 
 def _still(seen: Seen) -> Iterator[Finding]:
-    """Processes that are connected and don't run."""
+    """Connected processes that do not run."""
     silent_s = {peer.pid: peer.silent_s for peer in (seen.charges.peers if seen.charges else ())}
     names = {peer.pid: peer.program for peer in (seen.charges.peers if seen.charges else ())}
     for pid in sorted({*silent_s, *(node.pid for node in seen.graph.nodes)} - {0}):
@@ -49,7 +49,7 @@ def _still(seen: Seen) -> Iterator[Finding]:
 
 
 def _releases(seen: Seen) -> Iterator[Finding]:
-    """Programs whose library is of another release than the daemon."""
+    """Programs with another release of the library than the daemon."""
     differ = [
         peer
         for peer in (seen.charges.peers if seen.charges else ())
@@ -61,7 +61,7 @@ def _releases(seen: Seen) -> Iterator[Finding]:
 
 
 def _near(charges: Peers, topics: int) -> Iterator[Finding]:
-    """Processes and users that have more than four fifths of a limit."""
+    """Processes and users that use more than four fifths of a limit."""
     limits = charges.limits
     for peer in charges.peers:
         yield from _full(_who(peer.program, peer.pid), peer, "_per_peer", limits)

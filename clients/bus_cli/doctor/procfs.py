@@ -1,6 +1,6 @@
-"""What the kernel says about processes and sockets (proc(5)). All of it may be gone, or hidden, at any time.
+"""The kernel's data about processes and sockets (proc(5)), which may be gone or hidden at any time.
 
-Must not know what is good or bad about it.
+Must not judge the data.
 """
 
 import os
@@ -24,17 +24,17 @@ __all__ = [
 
 _PROC = Path("/proc")
 _LISTENS = 0x10000
-"""__SO_ACCEPTCON, in the flags of /proc/net/unix."""
+"""The flag __SO_ACCEPTCON in /proc/net/unix: the socket listens."""
 
 
 def state(pid: int) -> str:
-    """One letter: R, S, T (stopped), Z (ended, but not reaped); "" where there is no such process."""
+    """State as one letter: R, S, T (stopped), Z (ended, but not reaped); "" if there is no such process."""
     fields = _stat(pid)
     return fields[0] if fields else ""
 
 
 def age_s(pid: int) -> float | None:
-    """Seconds since a process began."""
+    """Seconds since the start of a process."""
     fields = _stat(pid)
     if not fields:
         return None
@@ -42,7 +42,7 @@ def age_s(pid: int) -> float | None:
 
 
 def command_line(pid: int) -> list[str]:
-    """Empty where it can't be read, or where the process is about to begin or has ended."""
+    """The command line of a process; empty if unreadable, or if the process just starts or has ended."""
     with suppress(OSError):
         line = (_PROC / str(pid) / "cmdline").read_text(errors="replace")
         return line.removesuffix("\0").split("\0") if line else []
@@ -50,21 +50,21 @@ def command_line(pid: int) -> list[str]:
 
 
 def folder(pid: int) -> Path | None:
-    """In which a process is; its relative paths begin there."""
+    """The current folder of a process, to which its relative paths refer."""
     with suppress(OSError):
         return (_PROC / str(pid) / "cwd").readlink()
     return None
 
 
 def executable(pid: int) -> str | None:
-    """The path of the program's file; with " (deleted)" behind it where that has been replaced."""
+    """The path of the program's file; it ends with " (deleted)" if the file has been replaced."""
     with suppress(OSError):
         return str((_PROC / str(pid) / "exe").readlink())
     return None
 
 
 def open_files(pid: int) -> tuple[int, int] | None:
-    """How many a process has, and how many it may have."""
+    """The number of open files of a process, and its limit."""
     with suppress(OSError, ValueError, IndexError):
         limits = (_PROC / str(pid) / "limits").read_text().splitlines()
         most = next(line for line in limits if line.startswith("Max open files")).split()[3]
@@ -73,7 +73,7 @@ def open_files(pid: int) -> tuple[int, int] | None:
 
 
 def pids_of(uid: int) -> Iterator[int]:
-    """All processes of a user."""
+    """Process ids of all processes of a user."""
     for entry in _PROC.iterdir():
         with suppress(OSError):
             if entry.name.isdigit() and entry.stat().st_uid == uid:
@@ -81,7 +81,7 @@ def pids_of(uid: int) -> Iterator[int]:
 
 
 def listening_paths() -> dict[int, str]:
-    """The UNIX sockets with a file that listen, as far as this network namespace goes: by their numbers."""
+    """Paths of the UNIX sockets that listen in this network namespace, by their numbers."""
     found = {}
     with suppress(OSError):
         for line in (_PROC / "net" / "unix").read_text(errors="replace").splitlines()[1:]:
@@ -92,7 +92,7 @@ def listening_paths() -> dict[int, str]:
 
 
 def listens_on(pid: int, sockets: dict[int, str]) -> list[str]:
-    """Of `sockets`, as `listening_paths` gives them, the paths of those that a process holds."""
+    """Paths of the `sockets` (from `listening_paths`) that a process has open."""
     found = []
     with suppress(OSError):
         for entry in (_PROC / str(pid) / "fd").iterdir():
@@ -104,7 +104,7 @@ def listens_on(pid: int, sockets: dict[int, str]) -> list[str]:
 
 
 def number_in(path: str, name: str = "") -> int | None:
-    """The first number of a file, or of its line that begins with `name`."""
+    """The first number in a file, or in its line that begins with `name`."""
     with suppress(OSError, ValueError, StopIteration, IndexError):
         lines = Path(path).read_text().splitlines()
         line = next(line for line in lines if line.startswith(name))
@@ -113,7 +113,7 @@ def number_in(path: str, name: str = "") -> int | None:
 
 
 def _stat(pid: int) -> list[str]:
-    """The fields after the name, from the state on."""
+    """The fields after the name; the first one is the state."""
     with suppress(OSError):
         return (_PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()
     return []

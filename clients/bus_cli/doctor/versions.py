@@ -1,4 +1,4 @@
-"""What the library runs on: Python, packages, the native core."""
+"""The versions below the library: Python, packages, the native core."""
 
 import sys
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ _MIN_PYTHON = (3, 11)
 
 
 def examine() -> Iterator[Finding]:
-    """Of Python and the packages that count."""
+    """Findings about Python and the relevant packages."""
     import msgspec
 
     python = ".".join(map(str, sys.version_info[:3]))
@@ -31,7 +31,7 @@ def examine() -> Iterator[Finding]:
 
 
 def shared_memory() -> Finding:
-    """Whether messages go straight from process to process, and if not, why."""
+    """Whether messages can use shared memory, and if not, the reason."""
     from bus import shm
 
     reason, advice = shm.why_not(), shm.advice()
@@ -49,7 +49,7 @@ def shared_memory() -> Finding:
 
 
 def native_core(folder: Path | None = None) -> Iterator[Finding]:
-    """Whether the core is older than its sources, in a tree that has them. `folder`: another than its own."""
+    """Whether the core is older than its sources, if they are there. `folder` replaces the core's folder."""
     from bus import shm
 
     folder = folder or Path(shm.__file__).parent

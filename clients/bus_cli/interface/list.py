@@ -1,4 +1,4 @@
-"""`bus interface list`."""
+"""`bus interface list`: names of definitions."""
 
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
@@ -16,13 +16,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def add_kinds(parser: ArgumentParser, text: str) -> None:
-    """Options that choose kinds; `text` is their help, with the place for the kind."""
+    """Add the options that choose kinds; `text` is their help, with a placeholder for the kind."""
     for kind, what in (("msgs", "message"), ("srvs", "service"), ("actions", "action")):
         parser.add_argument(f"-{kind[0]}", f"--only-{kind}", action="store_true", help=text.format(what))
 
 
 def wanted_kinds(args: Namespace) -> list["Kind"]:
-    """The kinds that the options choose; without options all."""
+    """The kinds chosen by the options; without options, all kinds."""
     chosen = (args.only_msgs, args.only_srvs, args.only_actions)
     return [kind for kind, is_chosen in zip(_TITLES, chosen, strict=True) if is_chosen or not any(chosen)]
 

@@ -1,4 +1,4 @@
-"""`bus interface package`."""
+"""`bus interface package`: the definitions in a package."""
 
 from argparse import ArgumentParser, Namespace
 from typing import Any

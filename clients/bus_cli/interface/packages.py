@@ -1,4 +1,4 @@
-"""`bus interface packages`."""
+"""`bus interface packages`: names of packages with definitions."""
 
 from argparse import ArgumentParser, Namespace
 

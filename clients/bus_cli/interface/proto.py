@@ -1,4 +1,4 @@
-"""`bus interface proto`."""
+"""`bus interface proto`: an example message as YAML."""
 
 from argparse import ArgumentParser, Namespace
 
@@ -20,7 +20,7 @@ def main(args: Namespace) -> int:
 
     name = given_name(args.type)
     definition = find_definition(name)
-    # A service or an action: what is sent to it.
+    # For a service or an action, show the message that is sent to it.
     message = definition if isinstance(definition, Message) else definition[1]
     support = type_support(message_class(message.name))
     plain = View().plain(support.schema, support.schema["root"], support.cls())

@@ -1,4 +1,4 @@
-"""`bus interface show`."""
+"""`bus interface show`: the text of a definition."""
 
 import sys
 from argparse import ArgumentParser, Namespace
@@ -23,7 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def add_type(parser: ArgumentParser, text: str) -> None:
-    """The argument that names a definition."""
+    """Add the argument that names a definition."""
     completed_by(parser.add_argument("type", help=text), _types)
 
 
@@ -41,7 +41,7 @@ def main(args: Namespace) -> int:
 def given_name(text: str) -> str:
     """The full name of the definition that the user means.
 
-    Raises CommandError, in ros2's words, where there is none.
+    Raises CommandError with ros2's text if there is none.
     """
     from bus.errors import ConfigurationError
     from bus.types.definitions import definition_path, full_name, names
@@ -69,7 +69,7 @@ def given_name(text: str) -> str:
 
 
 def _only_one_called(short: str) -> str:
-    """The full name of the definition that is called `String` or the like."""
+    """The full name of the only definition with a short name such as `String`."""
     from bus.types.definitions import names
     from bus_cli.suggestions import near_type, types_called
 
@@ -83,7 +83,7 @@ def _only_one_called(short: str) -> str:
 
 
 def _lines(name: str, *, comments: bool, nested_comments: bool, above: tuple[str, ...] = ()) -> Iterator[str]:
-    """A definition with those that it names below their fields, one tab further in."""
+    """Lines of a definition. The definition of a field's type follows the field, one tab further right."""
     from bus.types.definitions import definition_path, find_definition
     from bus.types.idl import Message, code_of
 

@@ -1,11 +1,12 @@
-"""`bus launch`: run a launch file, list its arguments, or print what it holds.
+"""`bus launch`: run a launch file, list its arguments, or print its contents.
 
-Runs with the `launch` that can be imported: the genuine one of ROS 2 where it is installed, else busd's.
+Uses the `launch` that can be imported: the original of ROS 2 if it is installed, else busd's.
 
-`files.py` finds the file, `arguments.py` has its arguments, `completers.py` names for the shell, `bus.py` the
-bus that the processes use.
+`files.py` finds the file, `arguments.py` has its arguments, `completers.py` completes names in the shell, and
+`bus.py` chooses the bus of the processes.
 
-Invariants: only names that ROS 2's `launch` has are used; options and texts are those of `ros2 launch`.
+Invariants: this package only uses names that ROS 2's `launch` has; options and texts are the same as in
+`ros2 launch`.
 
 Read first: `files.py`. Tests: `tests/unit/bus_cli/launch/`, `tests/system/test_launch.py`.
 """

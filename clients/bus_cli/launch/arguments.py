@@ -1,4 +1,4 @@
-"""Arguments of launch files, as the command line gives and lists them."""
+"""Arguments of launch files: reading them from the command line, and listing them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ __all__ = ["given_arguments", "listed", "misspelt"]
 
 
 def given_arguments(words: Sequence[str]) -> dict[str, str]:
-    """Of `name:=value` words; of several for one name the last holds."""
+    """Read `name:=value` words. If a name occurs several times, the last value counts."""
     found: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition(":=")
@@ -20,10 +20,10 @@ def given_arguments(words: Sequence[str]) -> dict[str, str]:
 
 
 def misspelt(given: Iterable[str], description: Any) -> Iterator[str]:
-    """A line for each name that a file does not declare, and that is like one that it does.
+    """A line for each name that a file does not declare but that is similar to a declared one.
 
-    Other names are no mistake, for a launch configuration need not be declared. `description`: of the file,
-    or None.
+    Other names are not mistakes, because a launch configuration need not be declared. `description` is the
+    launch description of the file, or None.
     """
     if description is None:
         return

@@ -1,4 +1,4 @@
-"""What the shell completes of launch files, packages and their programs."""
+"""Completion in the shell: launch files, packages and their programs."""
 
 import os
 from argparse import Namespace
@@ -15,12 +15,12 @@ __all__ = ["complete_file_or_package", "complete_launch_words", "complete_run_wo
 
 
 def complete_file_or_package(prefix: str, **_: Any) -> list[str]:
-    """For `bus launch`: packages, and launch files in the folder of what was typed."""
+    """For `bus launch`: packages, and launch files in the typed folder."""
     return [*packages(prefix), *_files(prefix, ENDS)]
 
 
 def complete_launch_words(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """After a package its launch files, after a file its arguments, but for those that are given already."""
+    """After a package, its launch files. After a file, its arguments, except the ones already given."""
     first, given = parsed_args.package_or_file, list(parsed_args.words or ())
     try:
         path, words = find_launch_file(first, [word for word in given if word != prefix])
@@ -31,7 +31,7 @@ def complete_launch_words(prefix: str, parsed_args: Namespace, **_: Any) -> list
 
 
 def complete_run_words(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """For `bus run`: packages and scripts, then the package's programs; what follows is the program's."""
+    """For `bus run`: packages and scripts, then the package's programs. The program has the other words."""
     given = [word for word in parsed_args.words or () if word != prefix]
     if not given:
         return [*packages(prefix), *_files(prefix, (".py", ".pyz"))]
@@ -43,7 +43,7 @@ def complete_run_words(prefix: str, parsed_args: Namespace, **_: Any) -> list[st
 
 
 def _files(prefix: str, ends: tuple[str, ...]) -> Iterator[str]:
-    """Folders end with a slash, so that the shell goes on from there."""
+    """Matching files and all folders. Folders end with a slash, so the shell continues inside them."""
     folder = Path(prefix).parent if prefix else Path()
     try:
         found = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
@@ -57,7 +57,7 @@ def _files(prefix: str, ends: tuple[str, ...]) -> Iterator[str]:
 
 
 def _arguments(path: str) -> list[str]:
-    """What a launch file declares; nothing where it is not right, for this is no place to say so."""
+    """Names of the arguments that a launch file declares; none if the file has errors."""
     import_module("bus_ros.import_hook")
     sources: Any = import_module("launch.launch_description_sources")
     try:

@@ -1,4 +1,4 @@
-"""Which launch file a command line means."""
+"""The search for the launch file that a command line names."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -13,12 +13,12 @@ ENDS: Final = ("launch.py", "launch.xml", "launch.yaml", "launch.yml")
 
 
 def find_launch_file(first: str, others: Sequence[str]) -> tuple[str, list[str]]:
-    """The path of the file, and the words that are left; raises CommandError with the nearest name."""
+    """The path of the file, and the remaining words. Raises CommandError with the nearest name."""
     rest = list(others)
     has_second = bool(rest) and ":=" not in rest[0]
     if not has_second or _is_path(first):
         if os.path.isfile(first):  # noqa: PTH113 (a path as it was typed)
-            return os.path.abspath(first), rest  # noqa: PTH100 (links stay)
+            return os.path.abspath(first), rest  # noqa: PTH100 (does not resolve links)
         if not has_second and not _looks_like_path(first):
             raise CommandError(_only_a_package(first))
         raise CommandError(f"bus launch: '{first}' does not exist{_near_file(Path(first))}")
@@ -26,7 +26,7 @@ def find_launch_file(first: str, others: Sequence[str]) -> tuple[str, list[str]]
 
 
 def launch_files(package: str) -> list[Path]:
-    """Those of an installed package; none where there is no such package."""
+    """Launch files of an installed package; none if there is no such package."""
     from bus_ros import ament_index_python
 
     try:

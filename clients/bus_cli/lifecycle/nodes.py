@@ -1,4 +1,4 @@
-"""`bus lifecycle nodes`."""
+"""`bus lifecycle nodes`: names of lifecycle nodes."""
 
 from argparse import ArgumentParser, Namespace
 

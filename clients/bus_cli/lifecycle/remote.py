@@ -1,4 +1,4 @@
-"""What the lifecycle verbs have in common: lifecycle nodes by name, calls of their services, completion."""
+"""Shared code of the lifecycle verbs: lifecycle nodes by name, calls of their services, completion."""
 
 import asyncio
 from argparse import ArgumentParser, Namespace
@@ -21,7 +21,7 @@ _LABELS = ("configure", "cleanup", "activate", "deactivate", "shutdown")
 
 
 def add_node_argument(parser: ArgumentParser, *, is_optional: bool = False) -> None:
-    """The node's name, and whether hidden ones count."""
+    """Add the argument for the node's name, and the option for hidden nodes."""
     more = ". If no name is provided, then get the state for all nodes" if is_optional else ""
     action = parser.add_argument(
         "node_name", nargs="?" if is_optional else None, help=f"Name of the ROS node{more}"
@@ -31,7 +31,7 @@ def add_node_argument(parser: ArgumentParser, *, is_optional: bool = False) -> N
 
 
 def lifecycle_nodes(graph: "Graph", *, are_hidden_too: bool) -> list[str]:
-    """Full names of the nodes that tell their state, sorted."""
+    """Full names of the lifecycle nodes, sorted: nodes with a service for their state."""
     services = graph.services()
     found = {
         node.full_name
@@ -43,7 +43,7 @@ def lifecycle_nodes(graph: "Graph", *, are_hidden_too: bool) -> list[str]:
 
 
 def find_node(args: Namespace) -> str:
-    """The full name of the lifecycle node that the command line names. Raises CommandError for another."""
+    """The full name of the lifecycle node on the command line. Raises CommandError if it is not one."""
     name: str = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
     graph = get_graph(args)
     seen = lifecycle_nodes(graph, are_hidden_too=args.include_hidden_nodes)
@@ -61,8 +61,8 @@ def find_node(args: Namespace) -> str:
 async def call(
     node: "Node", name: str, service: str, srv_type: str, *, timeout_s: float | None = ANSWER_S, **fields: Any
 ) -> Any:
-    """Call one service of the lifecycle node `name`; what a transition does may take its time, with
-    `timeout_s` None. Raises CommandError where no answer comes.
+    """Call one service of the lifecycle node `name`. Use `timeout_s` None for a transition, which may take
+    long. Raises CommandError if no answer comes.
     """
     from bus.types.classes import service_class
 
@@ -81,7 +81,7 @@ async def call(
 
 
 def transitions(prefix: str, parsed_args: Namespace, **_: Any) -> tuple[str, ...]:
-    """Labels, for the shell."""
+    """Labels of transitions, for completion."""
     return _LABELS
 
 

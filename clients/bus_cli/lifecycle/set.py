@@ -1,4 +1,4 @@
-"""`bus lifecycle set`: have a lifecycle node make a transition."""
+"""`bus lifecycle set`: let a lifecycle node make a transition."""
 
 from argparse import ArgumentParser, Namespace
 
@@ -22,7 +22,7 @@ def main(args: Namespace) -> int:
 async def _set(args: Namespace, name: str) -> int:
     async with open_node(args) as node:
         servers = (await node.graph()).servers_of(f"{name}/change_state")
-        if len(servers) > 1:  # all would do it, and the first answer would count
+        if len(servers) > 1:  # all nodes would make the transition, but only the first answer would count
             where = ", ".join(f"{one.node.full_name} (pid {one.node.pid})" for one in servers)
             raise CommandError(
                 f"'{name}/change_state' is served {len(servers)} times, by {where}: rename one"

@@ -1,6 +1,6 @@
-"""`bus metrics`: what happens on the bus, for Prometheus.
+"""`bus metrics`: counters of the bus for Prometheus.
 
-A program of its own, so that busd parses no HTTP: to busd a scrape is two questions.
+It is a separate program, so busd parses no HTTP: for busd, a scrape is two requests.
 
     `view.py` (asks busd and bridges) -> `sums.py`, `bridges.py` (`growth.py`) -> `families.py` -> `serve.py`
 
@@ -9,7 +9,7 @@ Invariants:
 - A sum only grows, also if endpoints, processes or busd come and go. `sums.py`, `bridges.py` and `growth.py`
   are pure.
 - Everything is bounded: names that come and go for months must not fill the memory.
-- The page is served on loopback only, and only under a name of this machine.
+- The server listens on loopback only, and only answers requests for a name of this machine.
 - docs/operation.md lists each metric.
 
 Read first: `sums.py`. Tests: `tests/unit/bus_cli/metrics/`, `tests/system/test_cli_metrics.py`.
@@ -34,7 +34,7 @@ _DEFAULT = Place("127.0.0.1", 9464)
 _WHY = "metrics name processes and topics, so they are served on loopback only"
 _MOST_ROWS = 2000
 _LOOK_S = 3600.0
-"""How often the server looks whether to end. It never has to: a signal ends it at once."""
+"""Period in which the server checks whether to end. It never has to: a signal ends it at once."""
 
 _EPILOG = f"""\
 PLACE is on loopback, which every user of this machine can read. The metrics are listed in docs/operation.md.
@@ -73,7 +73,7 @@ def main(args: Namespace) -> int:
         where = f"http://{server.place}/metrics"
         show(f"metrics at {where}", {"listening": where}, as_json=args.json)
         sys.stdout.flush()
-        # Nothing is to be tidied up. As an exception, a Ctrl-C that comes within a finalizer is lost.
+        # There is nothing to clean up. As an exception, a Ctrl-C during a finalizer would be lost.
         die_at_interrupt()
         server.serve_forever(_LOOK_S)
     return 0

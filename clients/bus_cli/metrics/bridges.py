@@ -1,4 +1,4 @@
-"""What bridges count, added up by topic: sums that only grow, also when routes or bridges go. Pure."""
+"""Sums of the bridges' counters by topic. They only grow, also if routes or bridges go. Pure."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
@@ -7,30 +7,30 @@ from bus.vocabulary import DropReason
 from bus_cli.metrics.growth import Growth
 from bus_cli.metrics.sums import Labels, Sums
 
-if TYPE_CHECKING:  # asking takes a node
+if TYPE_CHECKING:  # the module imports the node, which is slow
     from bus_cli.bridge.remote import Answer
 
 __all__ = ["BridgeTotals", "links", "waiting"]
 
 _MOST_GONE = 16_384
-"""Routes and bridges that are gone and remembered: they come back with their totals."""
+"""Most routes and bridges that are gone but remembered, because they come back with their totals."""
 _COUNTERS = ("taken", "sent", "bytes", "lost")
 
 
 class BridgeTotals:
-    """What all routes have counted, `most` rows of each kind; by bridge, direction and topic."""
+    """Sums of the counters of all routes by bridge, direction and topic; at most `most` rows of each kind."""
 
     def __init__(self, most: int) -> None:
         self.taken, self.sent, self.bytes, self.lost = Sums(most), Sums(most), Sums(most), Sums(most)
         self.dropped = Sums(most)
-        """By reason besides. What was lost before it came to the bridge is not in it."""
+        """Drops, also by reason. Messages lost before they reached the bridge are not included."""
         self.refused = Sums(most)
-        """Connections, by bridge."""
+        """Refused connections, by bridge."""
         self._routes = Growth("taken", _MOST_GONE)
         self._bridges = Growth("refused", _MOST_GONE)
 
     def take(self, bridges: "Mapping[str, Answer]") -> None:
-        """What all bridges say at one moment, by name."""
+        """Add the growth of all counters. `bridges` has the status of all bridges at one moment, by name."""
         amounts: dict[str, dict[Labels, int]] = {name: {} for name in _COUNTERS}
         dropped: dict[Labels, int] = {}
         for (bridge, direction, _, topic), grown in self._routes.take(_routes(bridges)).items():
@@ -50,11 +50,11 @@ class BridgeTotals:
 
 
 def _routes(bridges: "Mapping[str, Answer]") -> dict[Labels, dict[str, int]]:
-    """The counters of each route: those of its own, and what was dropped by reason."""
+    """The counters of each route: its own ones, and its drops by reason."""
     found: dict[Labels, dict[str, int]] = {}
     for bridge, status in bridges.items():
         for route in status.routes:
-            # First, so that no reason can be taken for one of the route's own counters.
+            # Put the reasons first: then no reason can replace one of the route's own counters.
             dropped = {
                 reason: count
                 for reason, count in route.dropped.items()
@@ -71,12 +71,12 @@ def _routes(bridges: "Mapping[str, Answer]") -> dict[Labels, dict[str, int]]:
 
 
 def waiting(bridges: "Mapping[str, Answer]") -> dict[Labels, float]:
-    """Messages that wait in bridges, by bridge, direction and topic."""
+    """Messages queued in bridges, by bridge, direction and topic."""
     return _count(bridges, lambda one: [((r.direction, r.topic), r.waiting) for r in one.routes if r.waiting])
 
 
 def links(bridges: "Mapping[str, Answer]") -> dict[Labels, float]:
-    """How many links bridges have, by bridge and state."""
+    """The number of links, by bridge and state."""
     return _count(bridges, lambda one: [((link.state,), 1) for link in one.links])
 
 

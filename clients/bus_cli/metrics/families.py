@@ -1,6 +1,6 @@
-"""What a look at the bus comes to as metrics, in the words of Prometheus. Needs prometheus-client.
+"""Metrics for Prometheus from one view of the bus. Needs prometheus-client.
 
-Owns names, help texts, labels, and how many rows a metric may have. Must not know what they are served by.
+Owns names, help texts, labels, and the limit of rows of each metric. Must not know the server.
 """
 
 import os
@@ -25,7 +25,7 @@ from bus_cli.metrics.bridges import BridgeTotals, links, waiting
 from bus_cli.metrics.sums import Labels, Sums, Totals
 from bus_cli.metrics.view import View
 
-if TYPE_CHECKING:  # asking takes a node
+if TYPE_CHECKING:  # the module imports the node, which is slow
     from bus_cli.bridge.remote import Answer
 
 __all__ = ["BusCollector"]
@@ -60,11 +60,11 @@ Record = TypeVar("Record", PeerRecord, UserRecord)
 
 
 class BusCollector(Collector):
-    """Looks once each time that a thread asks it. `look` gives what was seen, or why nothing was."""
+    """Looks at the bus for each scrape. `look` returns the view, or the reason why there is none."""
 
     def __init__(self, look: Callable[[], View | str], *, most_rows: int, hidden: bool) -> None:
         self._look = look
-        self._lock = Lock()  # sums are kept from look to look
+        self._lock = Lock()  # protects the sums, which threads share
         self._most = most_rows
         self._hidden = hidden
         self._totals = Totals(most_rows)
@@ -72,7 +72,7 @@ class BusCollector(Collector):
         self._left_out: dict[Labels, float] = {}
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing in advance: to register must not mean to look."""
+        """Returns nothing, because registration must not look at the bus."""
         return ()
 
     def collect(self) -> list[Metric]:
@@ -222,7 +222,7 @@ class BusCollector(Collector):
         return family
 
     def _bounded(self, name: str, rows: Numbers) -> Numbers:
-        """The first rows, which are those of the oldest endpoints and processes."""
+        """The first rows, which belong to the oldest endpoints and processes."""
         if len(rows) <= self._most:
             return rows
         self._left_out[(name,)] = len(rows) - self._most
@@ -265,7 +265,7 @@ def _count(rows: Iterable[Labels]) -> Numbers:
 
 
 def _sum(labels_of: Callable[[Record], Labels], records: Iterable[Record], name: str) -> Numbers:
-    """A field of the records, added up where several have the same labels."""
+    """A field of the records; the sum if several records have the same labels."""
     sums: dict[Labels, float] = {}
     for record in records:
         labels = labels_of(record)

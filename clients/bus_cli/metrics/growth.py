@@ -1,4 +1,4 @@
-"""The growth of counters that may begin again at 0, as when their process is started again. Pure."""
+"""The growth of counters that may restart at 0, for example after a restart of their process. Pure."""
 
 from collections.abc import Mapping
 
@@ -8,10 +8,10 @@ __all__ = ["Growth"]
 
 
 class Growth:
-    """Counters by name, for things that are known by their labels.
+    """Counters by name, for things identified by their labels.
 
-    If the counter `leading` of a thing is lower than before, all its counters have begun again at 0. The last
-    `most_gone` things that are gone are remembered, because they may come back with their counters.
+    If the counter `leading` of a thing is lower than before, all its counters have restarted at 0. Growth
+    remembers the last `most_gone` things that are gone, because they may come back with their counters.
     """
 
     def __init__(self, leading: str, most_gone: int) -> None:
@@ -20,7 +20,7 @@ class Growth:
         self._before: dict[Labels, Mapping[str, int]] = {}
 
     def take(self, now: Mapping[Labels, Mapping[str, int]]) -> dict[Labels, dict[str, int]]:
-        """The counters of all things that are there. Returns their growth since the last call."""
+        """Takes the counters of all present things; returns their growth since the last call."""
         grown: dict[Labels, dict[str, int]] = {}
         for thing, counters in now.items():
             before = self._before.get(thing, {})

@@ -1,6 +1,6 @@
-"""prometheus-client's page and server on loopback, for those that ask by a name of this machine.
+"""prometheus-client's page and server on loopback. It only answers requests for a name of this machine.
 
-A page in a browser may reach loopback too, by a name that its owner points there.
+Reason: a web page in a browser can reach loopback, too, if its owner lets a name point there.
 """
 
 import errno
@@ -26,13 +26,13 @@ _PORT = re.compile(r":[0-9]*$")
 
 
 class Server(ThreadingWSGIServer):
-    """A thread for each request."""
+    """HTTP server with a thread for each request."""
 
     place: Place
-    """Where it listens."""
+    """Address on which it listens."""
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that hangs up or says nothing is no news."""
+        """Print nothing: a client that hangs up or stays silent is not an error."""
 
 
 class _ServerOf6(Server):
@@ -40,14 +40,14 @@ class _ServerOf6(Server):
 
 
 class _Handler(WSGIRequestHandler):
-    timeout = _SILENCE_S  # after which a connection is closed
+    timeout = _SILENCE_S  # closes silent connections
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are no news either."""
+        """Print nothing about requests."""
 
 
 def open_server(place: Place, registry: CollectorRegistry) -> Server:
-    """Listen at `place`; `serve_forever` answers. Raises CommandError where the place can't be had."""
+    """Listen at `place`; `serve_forever` answers. Raises CommandError if it can't listen there."""
     kind = _ServerOf6 if ":" in place.address else Server
     app = asked_by(frozenset({"localhost", place.host}), make_wsgi_app(registry))
     try:
@@ -60,7 +60,7 @@ def open_server(place: Place, registry: CollectorRegistry) -> Server:
 
 
 def asked_by(hosts: frozenset[str], app: "WSGIApplication") -> "WSGIApplication":
-    """The application, for requests whose header Host is missing or one of `hosts`, with any port."""
+    """The application, limited to requests without a Host header, or with one of `hosts` and any port."""
 
     def answer(request: "WSGIEnvironment", start_response: "StartResponse") -> Iterable[bytes]:
         host = request.get("HTTP_HOST", "").lower()

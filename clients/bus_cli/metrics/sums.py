@@ -1,7 +1,7 @@
-"""Sums that only grow: what endpoints count, added up by topic and node, also of those that are gone.
+"""Sums of endpoints' counters by topic and node. They only grow, and include endpoints that are gone.
 
-Pure. Must not know how the sums are asked for or written. Everything here is bounded: a bus on which names
-come and go for months must not fill the memory of the process that watches.
+Pure. Must not know how the counters are requested, or how the sums are written. Everything here is bounded:
+names that come and go for months must not fill the memory of this process.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,17 +11,17 @@ from bus.graph import EndpointStatistics, GraphEndpoint
 __all__ = ["Labels", "Sums", "Totals"]
 
 Labels = tuple[str, ...]
-"""What a row is about: a topic; a topic and a node; ..."""
+"""Subject of a row: a topic, a topic and a node, ..."""
 
 _MOST_GONE = 16_384
-"""Endpoints that are gone and remembered: after a restart of busd they come back with their totals."""
+"""Most endpoints that are gone but remembered: after a restart of busd they come back with their totals."""
 
 
 class Sums:
-    """Counters by label values, `most` rows at most.
+    """Counters by label values, in at most `most` rows.
 
-    A row stays when what it is about goes, until its place is needed; the longest gone goes first. What finds
-    no place is `left_out`.
+    If the subject of a row goes, the row stays until its place is needed. The subject that has been gone for
+    the longest time loses its row first. `left_out` is the number of subjects without a row.
     """
 
     def __init__(self, most: int) -> None:
@@ -30,7 +30,7 @@ class Sums:
         self._most = most
 
     def add(self, amounts: Mapping[Labels, int]) -> None:
-        """All that is there at one moment, with what it has counted since the last; 0 where it is nothing."""
+        """Add the growth since the last call for all subjects that are present now, also a growth of 0."""
         gone = self.rows
         here = {labels: gone.pop(labels) + amount for labels, amount in amounts.items() if labels in gone}
         new = [labels for labels in amounts if labels not in here]
@@ -42,31 +42,31 @@ class Sums:
 
 
 class Totals:
-    """What the endpoints of a bus have counted, `most` rows of each kind."""
+    """Sums of the counters of a bus's endpoints, at most `most` rows of each kind."""
 
     def __init__(self, most: int) -> None:
         self.messages, self.bytes = Sums(most), Sums(most)
-        """Published, by topic."""
+        """Published messages and bytes, by topic."""
         self.expected = Sums(most)
-        """Published to subscriptions since their matches, by topic and node."""
+        """Messages published to subscriptions since their matches, by topic and node."""
         self.delivered, self.delivered_bytes = Sums(most), Sums(most)
-        """Of these, taken by programs."""
+        """Messages and bytes that programs have taken, by topic and node."""
         self.dropped, self.dropped_early = Sums(most), Sums(most)
-        """Lost for subscriptions, and replaced at publishers, by topic, node and reason."""
+        """Messages lost for subscriptions, and replaced at publishers, by topic, node and reason."""
         self.lost = Sums(most)
-        """What subscriptions lost, by topic and node; 0 where nothing was, so that the first loss shows."""
+        """Messages lost for subscriptions, by topic and node. Starts with 0, so the first loss shows."""
         self._heard: dict[tuple[bytes, int], EndpointStatistics] = {}
 
     def take(self, publishers: Iterable[GraphEndpoint], subscriptions: Iterable[GraphEndpoint]) -> None:
-        """All endpoints of one moment, with their statistics.
+        """Add the growth of all counters. The arguments are all endpoints at one moment, with statistics.
 
-        A total that is lower than before, as right after a restart of busd, counts from where it was.
+        A counter that is lower than before, as right after a restart of busd, keeps its old value.
         """
         sent, taken = _Amounts(), _Amounts()
         heard: dict[tuple[bytes, int], EndpointStatistics] = {}
         for amounts, endpoints in ((sent, publishers), (taken, subscriptions)):
             for endpoint in endpoints:
-                # A bridge that is made anew brings the same gids, and counts from 0.
+                # A restarted bridge has the same gids, but counts from 0.
                 key = endpoint.gid, endpoint.node.pid if endpoint.node.origin is not None else 0
                 before = self._heard.get(key) or EndpointStatistics()
                 after = heard[key] = _highest(before, endpoint.statistics or before)
@@ -84,7 +84,7 @@ class Totals:
 
 
 class _Amounts:
-    """What was counted between two moments."""
+    """Growth of the counters between two moments."""
 
     def __init__(self) -> None:
         self.samples: dict[Labels, int] = {}

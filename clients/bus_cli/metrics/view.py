@@ -1,6 +1,6 @@
-"""One look at the bus: the graph with its counters, what everybody makes busd hold, what bridges count.
+"""One view of the bus: the graph with its counters, the resources that busd holds, the counters of bridges.
 
-Owns what is asked, and what counts as busd not being there. Must not know how it is written.
+Owns the questions, and the decision that busd is not available. Must not know how the metrics are written.
 """
 
 from collections.abc import Mapping
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 __all__ = ["View", "read_view"]
 
 _ANSWER_S = 2.0
-"""A scraper gives up after some ten seconds; a healthy busd answers in milliseconds."""
+"""A scraper waits about ten seconds; a healthy busd answers in milliseconds."""
 
 
 class View(msgspec.Struct, frozen=True):
-    """What was seen, and how long the look took; `charges` is None where busd gave none."""
+    """The answers of busd, and the time that they took; `charges` is None if busd gave none."""
 
     hello: m.Hello
     graph: Graph
     charges: m.Peers | None
     seconds: float
     bridges: "Mapping[str, Answer]" = {}
-    """By the full names of their nodes; without those that did not answer."""
+    """Status of each bridge that answered, by the full name of its node."""
 
 
 def read_view(path: Path) -> View | str:
-    """What busd at `path` says, or why there is nothing to say. Takes seconds at most, and starts no busd."""
+    """The view of the busd at `path`, or the reason for none. Takes some seconds at most; starts no busd."""
     began_s = monotonic()
     try:
         with Query(path, may_start=False, answer_s=_ANSWER_S) as query:
@@ -50,7 +50,7 @@ def read_view(path: Path) -> View | str:
 
 
 def _ask_bridges(path: Path, graph: Graph) -> "Mapping[str, Answer]":
-    """What the bridges in `graph` say. To ask takes a node, so nothing is imported where there are none."""
+    """The status of the bridges in `graph`. Without bridges, it does not import the node that asks them."""
     from bus_bridge.core.status import SERVICE_TYPE
 
     if not any(SERVICE_TYPE in types for types in graph.services().values()):

@@ -1,4 +1,4 @@
-"""`bus node info`."""
+"""`bus node info`: the endpoints of a node."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
@@ -76,6 +76,6 @@ def _topics(endpoints: Iterable[GraphEndpoint], *, hidden: bool) -> dict[str, li
 
 
 def _services(endpoints: Iterable[GraphEndpoint], *, hidden: bool) -> dict[str, list[str]]:
-    """A server takes requests, a client sends them."""
+    """Services with their types. A server takes requests, a client sends them."""
     found = services_of(endpoints)
     return {service: types for service, types in found.items() if hidden or not is_hidden_topic(service)}

@@ -1,4 +1,4 @@
-"""`bus node list`."""
+"""`bus node list`: names of nodes."""
 
 from argparse import ArgumentParser, Namespace
 

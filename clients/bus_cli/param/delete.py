@@ -1,4 +1,4 @@
-"""`bus param delete`."""
+"""`bus param delete`: delete a parameter of a node."""
 
 from argparse import ArgumentParser, Namespace
 

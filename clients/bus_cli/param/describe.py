@@ -1,4 +1,4 @@
-"""`bus param describe`."""
+"""`bus param describe`: the descriptors of parameters."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""`bus param dump`: a node's parameters as a file for `--params-file` and `bus param load`."""
+"""`bus param dump`: write a node's parameters as a file for `--params-file` and `bus param load`."""
 
 from argparse import ArgumentParser, Namespace
 from typing import Any
@@ -22,7 +22,7 @@ async def _dump(args: Namespace, name: str) -> int:
     async with open_remote(args, name) as remote:
         names = await remote.names()
         values = [plain(value) for value in await remote.values(names)]
-    # One without a value would be none in the file, too.
+    # Leave out a parameter without a value: the file has no way to write it.
     found = {key: listed(value) for key, value in zip(names, values, strict=True) if value is not None}
     if args.json:
         print_json({"node": name, "parameters": found})
@@ -32,7 +32,7 @@ async def _dump(args: Namespace, name: str) -> int:
 
 
 def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """`a.b` in `a`. Where `a` has a value itself, which YAML has no place for, the name stays whole."""
+    """Put `a.b` into a mapping `a`. If `a` also has a value, YAML can't have both, and `a.b` stays whole."""
     root: dict[str, Any] = {}
     for name, value in values.items():
         *above, last = name.split(SEPARATOR)
@@ -48,7 +48,7 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def to_yaml(value: Any) -> str:
-    """Sorted, in blocks; a text that rcl would read as something else is quoted."""
+    """YAML in blocks with sorted keys. Quotes a text that rcl would read as another type."""
     import yaml
 
     from bus_cli.render import represent_text

@@ -1,4 +1,4 @@
-"""`bus param get`."""
+"""`bus param get`: the value of a parameter."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus param list`."""
+"""`bus param list`: names of parameters."""
 
 import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -76,7 +76,7 @@ async def _find(args: Namespace, remote: Remote) -> list[dict[str, Any]]:
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    """For argparse."""
+    """Compile a regular expression, for argparse."""
     try:
         return re.compile(text)
     except re.error as error:

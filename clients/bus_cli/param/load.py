@@ -1,4 +1,4 @@
-"""`bus param load`: set what a file says of a node."""
+"""`bus param load`: set the parameters of a node from a file."""
 
 from argparse import ArgumentParser, Namespace
 

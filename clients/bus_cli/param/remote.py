@@ -1,6 +1,6 @@
-"""What the verbs of `bus param` have in common: nodes by name, their parameter services, values.
+"""Shared code of the verbs of `bus param`: nodes by name, their parameter services, values.
 
-Knows services and the graph, not how a verb prints.
+Knows services and the graph, but not the output of the verbs.
 """
 
 import asyncio
@@ -47,7 +47,7 @@ TYPE_NAMES = (
     "double array",
     "string array",
 )
-"""By the numbers of rcl_interfaces/msg/ParameterType, as ros2 writes them."""
+"""Names of the types as ros2 writes them. The index is the number in rcl_interfaces/msg/ParameterType."""
 
 LABELS = (
     "Parameter not set.",
@@ -63,7 +63,7 @@ LABELS = (
 )
 
 _ANSWER_S = 10.0
-_APPEAR_S = 2.0  # a node that has just started may not serve yet
+_APPEAR_S = 2.0  # a new node may not have its services yet
 _TYPECODES = {7: "q", 8: "d"}
 
 
@@ -72,7 +72,7 @@ def add_node_argument(parser: ArgumentParser) -> None:
 
 
 def find_node(args: Namespace) -> str:
-    """The full name of the node that the command line names. Raises CommandError where it is not there."""
+    """The full name of the node on the command line. Raises CommandError if it does not exist."""
     name: str = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
     graph = get_graph(args)
     if all(node.full_name != name for node in graph.nodes):
@@ -83,20 +83,20 @@ def find_node(args: Namespace) -> str:
 
 
 def nodes_with_parameters(graph: "Graph") -> list[str]:
-    """Full names of the nodes that let others see their parameters, sorted."""
+    """Full names of the nodes with parameter services, sorted."""
     names = {node.full_name for node in graph.nodes}
     return sorted(name for name in names if graph.servers_of(f"{name}/list_parameters"))
 
 
 class Remote:
-    """The parameters of the node called `name`. Calls raise CommandError where it gives no answer."""
+    """The parameters of the node called `name`. Calls raise CommandError if it does not answer."""
 
     def __init__(self, node: "Node", name: str) -> None:
         self.name = name
         self._node = node
 
     async def call(self, service: str, **fields: Any) -> Any:
-        """Call one of its services, by the name of its type."""
+        """Call one of its services; `service` is the name of its type."""
         from bus.types.classes import service_class
 
         definition: Any = service_class(f"rcl_interfaces/srv/{service}")
@@ -122,26 +122,26 @@ class Remote:
             raise CommandError(f"node '{self.name}' has no parameters (no service '{service}')") from None
 
     async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
-        """Of its parameters, sorted."""
+        """Names of its parameters, sorted."""
         response = await self.call("ListParameters", prefixes=list(prefixes), depth=0)
         return sorted(response.result.names)
 
     async def near(self, name: str) -> str:
-        """What was meant by the name of a parameter that the node does not have; "" where it has it."""
+        """A hint with a similar name if the node has no parameter `name`; "" if it has it."""
         from bus.base.suggest import did_you_mean
 
         names = await self.names()
         return "" if name in names else did_you_mean(name, names)
 
     async def values(self, names: list[str]) -> list[Any]:
-        """ParameterValues."""
+        """The values as ParameterValues, in the order of `names`."""
         response = await self.call("GetParameters", names=names)
-        # ROS's C++ nodes leave all out where one is not declared.
+        # ROS's C++ nodes return no values at all if one parameter is not declared.
         values = list(response.values) or [_message("ParameterValue")() for _ in names]
         return self._as_many(names, values)
 
     async def set(self, values: dict[str, Any]) -> list[Any]:
-        """Set each for itself, None = delete; returns SetParametersResults."""
+        """Set each parameter separately; None deletes it. Returns SetParametersResults."""
         make = _message("Parameter")
         parameters = [make(name=name, value=value_of(value)) for name, value in values.items()]
         response = await self.call("SetParameters", parameters=parameters)
@@ -155,7 +155,7 @@ class Remote:
 
 @asynccontextmanager
 async def open_remote(args: Namespace, name: str) -> AsyncIterator[Remote]:
-    """The parameters of one node, by a node of the tool."""
+    """Open a node of the tool to access the parameters of the node `name`."""
     from bus_cli.stream import open_node
 
     async with open_node(args) as node:
@@ -163,7 +163,7 @@ async def open_remote(args: Namespace, name: str) -> AsyncIterator[Remote]:
 
 
 def set_parameters(args: Namespace, name: str, values: dict[str, Any]) -> list[Any]:
-    """Set parameters of one node from a verb that does nothing else; returns SetParametersResults."""
+    """Set parameters of one node, for a verb that does nothing else; returns SetParametersResults."""
     from bus_cli.stream import run_stream
 
     results: list[Any] = []
@@ -181,7 +181,7 @@ def set_parameters(args: Namespace, name: str, values: dict[str, Any]) -> list[A
 
 
 def plain(value: Any) -> Any:
-    """What is in a ParameterValue, None where it is not set; many numbers are an `array`, as in rclpy."""
+    """The value in a ParameterValue; None if it is not set. A list of numbers is an `array`, as in rclpy."""
     try:
         found = python_value(value)
     except ValueError:  # a type that does not exist
@@ -192,7 +192,7 @@ def plain(value: Any) -> Any:
 
 
 def listed(value: Any) -> Any:
-    """A value that `plain` gave, for JSON and YAML: arrays as lists, bytes as numbers."""
+    """Convert a result of `plain` for JSON and YAML: arrays to lists, bytes to numbers."""
     if not isinstance(value, list | array):
         return value
     return [item[0] if isinstance(item, bytes) else item for item in value]
@@ -210,8 +210,8 @@ def say_result(args: Namespace, result: Any, done: str, failed: str) -> int:
 
 
 def value_of(value: Any) -> Any:
-    """A ParameterValue of a value as `bus.parameters.file` reads it; None = not set."""
-    # To ROS an empty list is one of booleans here.
+    """A ParameterValue for a value read by `bus.parameters.file`; None means not set."""
+    # ROS takes an empty list for a list of booleans here.
     type_ = ParameterType.BOOL_ARRAY if value == [] else ParameterType.from_parameter_value(value)
     return value_message(_message, type_, value)
 

@@ -1,4 +1,4 @@
-"""`bus param set`."""
+"""`bus param set`: set a parameter of a node."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus pkg create`: writes a package that pip installs and colcon builds alike."""
+"""`bus pkg create`: write a package that pip can install and colcon can build."""
 
 from argparse import ArgumentParser, Namespace
 from datetime import date
@@ -104,7 +104,7 @@ def _describe(args: Namespace) -> tuple[Description, str | None]:
 
 
 def _check(args: Namespace, package: Description, library: str | None) -> None:
-    """Raises CommandError for what can't be a package; nothing was written then."""
+    """Raises CommandError, before anything is written, if the options do not describe a package."""
     if args.build_type != _POSSIBLE:
         raise CommandError(
             f"busd has no build type '{args.build_type}': it runs Python. Use --build-type {_POSSIBLE}"
@@ -197,7 +197,7 @@ def _user() -> str:
 
 
 def _email() -> str | None:
-    """The one that git knows."""
+    """The e-mail address in git's configuration."""
     import subprocess
 
     try:

@@ -1,4 +1,4 @@
-"""`bus pkg executables`."""
+"""`bus pkg executables`: programs of packages."""
 
 from argparse import ArgumentParser, Namespace
 

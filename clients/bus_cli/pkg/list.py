@@ -1,4 +1,4 @@
-"""`bus pkg list`."""
+"""`bus pkg list`: names of packages."""
 
 from argparse import ArgumentParser, Namespace
 

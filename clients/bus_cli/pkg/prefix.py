@@ -1,4 +1,4 @@
-"""`bus pkg prefix`."""
+"""`bus pkg prefix`: the folder into which a package is installed."""
 
 from argparse import ArgumentParser, Namespace
 

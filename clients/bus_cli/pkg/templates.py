@@ -1,7 +1,7 @@
-"""The texts of a new package: pure, from values to files' contents. Must not touch the file system.
+"""The texts of a new package: makes contents of files from values. Pure: must not touch the file system.
 
-Shaped as in ROS 2, so that the steps of a lesson (put the dependencies after the license, fill in
-`console_scripts`) fit.
+The texts have the same form as in ROS 2, so that the steps of a lesson work (put the dependencies after the
+license, fill in `console_scripts`).
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape, quoteattr
 __all__ = ["LINTERS", "Description", "linter_test", "node", "package_xml", "setup_cfg", "setup_py"]
 
 LINTERS = ("copyright", "flake8", "pep257")
-"""ROS 2's for Python; each has a test in a new package."""
+"""ROS 2's linters for Python; a new package has a test for each."""
 
 _PACKAGE_XML = """\
 <?xml version="1.0"?>
@@ -62,7 +62,7 @@ setup(
 )
 """
 
-# Both commands put programs where ros2 run looks for them.
+# Both commands put programs into the folder in which `ros2 run` looks for them.
 _SETUP_CFG = """\
 [develop]
 script_dir=$base/lib/{name}
@@ -91,7 +91,7 @@ def test_{linter}():
 
 
 class Description(NamedTuple):
-    """What a new package says of itself."""
+    """The metadata of a new package."""
 
     name: str
     description: str

@@ -1,4 +1,4 @@
-"""`bus pkg xml`."""
+"""`bus pkg xml`: the manifest of a package, or a tag of it."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus service call`: a request given as YAML, and what is answered."""
+"""`bus service call`: send a request given as YAML, and print the answer."""
 
 import asyncio
 from argparse import ArgumentParser, Namespace
@@ -35,7 +35,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    # First what is wrong with the line itself.
+    # Before anything else, report mistakes in the command line itself.
     name, values = full_service_type(args.service_type), load(args.values)
     service = full_topic_name(args.service_name)
     return run_stream(_call(args, service, name, {} if values is None else values))

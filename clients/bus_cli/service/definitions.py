@@ -1,4 +1,4 @@
-"""What the service verbs have in common: types by name, and the names that the shell completes."""
+"""Shared code of the service verbs: types by name, and completion of names in the shell."""
 
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,10 @@ __all__ = ["find_service_type", "full_service_type", "services"]
 
 
 def full_service_type(text: str) -> str:
-    """`std_srvs/SetBool` as `std_srvs/srv/SetBool`. Raises CommandError for what is no service's type."""
+    """Expand a type name: `std_srvs/SetBool` is `std_srvs/srv/SetBool`.
+
+    Raises CommandError if the name is not the type of a service.
+    """
     name = full_type_name(text, "srv")
     if name.split("/")[1] == "msg":
         raise CommandError(f"The passed service type is invalid: {text} is a message, not a service")
@@ -25,16 +28,16 @@ def full_service_type(text: str) -> str:
 
 
 def services(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Names of services, for the shell; hidden ones only where the prefix is hidden too."""
+    """Names of services, for completion in the shell; hidden ones only if the prefix is hidden, too."""
     graph = live_graph(parsed_args)
     found = graph.services() if graph else ()
     return [name for name in found if not is_hidden_topic(name) or is_hidden_topic(prefix)]
 
 
 async def find_service_type(node: "Node", graph: "Graph", service: str, name: str) -> Any:
-    """The definition called `name`, as it is served: ready-made, from a file, or made of what is on the bus.
+    """Find the definition `name` ready-made or in a file, or make it from the types on the bus.
 
-    Raises CommandError where nothing knows it, or the service has another type.
+    Raises CommandError if none of these knows it, or if the service has another type.
     """
     from bus.srv import make_service
     from bus.types.classes import service_class

@@ -1,4 +1,4 @@
-"""`bus service find`."""
+"""`bus service find`: services of a type."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus service info`: a service's type, and how many serve and call it."""
+"""`bus service info`: the type of a service, and the numbers of its servers and clients."""
 
 from argparse import ArgumentParser, Namespace
 

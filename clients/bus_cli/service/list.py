@@ -1,4 +1,4 @@
-"""`bus service list`."""
+"""`bus service list`: names of services."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus service type`."""
+"""`bus service type`: the type of a service."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus tf2 echo`: a transform between two frames, again and again; what `tf2_echo` of tf2_ros does."""
+"""`bus tf2 echo`: print a transform between two frames repeatedly, as `tf2_echo` of tf2_ros does."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus tf2 frames`: draw the tree of frames; what `view_frames` of tf2_tools does."""
+"""`bus tf2 frames`: draw the tree of frames, as `view_frames` of tf2_tools does."""
 
 from argparse import ArgumentParser, Namespace
 

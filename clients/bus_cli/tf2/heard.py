@@ -1,4 +1,4 @@
-"""The frames that the shell completes: those that are heard on /tf and /tf_static in a moment."""
+"""Completion of frames in the shell: the frames received on /tf and /tf_static within a moment."""
 
 import asyncio
 from argparse import Namespace
@@ -8,11 +8,11 @@ __all__ = ["complete_frames"]
 
 TOPICS: Final = ("/tf", "/tf_static")
 MOMENT_S: Final = 0.4
-"""Transforms that move come ten times a second at the least; nobody waits longer for a key."""
+"""Moving transforms usually come at least ten times a second, and completion must be fast."""
 
 
 def complete_frames(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Names of frames, sorted; none where no busd runs."""
+    """Names of frames, sorted; none if no busd runs."""
     from bus.errors import BusError
     from bus_cli.query import get_graph
 

@@ -1,4 +1,4 @@
-"""`bus tf2 monitor`: how late transforms are, and how often they come; what `tf2_monitor` of tf2_ros does."""
+"""`bus tf2 monitor`: print delays and rates of transforms, as `tf2_monitor` of tf2_ros does."""
 
 from argparse import ArgumentParser, Namespace
 

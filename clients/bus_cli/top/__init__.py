@@ -1,12 +1,12 @@
 """`bus top`: topics and nodes with their rates and losses, live.
 
-    bus --> bus_web.model --> `state.py` (what is shown) --> `columns.py`, `figures.py` --> `table.py` (lines)
-                                                                        `screen.py` (textual), `plain.py` <-+
+    bus --> bus_web.model --> `state.py` (the view) --> `columns.py`, `figures.py` --> `table.py` (lines)
+                                                                   `screen.py` (textual), `plain.py` <-+
 
 Invariants:
 
 - `state.py`, `columns.py`, `figures.py` and `table.py` are pure, so the screen is tested without a terminal.
-- textual is imported only for the screen; --once and --json need neither it nor an event loop.
+- textual is imported only for the screen. --once and --json need neither textual nor an event loop.
 - The page in a browser shows the same rows: they come from `bus_web`.
 
 Read first: `state.py`. Tests: `tests/unit/bus_cli/top/`, `tests/system/test_cli_top.py`.
@@ -74,12 +74,12 @@ def main(args: Namespace) -> int:
 
 
 def _width() -> int | None:
-    """Of the terminal; None where the output goes elsewhere."""
+    """Width of the terminal; None if the output is not a terminal."""
     return os.get_terminal_size(sys.stdout.fileno()).columns if sys.stdout.isatty() else None
 
 
 def _delay(text: str) -> float:
-    """For argparse."""
+    """Read a period in seconds, for argparse."""
     seconds = positive(text)
     if not 0.1 <= seconds <= 3600:
         raise ArgumentTypeError(f"the period must be from 0.1 to 3600 s, not {text}")
@@ -87,7 +87,7 @@ def _delay(text: str) -> float:
 
 
 def _sort_key(text: str) -> str:
-    """For argparse."""
+    """Read a key to sort by, for argparse."""
     key = text.lower()
     if key not in SORT_KEYS:
         from bus.base.suggest import did_you_mean

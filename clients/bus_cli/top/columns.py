@@ -1,4 +1,4 @@
-"""The columns of `bus top`: of topics, of nodes, and of the endpoints below them; and its sentences. Pure."""
+"""The columns of `bus top` for topics, nodes and their endpoints, and its sentences. Pure."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from textwrap import wrap
@@ -46,7 +46,7 @@ def queue_text(row: Row | EndpointRow) -> str:
 
 
 def why_text(row: Row | EndpointRow) -> str:
-    """What is wrong, in words."""
+    """A text about the problems of a row."""
     parts = []
     if row.lost_per_s > 0 or row.lost:
         reason = max(row.dropped, key=row.dropped.__getitem__, default="")
@@ -70,7 +70,7 @@ def _least(number: float | None) -> float:
 
 
 def _columns(title: str, second: Column) -> list[Column]:
-    """Columns are sorted from the highest where they have a width."""
+    """The columns of topics or nodes. Columns with a width are sorted from the highest value."""
     return [
         Column(title, name_of, lambda row: name_of(row)),
         second,
@@ -117,7 +117,8 @@ def endpoint_lines(
 ) -> tuple[str, list[Line]]:
     """The titles, and the lines below them: the endpoints of a row, and each pair that does not match.
 
-    `pairs`: those of the row's topic, or of all topics of its node; `names`: the nodes of their ends.
+    `pairs`: the pairs of the row's topic, or of all topics of its node. `names`: the nodes of the pairs'
+    ends.
     """
     table = _OF_TOPIC if isinstance(row, TopicRow) else _OF_NODE
     title, first = table.lines(endpoints, width)
@@ -132,7 +133,7 @@ def endpoint_lines(
 
 
 def sums_text(sums: Sums) -> str:
-    """All together, in a sentence."""
+    """The sums of all rows in a sentence."""
     lost = f"lost {count_text(sums.lost)}" if sums.lost else "nothing lost"
     if sums.lost_per_s > 0:
         lost = f"losing {rate_text(sums.lost_per_s)}/s, {lost}"

@@ -1,4 +1,4 @@
-"""Numbers as `bus top` writes them: short, for narrow columns. Pure."""
+"""Numbers as short texts, for the narrow columns of `bus top`. Pure."""
 
 from collections.abc import Sequence
 
@@ -7,15 +7,15 @@ from bus_cli.output import size_text
 __all__ = ["NONE", "SPARK_CELLS", "bytes_text", "count_text", "rate_text", "seconds_text", "spark_text"]
 
 NONE = "-"
-"""For what is not known, or is not there."""
+"""Text for an unknown or missing value."""
 SPARK_CELLS = 10
 _SPARKS = "▁▂▃▄▅▆▇█"
 _HEADROOM = 1.5
-"""A rate that never changes is drawn at two thirds of the height, so that both ways are left to go."""
+"""A constant rate is drawn at two thirds of the height, so changes in both directions are visible."""
 
 
 def rate_text(rate: float | None) -> str:
-    """`29.9`; `-` where it is not known."""
+    """A rate such as `29.9`; `-` if it is unknown."""
     if rate is None:
         return NONE
     if rate >= 1e6:
@@ -26,7 +26,7 @@ def rate_text(rate: float | None) -> str:
 
 
 def count_text(count: int) -> str:
-    """At most seven characters."""
+    """A count in at most seven characters."""
     for size, unit in ((10**12, "T"), (10**9, "G"), (10**6, "M")):
         if count >= size:
             return f"{count / size:.2f}{unit}" if count < 1000 * size else f"{count // size}{unit}"
@@ -50,11 +50,11 @@ def _short(value: float, unit: str) -> str:
 
 
 def spark_text(history: Sequence[float], cells: int = SPARK_CELLS) -> str:
-    """The last seconds as bars."""
+    """The rates of the last seconds as bars."""
     shown = history[-cells:]
     top = _HEADROOM * max(shown, default=0.0)
     if not top:
         return ("▁" * len(shown)).rjust(cells)
-    # What is not nothing is more than the lowest.
+    # Values above 0 are higher than the lowest bar.
     bars = (_SPARKS[max(1, round(one / top * (len(_SPARKS) - 1)))] if one else "▁" for one in shown)
     return "".join(bars).rjust(cells)

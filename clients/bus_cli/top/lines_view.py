@@ -1,4 +1,4 @@
-"""A part of the screen with lines of text, of which one may be chosen. Needs textual."""
+"""A part of the screen with lines of text; the user may choose one. Needs textual."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -26,7 +26,7 @@ _CHOSEN = Style(reverse=True)
 
 
 class LinesView(ScrollView, can_focus=True):
-    """Lines of text, of which only those in sight are drawn. One may be chosen: `chosen`, from 0; -1 none."""
+    """Lines of text; only visible lines are drawn. `chosen` is the index of the chosen line, or -1."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "step(-1)", show=False),
@@ -38,7 +38,7 @@ class LinesView(ScrollView, can_focus=True):
     ]
 
     class Chosen(Message):
-        """Another line was chosen."""
+        """The user has chosen another line."""
 
         def __init__(self, index: int) -> None:
             super().__init__()
@@ -51,7 +51,7 @@ class LinesView(ScrollView, can_focus=True):
         self.chosen = -1
 
     def show(self, lines: Sequence[Line], chosen: int = -1) -> None:
-        """Show other lines; what is scrolled to stays, but for a chosen line out of sight."""
+        """Show other lines. The scroll position only changes if a newly chosen line is out of sight."""
         is_other = chosen != self.chosen
         self._lines, self.chosen = lines, chosen
         size = Size(self._width_of(lines), len(lines))
@@ -62,7 +62,7 @@ class LinesView(ScrollView, can_focus=True):
         self.refresh()
 
     def _width_of(self, lines: Sequence[Line]) -> int:
-        """Of tables, which fit, only as much as is in sight."""
+        """Width of all lines. A table fits, so its width is the visible width."""
         return self.size.width if self._can_choose else max((len(line.text) for line in lines), default=0)
 
     def render_line(self, y: int) -> Strip:
@@ -74,7 +74,7 @@ class LinesView(ScrollView, can_focus=True):
         style = _STYLES[line.mark]
         if index == self.chosen:
             style += _CHOSEN
-        text = printable(line.text, "")  # others' texts may hold what a terminal obeys
+        text = printable(line.text, "")  # texts of other programs may contain escape sequences
         return Strip([Segment(text[x : x + width].ljust(width), style)], width)
 
     def action_step(self, by: int) -> None:

@@ -1,4 +1,4 @@
-"""`bus top --once` and `--json`: looks at the bus without a screen, and needs no event loop."""
+"""`bus top --once` and `--json`: output without a screen and without an event loop."""
 
 import os
 import select
@@ -20,20 +20,20 @@ from bus_web.rows import EndpointRow, TopicRow
 __all__ = ["looks", "record", "report"]
 
 _LOOKS_FOR_RATES = 3
-"""Counters come twice a second and make a rate once they have come twice."""
+"""Counters arrive twice a second; a rate needs two arrivals."""
 
 
 def looks(path: Path, delay_s: float, *, is_once: bool) -> Generator[Model]:
-    """The bus every `delay_s` seconds, first when rates are known; `is_once`: then no more.
+    """Yields the model of the bus every `delay_s` seconds, first when rates are known; `is_once`: only once.
 
-    Goes on over a restart of busd, however long that takes, unless `is_once`. Raises what `Query` raises at
-    the beginning, and BrokenPipeError where nobody reads what is printed any more.
+    Without `is_once`, it waits for busd after a restart, for any time. At the beginning it raises the errors
+    of `Query`. Raises BrokenPipeError if the reader of the output is gone.
     """
 
     def describe(name: str, number: str) -> bytes | None:
         try:
             return query.description(name, number)
-        except ConnectionClosed:  # the next look says so
+        except ConnectionClosed:  # the next look reports it
             return None
 
     query, watch = Query(path), reader()
@@ -84,14 +84,14 @@ def _rest(seconds: float, watch: select.epoll | None) -> None:
 
 
 def report(model: Model, by: str, width: int | None, *, hidden: bool) -> str:
-    """The sums, and the table of topics."""
+    """The sums and the table of topics, as text."""
     rows = model.topics(hidden=hidden)
     title, lines = BY_TOPIC.lines(BY_TOPIC.sort(rows, by), width)
     return "\n".join((sums_text(model.sums(rows)), "", title, *(line.text for line in lines)))
 
 
 def record(model: Model, by: str, *, hidden: bool) -> dict[str, Any]:
-    """All of it, for programs."""
+    """All values as a JSON record, for programs."""
     rows = model.topics(hidden=hidden)
     return {
         "time": time.time(),

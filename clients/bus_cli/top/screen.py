@@ -1,4 +1,4 @@
-"""`bus top` on a terminal: the table, below it what is chosen there, and keys. Needs textual."""
+"""`bus top` on a terminal: the table, details of the chosen row below it, and keys. Needs textual."""
 
 import asyncio
 import os
@@ -54,12 +54,12 @@ docs/look.md explains the columns. Any key closes this."""
 _KEYS = "s sort  r reverse  / filter  h hidden  n nodes  Enter values  space pause  ? help  q quit"
 
 
-# textual's thread that reads keys would end at what is no UTF-8, as of a mouse in the old way.
+# textual's thread for keys would end at bytes that are not UTF-8, for example of an old mouse protocol.
 vars(linux_driver)["getincrementaldecoder"] = lambda name: partial(getincrementaldecoder(name), "replace")
 
 
 def run(args: Namespace) -> int:
-    """Until `q`. Raises KeyboardInterrupt at Ctrl-C, CommandError or BusError where the bus is lost."""
+    """Run until `q`. Raises KeyboardInterrupt at Ctrl-C; CommandError or BusError without busd."""
     return run_stream(_run(args))
 
 
@@ -68,14 +68,14 @@ async def _run(args: Namespace) -> int:
         top = Top(node, args.delay, State(args.sort, hidden=args.include_hidden_topics))
         await top.run_async()
         if (task := asyncio.current_task()) is not None and task.cancelling():
-            raise asyncio.CancelledError  # a signal, of which textual makes an end as by `q`
+            raise asyncio.CancelledError  # a signal; textual handles it like `q`
     if top.failure is not None:
         raise top.failure
     return 0
 
 
 class Help(ModalScreen[None]):
-    """The keys."""
+    """The list of keys."""
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
@@ -90,7 +90,7 @@ class Help(ModalScreen[None]):
 
 
 class Top(App[None]):
-    """Shows the bus as `node` sees it, every `delay_s` seconds. `failure`: why it has ended by itself."""
+    """Shows the bus of `node`, updated every `delay_s` seconds. `failure`: the error that ended it."""
 
     ENABLE_COMMAND_PALETTE = False
     CSS = """
@@ -168,7 +168,7 @@ class Top(App[None]):
         while True:
             began_s = monotonic()
             if not self._state.is_paused:
-                with suppress(TimeoutError):  # the sums say so (_show_news)
+                with suppress(TimeoutError):  # _show_news reports it in the sums
                     self._take(await self._node.graph(statistics=True))
                     if await self._descriptions.ask():
                         self._model.forget_pairs()
@@ -187,7 +187,7 @@ class Top(App[None]):
         if not self.is_running or not self.query("#rows"):
             return
         state, rows = self._state, self.query_one("#rows", LinesView)
-        width = rows.size.width - 1  # the scrollbar must not come over the last column
+        width = rows.size.width - 1  # the scrollbar must not cover the last column
         title, lines = state.table.lines(state.rows, width, by=state.by)
         self.query_one("#titles", Static).update(title)
         rows.show(lines, state.index)
@@ -212,7 +212,7 @@ class Top(App[None]):
         below.show(lines)
 
     def _show_news(self) -> None:
-        """What comes between two looks: values, and that there is no look any more."""
+        """Show changes between two looks: new values, and a busd that does not answer."""
         is_away = monotonic() - self._looked_s > self._delay_s + _SILENT_S and not self._state.is_paused
         if is_away != self._state.is_away:
             self._state.is_away = is_away
@@ -265,7 +265,7 @@ class Top(App[None]):
         line.focus()
 
     def action_leave(self) -> None:
-        """Escape: out of what was begun last."""
+        """Handle Escape: leave the mode that was entered last."""
         if self.query_one("#filter", Input).display or self._state.filter:
             self._close_filter()
             self._state.set_filter("")

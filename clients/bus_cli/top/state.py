@@ -1,4 +1,4 @@
-"""What `bus top` shows just now: by which column, which rows, which of them is chosen. Pure."""
+"""The current view of `bus top`: the column to sort by, the rows, and the chosen row. Pure."""
 
 from collections.abc import Sequence
 
@@ -16,20 +16,20 @@ class State:
     def __init__(self, by: str = "topic", *, hidden: bool = False) -> None:
         self.by = by
         self.table: Table = BY_TOPIC
-        """Its columns: those of topics, or of nodes."""
+        """The columns of topics, or of nodes."""
         self.filter = ""
         self.is_paused = False
         self.is_away = False
         """Whether busd does not answer."""
         self.rows: Sequence[Row] = ()
         self.index = -1
-        """The place of the chosen row; -1 where there is none."""
+        """The index of the chosen row; -1 if there is none."""
         self.sums = "looking for the bus"
         self._hidden = hidden
         self._is_reversed = False
         self._model: Model | None = None
         self._name = ""
-        """Of the row that the user chose, which may not be there at the moment."""
+        """Name of the row that the user chose; the row may be absent at the moment."""
 
     @property
     def chosen(self) -> Row | None:
@@ -37,7 +37,7 @@ class State:
 
     @property
     def endpoints(self) -> list[EndpointRow]:
-        """Of the chosen row."""
+        """Endpoints of the chosen row."""
         if self._model is None or (row := self.chosen) is None:
             return []
         if isinstance(row, NodeRow):
@@ -46,7 +46,7 @@ class State:
 
     @property
     def pairs(self) -> list[Pair]:
-        """Those that the chosen row's endpoints may be in."""
+        """Pairs on the topics of the chosen row's endpoints."""
         if self._model is None:
             return []
         topics = dict.fromkeys(one.topic for one in self.endpoints)
@@ -62,7 +62,7 @@ class State:
 
     @property
     def about(self) -> str:
-        """What stands over the endpoints of the chosen row."""
+        """The title above the endpoints of the chosen row."""
         row = self.chosen
         if row is None:
             return ""
@@ -72,7 +72,7 @@ class State:
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know of what is shown."""
+        """Notes for the user about the view."""
         notes = []
         if self.is_away:
             notes.append("busd does not answer; these are the last figures")
@@ -87,7 +87,7 @@ class State:
         return notes
 
     def take(self, model: Model) -> None:
-        """The bus was looked at."""
+        """Show a new model of the bus."""
         self._model = model
         self._arrange()
 
@@ -117,7 +117,7 @@ class State:
         self._arrange()
 
     def set_filter(self, text: str) -> None:
-        """Only rows with `text` in their name, type or process; case does not count."""
+        """Only show rows with `text` in their name, type or process; ignores case."""
         self.filter = text
         self._arrange()
 

@@ -6,34 +6,34 @@ from typing import Any, NamedTuple
 __all__ = ["LOSES", "LOST", "Column", "Line", "Lines", "Table"]
 
 LOSES, LOST = "loses", "lost"
-"""How a line is marked: what it shows loses messages now, or has lost some."""
+"""Marks of a line: its subject loses messages now, or has lost some."""
 
 _LEAST = 16
-"""Cells of a column without a width, as long as there is another to go."""
+"""Least cells of a column without a width, as long as another column can be removed."""
 _NARROWEST = 4
 
 
 class Line(NamedTuple):
     text: str
     mark: str = ""
-    """LOSES, LOST or nothing."""
+    """LOSES, LOST or ""."""
 
 
 class Column(NamedTuple):
     title: str
     text: Callable[[Any], str]
     key: Callable[[Any], Any] | None = None
-    """By what rows are sorted, numbers from the highest, texts from a; None where they can't be."""
+    """Key to sort rows by: numbers from the highest, texts from a; None: this column can't sort rows."""
     width: int = 0
-    """In cells; 0: as wide as the longest text, where there is room."""
+    """Width in cells; 0: as wide as the longest text, if there is room."""
     goes: int = 0
-    """Where the terminal is too narrow: 1 goes first; 0 stays."""
+    """Order of removal if the terminal is too narrow: 1 goes first; 0 stays."""
     is_left: bool = False
-    """Texts stand at the left even where there is a width."""
+    """Whether texts are aligned left although there is a width."""
 
 
 class Table:
-    """`columns` of rows, in the order of one of them."""
+    """Rows with `columns`, sorted by one of them."""
 
     def __init__(self, columns: Sequence[Column], mark: Callable[[Any], str]) -> None:
         self.columns = columns
@@ -44,7 +44,7 @@ class Table:
         return [column.title.lower() for column in self.columns if column.key is not None]
 
     def sort(self, rows: Iterable[Any], by: str, *, reverse: bool = False) -> list[Any]:
-        """Sorted by a key of `sort_keys`; what is equal there is sorted by the first column."""
+        """Sort by a key of `sort_keys`; equal rows are sorted by the first column."""
         first, *_ = self.columns
         found = next((one for one in self.columns if one.title.lower() == by and one.key), first)
         assert first.key is not None
@@ -54,9 +54,10 @@ class Table:
         return sorted(ordered, key=found.key, reverse=falls is not reverse)
 
     def lines(self, rows: Sequence[Any], width: int | None, *, by: str = "") -> "tuple[str, Lines]":
-        """The titles, that of the column `by` in brackets, and a line for each row, within `width` cells.
+        """The titles and a line for each row, within `width` cells.
 
-        Without a width all columns are there and as wide as they would be.
+        The title of the column `by` has brackets. Without a `width`, all columns are present and as wide as
+        they need.
         """
         columns = [*self.columns]
         wanted = {
@@ -73,7 +74,7 @@ class Table:
 
 
 class Lines(Sequence[Line]):
-    """A line for each of `rows`, written when it is asked for: of a thousand rows, forty are in sight."""
+    """A line for each of `rows`, made on access: of a thousand rows, only about forty are visible."""
 
     def __init__(
         self, rows: Sequence[Any], columns: Sequence[tuple[Column, int]], mark: Callable[[Any], str]
@@ -94,7 +95,7 @@ class Lines(Sequence[Line]):
 
 
 def _fit(columns: list[Column], wanted: Mapping[str, int], width: int) -> dict[str, int]:
-    """How wide each column that is shown is."""
+    """The width of each column that fits."""
     here = [*columns]
     while True:
         widths = {one.title: one.width or min(wanted[one.title], _LEAST) for one in here}

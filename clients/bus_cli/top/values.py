@@ -25,7 +25,7 @@ _MOST_LINES = 2000
 
 
 class Values:
-    """What `topic` says, from `open` until `close`. Messages are decoded where they are looked at only."""
+    """The messages of `topic`, from `open` until `close`. Only messages that are shown are decoded."""
 
     def __init__(self, node: Node, graph: Graph, topic: str) -> None:
         self._node, self._graph, self._topic = node, graph, topic
@@ -36,10 +36,10 @@ class Values:
         self._count = 0
         self._why = "no message yet"
         self.has_news = True
-        """Whether it says something else than when `lines` was called last."""
+        """Whether there is something new since the last call of `lines`."""
 
     async def open(self) -> None:
-        """Subscribe. Where that can't be, `lines` says why."""
+        """Subscribe. If that fails, `lines` returns the reason."""
         try:
             self._class = await find_class(self._node, self._graph, self._topic)
         except CommandError as error:
@@ -79,7 +79,7 @@ class Values:
         support = type_support(self._class)
         try:
             message = support.decode(self._newest[0])
-        except Exception as error:  # as of other bytes than the type's
+        except Exception as error:  # for example, the bytes do not fit the type
             return [Line(printable(f"no {support.name}: {error}"))]
         view = View(truncate_length=_LONGEST, octets=True)
         plain = _fold(view.plain(support.schema, support.schema["root"], message))
@@ -95,7 +95,7 @@ class Values:
 
 
 def _fold(plain: Any) -> Any:
-    """Without most of long arrays, which would bury the rest."""
+    """Shorten long arrays, which would fill the screen."""
     match plain:
         case dict():
             return {name: _fold(part) for name, part in plain.items()}

@@ -1,4 +1,4 @@
-"""`bus topic bw`: bytes per second on a topic, and the sizes of its messages as they travel."""
+"""`bus topic bw`: bytes per second on a topic, and the encoded sizes of its messages."""
 
 from argparse import ArgumentParser, Namespace
 from time import monotonic_ns
@@ -58,7 +58,7 @@ def _print(topic: str, bandwidth: Bandwidth, *, as_json: bool) -> None:
             }
         )
         return
-    # All in the unit of the rate, as ros2 does.
+    # Use the unit of the rate for all numbers, like ros2.
     unit = unit_of(rate)
     mean, least, most = (in_unit(size, unit) for size in (sizes.mean, sizes.least, sizes.most))
     say(f"{in_unit(rate, unit)}/s from {sizes.window} messages")

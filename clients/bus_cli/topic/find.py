@@ -1,4 +1,4 @@
-"""`bus topic find`."""
+"""`bus topic find`: topics of a type."""
 
 from argparse import ArgumentParser, Namespace
 

@@ -1,4 +1,4 @@
-"""`bus topic hz`: the rate at which messages come, and beside it the rate at which they are published."""
+"""`bus topic hz`: the rate at which messages arrive, and the rate at which they are published."""
 
 import asyncio
 from argparse import ArgumentParser, Namespace
@@ -73,7 +73,7 @@ class _Meter:
     async def open(
         self, passes: Callable[[Any], bool] | None, *, on_message: "Callable[[_Meter], None]"
     ) -> None:
-        """Subscribe as soon as an endpoint has the topic. Without a filter nothing is decoded."""
+        """Subscribe as soon as an endpoint has the topic. Without a filter, it decodes no message."""
         clock = time_ns if self._args.wall_time else monotonic_ns
 
         def on_sample(message: Any, info: MessageInfo) -> None:
@@ -103,7 +103,7 @@ class _Meter:
 
 
 def _say_nothing(meter: _Meter) -> None:
-    """Several topics are printed together, once a second."""
+    """Do nothing at a message: several topics are printed together, once a second."""
 
 
 def _print_one(meter: _Meter) -> None:

@@ -91,7 +91,7 @@ def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
 def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[dict[str, str]]:
     """Every endpoint on the other side, with the route of the match or the reason why there is none.
 
-    Of a tap only those that it takes from: it is not meant for all.
+    For a tap, only the publishers that it takes from: it is not meant for all publishers.
     """
     routes = {(match.publisher, match.subscription): match.route for match in graph.matches}
     found = []
@@ -113,7 +113,7 @@ def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[
 
 
 def _other_reason(publisher: GraphEndpoint, subscription: GraphEndpoint) -> str:
-    """Where neither types nor QoS stand in the way."""
+    """The reason for a missing match if types and QoS are compatible."""
     if publisher.node.origin is None or subscription.node.origin is None:
         return "unknown"
     return "both belong to other buses, and no bridge forwards between them here"

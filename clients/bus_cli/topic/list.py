@@ -1,4 +1,4 @@
-"""`bus topic list`."""
+"""`bus topic list`: names of topics."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from bus_cli.output import print_json, say
 from bus_cli.query import graph_to_list
 
 Row = tuple[str, list[str], int, int]
-"""Topic, types, publishers, subscriptions."""
+"""Topic, its types, its numbers of publishers and subscriptions."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:

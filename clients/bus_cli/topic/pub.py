@@ -1,4 +1,4 @@
-"""`bus topic pub`: publish a message given as YAML, once, some times, or for ever."""
+"""`bus topic pub`: publish a message given as YAML once, several times, or for ever."""
 
 import asyncio
 from argparse import ArgumentParser, Namespace
@@ -19,7 +19,7 @@ from bus_cli.stream import find_class, open_node, positive, run_stream, unsigned
 
 _RATE_HZ = 1.0
 _KEEP_ALIVE_S = 0.1
-_CLOCK_S = 0.01  # an event loop's timers may be early by their clock's grain
+_CLOCK_S = 0.01  # timers of an event loop may be early by the resolution of its clock
 _REPEAT_S = 1.0
 
 
@@ -136,7 +136,7 @@ async def _wait_for_subscriptions(publisher: Publisher[Any], wanted: int, args: 
 
 
 class _Loop:
-    """Publishes and prints, and counts both."""
+    """Publishes and prints messages, and counts them."""
 
     def __init__(self, args: Namespace, publisher: Publisher[Any], times: int) -> None:
         self._args = args
@@ -146,14 +146,14 @@ class _Loop:
         self._done = asyncio.get_running_loop().create_future()
 
     async def repeat(self, node: Node, prototype: Prototype) -> None:
-        """The same message at the rate, from now on."""
+        """Publish the same message at the rate, starting now."""
         await self._send(prototype)
         if not self._done.done():
             node.create_timer(1 / (self._args.rate or _RATE_HZ), partial(self._send, prototype))
         await self._done
 
     async def each(self, prototypes: AsyncIterator[Prototype]) -> None:
-        """One message after the other: as they come, or at the rate where one is given."""
+        """Publish one message after the other: as they arrive, or at the rate if there is one."""
         due_s, loop = 0.0, asyncio.get_running_loop()
         async for prototype in prototypes:
             if self._args.rate:

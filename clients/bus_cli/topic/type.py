@@ -1,4 +1,4 @@
-"""`bus topic type`."""
+"""`bus topic type`: the type of a topic."""
 
 from argparse import ArgumentParser, Namespace
 
