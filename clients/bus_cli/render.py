@@ -1,7 +1,7 @@
 """Messages as text: YAML as ros2 prints it, CSV, and plain values for JSON.
 
-A message is first converted to plain values by its schema, because a value alone does not distinguish an
-array of octets from an octet. Then it is written, by the rules of rosidl_runtime_py/convert.py.
+A message is first made plain along its schema, because a value does not tell an array of octets from an
+octet; then written. The rules are those of rosidl_runtime_py/convert.py.
 """
 
 import sys
@@ -16,7 +16,7 @@ from bus.types.support import type_support
 
 __all__ = ["Budget", "TooManyValuesError", "View", "represent_text", "to_csv", "to_text", "to_yaml"]
 
-# Names of types in IDL. The other types have the same name there.
+# What IDL calls them; the others have the same name there.
 _IDL_NAMES = {"bool": "boolean", "byte": "octet", "char": "uint8", "float32": "float", "float64": "double"}
 
 
@@ -32,20 +32,20 @@ class Budget:
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True):
-    """The parts of a message to show. Lengths apply to strings and arrays; None shows all of them."""
+    """What of a message is shown. Lengths are of strings and arrays; None shows all of them."""
 
     truncate_length: int | None = None
     no_arr: bool = False
     no_str: bool = False
     octets: bool = False
-    """Whether to show single octets as numbers. ros2 shows characters."""
+    """Whether single octets are shown as numbers, and not as characters as ros2 does."""
     budget: Budget | None = None
-    """Limit of values; None: no limit."""
+    """None: any number of values is shown."""
 
     def plain(self, schema: dict[str, Any], node: Any, value: Any) -> Any:
-        """Convert `value` of the type `node` in `schema` to dicts, lists and scalars.
+        """`value`, which is of the type `node` of `schema`, as dicts, lists and scalars.
 
-        Raises TooManyValuesError if it has more values than the budget allows.
+        Raises TooManyValuesError if that are more than the budget allows.
         """
         budget = self.budget
         if budget is not None:
@@ -98,7 +98,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         return shown if len(shown) == len(value) else f"{shown}..."
 
     def _anything(self, value: Any) -> Any:
-        """Convert a value by its Python type, because its schema has no type for it."""
+        """A value whose schema says too little: it goes by what it is."""
         match value:
             case msgspec.Struct():
                 schema = type_support(type(value)).schema
@@ -117,18 +117,18 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def to_text(plain: Any, *, flow_style: bool = False) -> str:
-    """A single field as text: scalars as they are, with escaped control characters; other values as YAML.
+    """A field by itself: scalars as they are, but for control characters; the rest as YAML.
 
-    The text ends with a newline.
+    Ends with a newline.
     """
     is_scalar = not isinstance(plain, dict | list)
     return f"{printable(str(plain))}\n" if is_scalar else to_yaml(plain, flow_style=flow_style)
 
 
 def to_yaml(plain: Any, *, flow_style: bool = False) -> str:
-    """YAML as ros2 prints it: fields in their order, no wrapped lines, no aliases.
+    """YAML as ros2 prints it: fields in their order, nothing wrapped, no aliases.
 
-    Control characters are escaped by YAML's rules, so a reader gets the original texts.
+    Control characters are escaped as YAML has it, so that a reader gets the same texts.
     """
     import yaml
 
@@ -139,9 +139,9 @@ def to_yaml(plain: Any, *, flow_style: bool = False) -> str:
 
 
 def to_csv(plain: Any) -> str:
-    """The leaves in their order on one line, separated by commas and without quotes, as in ros2.
+    """The leaves in their order, separated by commas, on one line; nothing is quoted, as ros2 does.
 
-    Control characters except tabs are escaped, also newlines.
+    Newlines and other control characters but tabs are escaped.
     """
     return printable(",".join(str(leaf) for leaf in _leaves(plain)), keep="\t")
 
@@ -164,7 +164,7 @@ def _array_text(item: Any, length: int, bounds: list[Any] | None) -> str:
 
 @cache
 def _dumper() -> Any:
-    """A dumper of PyYAML that keeps the order of mappings and uses blocks at the top, like ros2's."""
+    """PyYAML's, with mappings in their order and in blocks at the top, as ros2's representer makes them."""
     import yaml
 
     class Dumper(yaml.SafeDumper):
@@ -181,9 +181,9 @@ def _dumper() -> Any:
 
 
 def represent_text(dumper: Any, text: str, style: str | None = None) -> Any:
-    """For PyYAML: `text` in `style`, or in double quotes if `printable` has to escape a character.
+    """For PyYAML: `text` in `style`; in double quotes where `printable` is to escape something in it.
 
-    PyYAML itself does not escape all control characters, and YAML only reads escapes inside double quotes.
+    PyYAML itself lets some control characters stand, and only there is the escape read as what it stands for.
     """
     if printable(text) != text:
         style = '"'

@@ -1,7 +1,7 @@
-"""Prints on stderr the reason why `echo` prints nothing.
+"""Says on stderr why `echo` prints nothing.
 
-The library itself warns of a mismatch of QoS or type, and names the node. This module detects the other
-reasons: no node publishes, the publishers send nothing, or no message passes the filter.
+The library itself warns of a mismatch of QoS or type, and names the node. This is about the rest: no node
+publishes, those that do send nothing, or the filter lets nothing through.
 """
 
 import asyncio
@@ -28,7 +28,7 @@ class Silence:
         self._last_reason = ""
 
     async def watch(self, subscription: Subscription[Any]) -> None:
-        """Print each reason once, until it is cancelled."""
+        """Until it is cancelled, say each reason once."""
         await self._check(subscription, patient=True)
         while True:
             shown = self.shown
@@ -50,7 +50,7 @@ class Silence:
         try:
             graph = await self._node.graph()
         except (BusError, TimeoutError):
-            return None  # the link reports the lost connection and reconnects
+            return None  # the link says so, and comes back
         if graph.publishers_of(self._topic):
             return None
         from bus.base.suggest import did_you_mean
@@ -60,7 +60,7 @@ class Silence:
         return f"no node publishes on '{self._topic}'{hint} (waiting)"
 
     def _nothing_shown(self, subscription: Subscription[Any]) -> str | None:
-        """The reason if nothing was printed; None if something was: then the topic may only be slow."""
+        """A topic that has shown something may be a slow one."""
         nodes = sorted({match.node for match in subscription.matches})
         if self.shown or not nodes:
             return None

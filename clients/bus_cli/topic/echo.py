@@ -1,4 +1,4 @@
-"""`bus topic echo`: print messages as they arrive, and on stderr the reason if none arrive."""
+"""`bus topic echo`: messages as text, as they come, and on stderr why none come."""
 
 import asyncio
 import sys
@@ -29,7 +29,7 @@ from bus_cli.stream import (
 
 _TRUNCATE_LENGTH = 128
 _MOST_VALUES = 100_000
-"""Most values of one message as YAML, if its arrays are truncated. They take seconds and some 100 MiB."""
+"""Of one message as YAML, if its arrays are truncated: it takes some seconds and some 100 MiB."""
 _INFO = (
     "source_timestamp",
     "received_timestamp",
@@ -172,7 +172,7 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
         octets=args.json,
         budget=budget,
     )
-    # As in ros2, a text is not shortened if the user asked for that field alone.
+    # As in ros2, a text that was asked for by itself is not cut.
     whole = replace(view, truncate_length=args.truncate_length)
     clear = _CLEAR if args.clear_screen and sys.stdout.isatty() else ""
 
@@ -234,7 +234,7 @@ def _lost_notice(args: Namespace) -> Callable[[MessageLost], None]:
             f"A message was lost!!!\n\ttotal count change:{lost.total_count_change}"
             f"\n\ttotal count: {dropped_text(lost.reasons)}---"
         )
-        # Output for programs must stay CSV or JSON.
+        # What a program reads must stay CSV or JSON.
         if args.csv or args.json:
             complain(text)
         else:
