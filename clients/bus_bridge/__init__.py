@@ -1,19 +1,20 @@
 """Bridges: topics and services of this bus on other machines, and on ROS 2.
 
-    this bus <-> `core/` (mirrors, ways, rules, counters) <-> `engine.py` (interface) <-> `zenoh/` or `dds/`
+    this bus <-> `core/` (mirrors, routes, rules, counters) <-> `engine.py` (interface) <-> `zenoh/` or `dds/`
 
-A bridge is a client like any other, in a process of its own. `program.py` runs one, `options.py` and
-`config.py` have its settings, `extras.py` the packages that an engine needs. Messages travel in batches:
+A bridge is a client of the bus and runs in a separate process. `program.py` runs a bridge. `options.py` and
+`config.py` have its settings, and `extras.py` the packages that an engine needs. Messages travel in batches:
 `batch.py`, `packed.py`.
 
 Invariants:
 
 - The core knows no engine; an engine knows neither busd nor nodes. Both sides know only `engine.py`.
-- Everything that a far bus says is hostile until it is checked. It is bounded for each far bus.
+- All data from a far bus is hostile until it is checked. Limits apply to each far bus separately.
 - Each message of a route is sent, waits, or is dropped for a counted reason.
-- No call of an engine blocks the event loop. An engine's threads hand their news over, bounded.
+- No call of an engine blocks the event loop. An engine's threads pass their news to it through bounded
+  queues.
 - Small messages of one publisher stay together in one buffer from end to end.
-- Packages of engines (`zenoh`, `cyclonedds`) are imported only by their engine. import-linter checks zenoh's.
+- Only an engine imports its package (`zenoh`, `cyclonedds`). import-linter checks this for zenoh.
 
 Read first: `engine.py`, then `core/bridge.py`; docs/bridge.md for users' view.
 

@@ -1,7 +1,7 @@
-"""Messages of one publisher that go together. Pure.
+"""Messages of one publisher that travel together. Pure.
 
-A batch knows its count, its first and last number and its bytes. They are found once, when it is made: no
-step on its way has to read single messages for them.
+A batch knows its count, its first and last number and its bytes. It computes them once, when it is made. So
+no later step has to read single messages for them.
 """
 
 from collections.abc import Iterator
@@ -11,23 +11,23 @@ __all__ = ["Batch", "Loose", "Sample"]
 
 
 class Sample(NamedTuple):
-    """One message on its way."""
+    """A message between its publisher and a subscription on another bus."""
 
     payload: bytes
-    """MessagePack, as on every bus."""
+    """The encoded message (MessagePack)."""
     number: int
     """The number of this message among its publisher's, from 1; 0 if the engine does not know it."""
     source_time_ns: int
-    """When it was published: wall clock of the publisher's machine."""
+    """Time of publication: wall clock of the publisher's machine."""
 
 
 class Batch:
-    """One message or more, in order. Never changed."""
+    """One or more messages, in order. Immutable."""
 
     __slots__ = ("count", "first_number", "is_consecutive", "last_number", "last_time_ns", "payload_bytes")
 
     count: int
-    """How many messages."""
+    """Number of messages."""
     payload_bytes: int
     """Size of all payloads together."""
     first_number: int
@@ -35,13 +35,13 @@ class Batch:
     last_time_ns: int
     """Source time of the last message."""
     is_consecutive: bool
-    """Whether the numbers go up by one each time."""
+    """Whether the numbers increase by one from message to message."""
 
     def __iter__(self) -> Iterator[Sample]:
         raise NotImplementedError
 
     def after(self, count: int) -> "Batch":
-        """All except the first `count`; at least one is left."""
+        """The batch without its first `count` messages; at least one message is left."""
         raise NotImplementedError
 
 

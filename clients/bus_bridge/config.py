@@ -22,7 +22,7 @@ __all__ = ["TABLES", "check_values", "load", "merged"]
 T = TypeVar("T", bound=BridgeTable)
 
 TABLES: Mapping[str, type[BridgeTable]] = {"zenoh": ZenohTable, "ros2": Ros2Table}
-"""By the name of the engine, as users call it."""
+"""Classes of tables, by the name of the engine that users see."""
 
 _CHECKS: Mapping[str, Callable[[str], object]] = {
     "id": checked_id,
@@ -33,14 +33,14 @@ _CHECKS: Mapping[str, Callable[[str], object]] = {
     "connect": parse_address,
     "router": parse_address,
 }
-"""The check for each text of a key, if a table has that key."""
+"""Check functions for texts, by key. They apply to each table that has the key."""
 
 
 def load(path: Path, kind: type[T]) -> T:
-    """The file's settings for bridges of one kind, with defaults for missing ones.
+    """Read the file's settings for bridges of one kind, with defaults for missing ones.
 
-    Raises ConfigurationError, naming the file and the key, for everything that is wrong with the table.
-    Everything else in the file belongs to busd and is not checked here.
+    Raises ConfigurationError, which names the file and the key, for every fault in the table. busd owns the
+    rest of the file, so this function does not check it.
     """
     content = read_file(path)
     try:
@@ -54,7 +54,7 @@ def load(path: Path, kind: type[T]) -> T:
 
 
 def check_values(table: BridgeTable, called: Callable[[str], str]) -> None:
-    """Look at each text by itself: ids, names, addresses, patterns. `called` gives what users call a key.
+    """Check each text separately: ids, names, addresses, patterns. `called` returns the users' name of a key.
 
     Raises ConfigurationError, which names the key.
     """
@@ -73,7 +73,8 @@ def check_values(table: BridgeTable, called: Callable[[str], str]) -> None:
 
 
 def merged(file: T, flags: T) -> T:
-    """`flags` win over `file`; for options that may be given several times, both are joined."""
+    """Join two settings: `flags` replace values of `file`, and extend options that may occur several
+    times."""
     merged: T = _both(file, flags)
     return merged
 
@@ -92,7 +93,7 @@ def _both(ours: Any, theirs: Any) -> Any:
 
 
 def _table(name: str, table: object, kind: type[T], folder: Path) -> T:
-    """Deeper tables are filled first, so that their keys are told from this table's."""
+    """Convert a table. It converts inner tables first, so that errors name the inner key."""
     fields = {field.name: field for field in structs.fields(kind)}
     entries = dict(check_keys(f"{name}.", table, {key: key for key in fields}))
     topics, tls = entries.pop("topics", []), entries.pop("tls", {})

@@ -1,8 +1,8 @@
-"""The interface between the bridge and what carries its messages: zenoh, or DDS.
+"""The interface between the bridge and the carrier of its messages: zenoh or DDS.
 
-The bridge knows no engine, and an engine knows neither busd nor nodes on this bus. Names are those on the
-engine's wire: the namespace is on them already. Everything here happens on the event loop. An engine with
-threads hands their news over to it, bounded. Values and protocols only.
+The bridge knows no engine, and an engine knows neither busd nor nodes on this bus. Names are names on the
+engine's wire, which include the namespace. Everything here runs on the event loop. An engine with threads
+passes their news to the loop through bounded queues. Values and protocols only.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,40 +39,40 @@ Priority = Literal[
 
 
 PACK_BYTES = 47 << 10
-"""The most that small messages may take together, with the head of each."""
+"""The maximum size of a pack of small messages, with the head of each."""
 LONG_BYTES = 16 << 10
-"""From this size on, a message goes together with other long ones, not with small ones."""
+"""From this size on, messages are packed with other long ones, not with small ones."""
 LONG_PACK_BYTES = 6 * PACK_BYTES
-"""The most that long messages may take together. A longer message goes alone."""
+"""The maximum size of a pack of long messages. A longer message is sent alone."""
 
 
 class RouteRule(msgspec.Struct, frozen=True):
     """The decision of the rules about one topic."""
 
     depth: int | None = None
-    """How many messages may wait in the bridge; None: 1,000, or fewer of large types."""
+    """Number of messages that may wait in the bridge; None: 1,000, or fewer of large types."""
     max_rate_hz: float | None = None
     priority: Priority = "data"
     transit: bool = False
-    """Whether what another bridge has brought in goes on."""
+    """Whether messages brought in by another bridge are sent on."""
 
 
 # --- from this bus to the far side
 
 
 class LocalNode(msgspec.Struct, frozen=True):
-    """A node of this bus that the far side is to see."""
+    """A node of this bus that the far side may see."""
 
     id: int
-    """The bridge's number for it, which no other node gets; it outlives a restart of busd."""
+    """The bridge's number for the node, never used again; it outlives a restart of busd."""
     name: str
     namespace: str
     via: tuple[str, ...] = ()
-    """Ids of the buses that it came through before this one, its own first: in transit only."""
+    """Ids of the buses that it came through before this one, starting with its own: only in transit."""
 
 
 class LocalEndpoint(msgspec.Struct, frozen=True):
-    """A publisher or subscription of this bus that the far side is to see."""
+    """A publisher or subscription of this bus that the far side may see."""
 
     kind: EndpointKind
     gid: bytes
@@ -84,23 +84,27 @@ class LocalEndpoint(msgspec.Struct, frozen=True):
 
 
 class Writer(Protocol):
-    """The way out of one publisher of this bus."""
+    """The route out of one publisher of this bus."""
 
     @property
     def is_wanted(self) -> bool:
-        """Whether a subscription on the far side is matched with it. For a transient local publisher it may
-        always be True: its written messages serve late joiners."""
+        """Whether a subscription on the far side is matched with the publisher.
+
+        May always be True for a transient local publisher, because late joiners get its written messages.
+        """
 
     @property
     def lost(self) -> dict[str, int]:
-        """Messages that `write` counted as gone and the engine has dropped, by reason."""
+        """Messages that `write` accepted and the engine then dropped, by reason."""
 
     def write(self, batch: Batch) -> int:
-        """Send the messages of `batch`, in order; never blocks. Returns how many of them have gone, from the
-        front. The rest waits with the caller until `on_change`, or is lost there and counted."""
+        """Send the messages of `batch`, in order; never blocks. Returns how many of the first ones were sent.
+
+        The rest waits with the caller until `on_change`, or the caller drops and counts it.
+        """
 
     def close(self) -> None:
-        """The publisher has gone, and so does its mirror on the far side, behind what was written."""
+        """Remove the publisher and its mirror on the far side, after all written messages."""
 
 
 # --- from the far side to this bus
@@ -110,23 +114,23 @@ class FarBus(msgspec.Struct, frozen=True):
     """A bus, or a DDS domain, that the engine has found."""
 
     id: str
-    """Short text that no other bus has: part of names, shown to users."""
+    """A short unique text: part of names, and shown to users."""
 
 
 class FarNode(msgspec.Struct, frozen=True):
     """A node on a far bus."""
 
     key: str
-    """The engine's name for it, which no other node has."""
+    """The engine's unique name for the node."""
     bus: str
     """The `id` of its FarBus."""
     name: str
     namespace: str
     via: tuple[str, ...] = ()
-    """Ids of the buses that it came through, its own first, if that is not `bus`: in transit only."""
+    """Ids of the buses that it came through, starting with its own, if that is not `bus`: only in transit."""
     announcer: str = ""
-    """Who of its bus tells of it, where several do, each for itself; in words, shown to users. What is wrong
-    is held against that one alone."""
+    """The source of the news within its bus, if the bus has several independent ones. The text is shown to
+    users. If the news are wrong, only this announcer is refused."""
 
 
 class FarEndpoint(msgspec.Struct, frozen=True):
@@ -144,9 +148,10 @@ class FarEndpoint(msgspec.Struct, frozen=True):
 
 
 class FarSide(Protocol):
-    """The receiver of what the engine finds: the bridge. Calls never raise, and may come in any order; news
-    about an unknown bus, node or gid is ignored. If a bus has gone, so have all its nodes and endpoints; if a
-    node has gone, so have all its endpoints.
+    """The receiver of the engine's news: the bridge.
+
+    Calls never raise, and may come in any order. News about an unknown bus, node or gid are ignored. The
+    removal of a bus removes all its nodes and endpoints, and the removal of a node all its endpoints.
     """
 
     def bus_added(self, bus: FarBus) -> None: ...
@@ -156,24 +161,24 @@ class FarSide(Protocol):
     def endpoint_added(self, endpoint: FarEndpoint) -> None: ...
 
     def endpoint_removed(self, gid: bytes, node: str) -> None:
-        """`node` is the key of its node: with transit one gid may come by two ways."""
+        """`node` is the key of its node: with transit, a gid may come by two ways."""
 
     def warn(self, text: str) -> None:
-        """Something that the user should know; the same text is said once."""
+        """Report a problem to the user; the same text is reported once."""
 
 
 class Reader(Protocol):
-    """The way in from one far publisher, while its mirror has a subscription."""
+    """The route in from one far publisher, while its mirror has a subscription."""
 
     @property
     def lost(self) -> dict[str, int]:
-        """Messages that the engine had and lost, by reason."""
+        """Messages lost in the engine, by reason."""
 
     def taken(self, size: int) -> None:
-        """So many bytes of payload were published here. For lossless ways, whose writer waits for that."""
+        """Confirm that `size` bytes of payload were published here. A lossless writer waits for this."""
 
     def close(self) -> None:
-        """No subscription is matched any more."""
+        """Stop reading: no subscription is matched any more."""
 
 
 class LinkStatus(msgspec.Struct, frozen=True):
@@ -181,28 +186,28 @@ class LinkStatus(msgspec.Struct, frozen=True):
 
     address: str
     state: Literal["up", "trying", "refused", "spare"]
-    """`spare`: another address is used in its place."""
+    """`spare`: another address is used instead."""
     bus: str = ""
     text: str = ""
-    """Why it is not up."""
+    """The reason why it is not up."""
 
 
 class Engine(Protocol):
-    """A wire. Made with its own options; opened once."""
+    """A carrier of messages. Made with its own options; opened once."""
 
     name: str
-    """As the user calls it: `zenoh`, `ros2`."""
+    """The users' name for it: `zenoh`, `ros2`."""
     has_numbers: bool
-    """Whether the messages of far publishers have numbers, by which losses on the way are counted."""
+    """Whether messages of far publishers have numbers. With numbers, the bridge counts losses on the way."""
     only_bus: str
-    """The id of the far bus, if it never reaches more than one; "" otherwise. Messages from there never go
-    back there."""
+    """The id of the far bus if the engine never reaches more than one; otherwise "". Messages from there
+    never go back there."""
 
     async def open(self, far: FarSide) -> None:
-        """Begin; what is found is told `far`. Raises BridgeError. Cancellation: closed."""
+        """Start, and report everything found to `far`. Raises BridgeError. Cancellation: closed."""
 
     async def close(self) -> None:
-        """End: the far side sees nothing of this bus any more. The bridge waits 0.3 s for it at most."""
+        """End: the far side sees nothing of this bus any more. The bridge waits at most 0.3 s for it."""
 
     def announce_node(self, node: LocalNode) -> None: ...
     def withdraw_node(self, node: LocalNode) -> None: ...
@@ -214,19 +219,20 @@ class Engine(Protocol):
         rule: RouteRule,
         on_change: Callable[[], None],
     ) -> Writer:
-        """Show it to the far side. `on_change` is called when `is_wanted` has changed, and when `write` may
-        go on.
+        """Show a publisher to the far side. `on_change` is called if `is_wanted` has changed, or `write` may
+        have room.
 
-        Raises BridgeError if the engine can't carry the type or the QoS, NotCarried if it carries
-        nothing of the kind.
+        Raises BridgeError if the engine can't carry the type or the QoS, and NotCarried if it never carries
+        this kind of endpoint.
         """
 
     def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
-        """Show it to the far side; the result withdraws it. Raises as `announce_publisher`."""
+        """Show a subscription to the far side; the result withdraws it. Raises like `announce_publisher`."""
 
     async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
-        """The far side's description of an endpoint's type; the bridge checks it. Raises BridgeError if it
-        can't be had. Cancellation leaves nothing behind.
+        """Ask the far side for the description of an endpoint's type. The bridge checks the description.
+
+        Raises BridgeError if there is none. Cancellation leaves nothing behind.
         """
 
     def read(
@@ -235,13 +241,13 @@ class Engine(Protocol):
         schema: MessageSchema,
         on_batch: Callable[[Batch], None],
     ) -> Reader:
-        """Have what the far publisher sends brought here. With transient local, first what it keeps.
+        """Read messages of a far publisher, with transient local first the messages that it keeps.
 
         Raises BridgeError.
         """
 
     def refuse(self, bus_id: str, reason: str, announcer: str = "") -> None:
-        """End with that bus, or only with `announcer` of it, which has sent false data or exceeded a limit.
+        """Refuse a bus, or only its `announcer`, because it has sent false data or exceeded a limit.
 
         It is ignored until it, or the bridge of that bus, comes back.
         """
@@ -249,4 +255,5 @@ class Engine(Protocol):
     def links(self) -> Sequence[LinkStatus]: ...
 
     def refusals(self) -> tuple[int, str]:
-        """How many connections were refused before it was known which bus asks, and why the last one was."""
+        """The number of connections refused before the other bus was known, and the reason of the last
+        refusal."""

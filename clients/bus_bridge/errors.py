@@ -1,4 +1,4 @@
-"""Errors of a bridge. Their texts are for the user."""
+"""Errors of a bridge, with texts for the user."""
 
 from bus.errors import BusError
 
@@ -6,13 +6,14 @@ __all__ = ["BridgeError", "NotCarried", "in_words"]
 
 
 class BridgeError(BusError):
-    """A bridge, a link or one endpoint can't be had. The text names the thing and what is wrong with it."""
+    """A bridge, a link or an endpoint is not possible. The text names the thing and the fault."""
 
 
 class NotCarried(BridgeError):
-    """The engine carries no such thing at all. If the user should know, the engine has said so."""
+    """The engine never carries such a thing. If the user should know, the engine has reported it."""
 
 
 def in_words(error: Exception) -> str:
-    """An error of ours as its text says it, any other with its type: it is a fault of the bridge."""
+    """The text of an error: alone for our errors, with the type for any other, which is a bug in the
+    bridge."""
     return str(error) if isinstance(error, BusError) else f"{type(error).__name__}: {error}"

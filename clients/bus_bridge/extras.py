@@ -1,4 +1,4 @@
-"""The packages that engines need and not every machine has: what is missing here, and what to do."""
+"""Packages that engines need and that may be missing: finds missing ones, and advice for the user."""
 
 import platform
 import sys
@@ -19,7 +19,7 @@ class Extra(NamedTuple):
     module: str
     distribution: str
     is_limited: bool = False
-    """Whether there are wheels of it for Linux on x86_64 only, and up to Python 3.13."""
+    """Whether it only has wheels for Linux on x86_64, and up to Python 3.13."""
 
 
 EXTRAS = {
@@ -30,9 +30,9 @@ EXTRAS = {
 
 
 def why_missing(engine: str, machine: str | None = None, python: tuple[int, int] | None = None) -> str:
-    """A sentence that says what is missing for the engine and what to do; "" if nothing is missing.
+    """A sentence about packages missing for the engine, with advice; "" if nothing is missing.
 
-    `machine` and `python`: another kind of computer and version than these.
+    `machine` and `python` replace the values of this computer.
     """
     extra = EXTRAS[engine]
     if find_spec(extra.module) is not None:

@@ -1,6 +1,6 @@
-"""The settings of a bridge, from the command line and busd.toml: as values, with types and ranges.
+"""The settings of a bridge from the command line and busd.toml: values with types and ranges.
 
-Engines know the meaning of addresses and certificates, and check them when the bridge begins.
+Engines interpret addresses and certificates, and check them at the start of the bridge.
 """
 
 from typing import Annotated, Literal
@@ -14,27 +14,27 @@ __all__ = ["BridgeTable", "Ros2Table", "TlsTable", "ZenohTable"]
 
 
 class TlsTable(msgspec.Struct, frozen=True, kw_only=True):
-    """`[bridge.zenoh.tls]`: files, in PEM format; paths are relative to the configuration's folder."""
+    """`[bridge.zenoh.tls]`: PEM files; paths are relative to the configuration's folder."""
 
     ca: str | None = None
-    """The certificate of the authority that has signed those of both sides."""
+    """The certificate of the authority that has signed both sides' certificates."""
     certificate: str | None = None
-    """This side's own."""
+    """This side's own certificate."""
     key: str | None = None
     """The private key of `certificate`."""
 
 
 class BridgeTable(msgspec.Struct, frozen=True, kw_only=True):
-    """Settings of every bridge; empty or None if not set. In TOML one text is as good as an array."""
+    """Settings of every bridge; empty or None if not set. In TOML, a single text can replace an array."""
 
     id: str | None = None
-    """The name of this bus on other buses; by default made of the machine's name."""
+    """The name of this bus on other buses; by default made from the machine's name."""
     namespace: str | None = None
-    """Goes in front of every name on the far side, and off every name that comes from there."""
+    """A prefix for every name on the far side; removed from every incoming name."""
     allow: tuple[str, ...] = ()
-    """Patterns of topics that may cross; empty: all except those that never cross by default."""
+    """Patterns of topics that may cross; empty: all topics except the private ones."""
     deny: tuple[str, ...] = ()
-    """Patterns of topics that may not, whatever `allow` says."""
+    """Patterns of topics that may not cross, even if `allow` has them."""
     topics: tuple[TopicRule, ...] = ()
 
 
@@ -42,13 +42,13 @@ class ZenohTable(BridgeTable, frozen=True, kw_only=True):
     """`[bridge.zenoh]`, or the options of `bus bridge zenoh`."""
 
     listen: tuple[str, ...] = ()
-    """Addresses at which other bridges are awaited: `tls/0.0.0.0:7447`."""
+    """Addresses to listen on for other bridges: `tls/0.0.0.0:7447`."""
     connect: tuple[str, ...] = ()
     """Addresses of other bridges."""
     router: tuple[str, ...] = ()
-    """Addresses of routers of zenoh, of which one is used; instead of `listen` and `connect`."""
+    """Addresses of zenoh routers; one of them is used, instead of `listen` and `connect`."""
     insecure: bool | None = None
-    """Whether addresses that other machines reach may do without certificates."""
+    """Whether addresses reachable from other machines may work without certificates."""
     tls: TlsTable = TlsTable()
 
 
@@ -60,6 +60,6 @@ class Ros2Table(BridgeTable, frozen=True, kw_only=True):
     interface: str | None = None
     """Network interface, by name or address; by default loopback."""
     peers: tuple[str, ...] = ()
-    """Addresses of machines where ROS 2 runs, for networks without multicast."""
+    """Addresses of machines with ROS 2, for networks without multicast."""
     distro: Literal["auto", "humble"] | None = None
-    """`humble`: the far side speaks Humble's form of the graph, or an older one's."""
+    """`humble`: the far side uses Humble's form of the graph."""

@@ -1,7 +1,7 @@
-"""Many small messages of one publisher in one buffer, as they are taken, sent and published. Pure.
+"""Many small messages of one publisher in one buffer, the same from taking to sending and publishing. Pure.
 
-To make an object of each message would cost more than everything else. So messages stay together from the tap
-to zenoh and from zenoh to the mirror, unless single messages must be handled.
+An object for each message would cost more than everything else. So messages stay together from the tap to
+zenoh and from zenoh to the mirror, unless single messages must be handled.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from bus_bridge.batch import Batch, Sample
 __all__ = ["RECORD", "Packed", "scan"]
 
 RECORD = Struct("<QqI")
-"""In front of each message: its number, its source time, its size."""
+"""The head of each message: its number, its source time, its size."""
 _HEAD = Struct("<Qq")
 _ALL = 1 << 62
 _LARGEST = (1 << 64) - 1
@@ -26,12 +26,12 @@ class Scan(NamedTuple):
 
     records: int
     stop: int
-    """The end of the last one."""
+    """The end of the last record."""
     payload_bytes: int
     highest: int
-    """Number."""
+    """The highest number."""
     last_at: int
-    """The beginning of the last one."""
+    """The beginning of the last record."""
     is_consecutive: bool
     """Whether the numbers are consecutive."""
 
@@ -48,7 +48,7 @@ class Packed(Batch):
         """The buffer; the samples begin at byte `start` of it."""
         self.start = start
         self.size = len(whole) - start
-        """Bytes of the records."""
+        """Size of the records in bytes."""
         self.count = count
         self.payload_bytes = payload_bytes
         self._last_at = last_at
@@ -62,7 +62,7 @@ class Packed(Batch):
 
     @classmethod
     def read(cls, data: bytes, most_number: int) -> "Packed | None":
-        """None if the buffer has anything but records, or if a number is higher."""
+        """Read a buffer of records; None if it has anything else, or if a number is above `most_number`."""
         records, stop, payload_bytes, highest, last_at, is_consecutive = _scan(data, 0, _ALL)
         if not records or stop != len(data) or highest > most_number:
             return None
@@ -85,7 +85,7 @@ class Packed(Batch):
 
 
 def scan(data: bytes, start: int, limit: int) -> Scan:
-    """Look through the first `limit` records from byte `start` on; ends before what is none."""
+    """Scan the first `limit` records from byte `start` on; stops before anything that is not a record."""
     return Scan(*_scan(data, start, limit))
 
 
@@ -105,4 +105,4 @@ def scan_here(data: bytes, start: int, limit: int) -> Scan:
     return Scan(count, at, size, highest, last_at, is_consecutive)
 
 
-_scan = shm.native.scan_packed if shm.has_core() else scan_here  # to ask each time costs as much as to scan
+_scan = shm.native.scan_packed if shm.has_core() else scan_here  # checked once: a check costs like a scan

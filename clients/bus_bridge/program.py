@@ -1,4 +1,4 @@
-"""Runs a bridge until it is told to stop: `bus bridge zenoh`, `bus bridge ros2`."""
+"""Runs a bridge until it is stopped: `bus bridge zenoh`, `bus bridge ros2`."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,13 +16,14 @@ from bus_bridge.options import BridgeTable, Ros2Table, ZenohTable
 __all__ = ["Plan"]
 
 _MakeEngine = Callable[[str], Engine]
-"""Makes the engine for a bus with this id."""
+"""Makes the engine for the bus with this id."""
 
 
 class Plan:
-    """A bridge as the user wants it. `engine` is what users call it, `table` what they say of it.
+    """A bridge with the user's settings. `engine` is the users' name of it, `table` has its settings.
 
-    Raises BridgeError and ConfigurationError for what can't be, or may not; nothing is opened or started yet.
+    Raises BridgeError and ConfigurationError for impossible or forbidden settings. Nothing is opened or
+    started yet.
     """
 
     def __init__(self, engine: str, table: BridgeTable) -> None:
@@ -33,10 +34,10 @@ class Plan:
         self._make_engine, self._places = _plan_engine(table)
 
     async def run(self, path: Path, log_level: str = "info") -> None:
-        """Join the bus of the busd at `path`, which runs, with the far side, for ever.
+        """Connect the bus of the running busd at `path` to the far side until cancelled.
 
-        Raises BridgeError if the engine can't begin. Cancellation is the way to end it: then each side
-        sees nothing of the other any more.
+        Raises BridgeError if the engine can't start. Cancellation is the normal end: then neither side sees
+        nodes of the other any more.
         """
         bus = self._id or _default_id(path)
         origin = Origin(bridge=self._name, bus=bus)
@@ -57,7 +58,7 @@ def _default_id(path: Path) -> str:
 
 
 def _plan_engine(table: BridgeTable) -> tuple[_MakeEngine, list[str]]:
-    """The function that makes the engine, and the lines to log once it has begun."""
+    """The function that makes the engine, and the lines to log after its start."""
     if isinstance(table, ZenohTable):
         return _plan_zenoh(table)
     assert isinstance(table, Ros2Table)

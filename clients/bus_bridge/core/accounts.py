@@ -1,4 +1,4 @@
-"""The account of each message of one route: taken = sent + waiting + dropped, by reason. Pure."""
+"""Counters of all messages of one route: taken = sent + waiting + dropped, by reason. Pure."""
 
 from bus.vocabulary import DropReason
 
@@ -18,7 +18,7 @@ class Account:
         self.dropped: dict[str, int] = {}
         """Taken messages that were dropped, by reason."""
         self.lost = 0
-        """Lost before it came here."""
+        """Messages lost before they reached the bridge."""
 
     def drop(self, reason: DropReason, count: int = 1) -> None:
         if count:
@@ -26,10 +26,10 @@ class Account:
 
     @property
     def waiting(self) -> int:
-        """Messages that were neither sent nor dropped."""
+        """Number of messages that were neither sent nor dropped."""
         return self.taken - self.sent - sum(self.dropped.values())
 
     @property
     def losses(self) -> dict[str, int]:
-        """All that did not go on, by reason."""
+        """All dropped and lost messages, by reason."""
         return self.dropped | ({DropReason.LOST_ON_THE_WAY: self.lost} if self.lost else {})

@@ -1,4 +1,4 @@
-"""Shows the engine what is on this bus, as the graph changes: subscriptions before publishers."""
+"""Announces this bus to the engine as the graph changes: subscriptions before publishers."""
 
 import asyncio
 from collections import Counter
@@ -18,14 +18,14 @@ from bus_bridge.errors import NotCarried, in_words
 __all__ = ["Announcing"]
 
 _GRACE_S = 3.0
-"""How long what was on the bus before busd was started anew has to come back."""
+"""Time after a restart of busd in which endpoints of the old busd may come back."""
 _MOST_SCHEMAS = 4096
 
 _Type = tuple[str, str]
 
 
 class Announcing:
-    """`warn` gets what the user should know."""
+    """Announces nodes and endpoints of this bus. `warn` gets texts for the user."""
 
     def __init__(
         self, node: Node, engine: Engine, local: LocalGraph, exports: Exports, warn: Callable[[str], None]
@@ -40,7 +40,7 @@ class Announcing:
         self._withdrawals: dict[bytes, Callable[[], None]] = {}
         self._publishers: dict[bytes, Shown] = {}
         self._in_use: Counter[int] = Counter()
-        """Publishers and subscriptions that the engine shows, by the number of their node."""
+        """Numbers of publishers and subscriptions that the engine shows, by the number of their node."""
         self._gone_nodes: dict[int, LocalNode] = {}
         self._nodes: set[int] = set()
         self._grace_end_s = 0.0
@@ -50,11 +50,11 @@ class Announcing:
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Nodes, publishers and subscriptions that are shown."""
+        """Numbers of nodes, publishers and subscriptions that are shown."""
         return len(self._nodes), len(self._publishers), len(self._withdrawals)
 
     async def watch(self) -> None:
-        """Follow the graph, for ever. Raises what busd refuses it with. Cancellation: ended."""
+        """Follow the graph until cancelled. Raises the error if busd refuses the request."""
         watching = self._loop.create_task(self._watch(), name="watch the graph")
         try:
             while True:
@@ -100,7 +100,7 @@ class Announcing:
             self._nodes.add(node.id)
             self._engine.announce_node(node)
         for shown in changes.publishers:
-            # Known without asking for it: the publisher may have left before there is an answer.
+            # The schema is known already. A query could fail: the publisher may leave before busd answers.
             if (known := self._exports.schema(TypedTopic(shown.topic, *_type_of(shown)))) is not None:
                 self._schemas[_type_of(shown)] = known
         await self._learn({_type_of(one) for one in (*changes.subscriptions, *changes.publishers)})
@@ -108,8 +108,11 @@ class Announcing:
             self._show(shown)
 
     async def _learn(self, types: set[_Type]) -> None:
-        """Fetch the schemas of these types; a type that has left already has none. A busd that is silent is
-        asked until it answers: nothing is shown twice, so what is unknown now would never cross."""
+        """Fetch the schemas of these types; a type that has left already has none.
+
+        If busd is silent, ask until it answers. Otherwise the unknown types would never cross, because
+        nothing is shown twice.
+        """
         if len(self._schemas) > _MOST_SCHEMAS:
             self._schemas.clear()
 
@@ -139,7 +142,7 @@ class Announcing:
                 self._show_publisher(shown, schema)
         except NotCarried:
             self._local.give_up(local.gid)
-        except Exception as error:  # one endpoint must not end the bridge
+        except Exception as error:  # an error in one endpoint must not end the bridge
             self._local.give_up(local.gid)
             self._warn(f"'{shown.topic}' does not cross: {in_words(error)}")
         else:
@@ -157,7 +160,7 @@ class Announcing:
         self._exports.attach(export, writer, local.qos, rule)
 
     def _show_short(self, route: TopicExports, match: Match) -> None:
-        """A publisher has said something, and was there too shortly to be seen in a graph."""
+        """Show a publisher that has sent messages, but has left before a graph showed it."""
         changes = self._local.add_short(match, route.topic)
         for shown in changes.publishers:
             node = shown.local.node
@@ -184,7 +187,7 @@ class Announcing:
         self._release_node(node)
 
     def _release_node(self, number: int) -> None:
-        """A node goes behind its endpoints, of which some have messages left."""
+        """Remove a node after its endpoints. Some of them may still have waiting messages."""
         if number in self._gone_nodes and self._in_use[number] <= 0:
             del self._in_use[number]
             self._nodes.discard(number)

@@ -1,8 +1,7 @@
-"""Limits for what one far bus may ask of this one, and checks that find false claims. Pure: times come from
-the caller.
+"""Limits for each far bus, and checks of its data. Pure: times come from the caller.
 
-Everything from a far bridge is hostile until it was checked here: names, lengths, numbers of things, and how
-often they change.
+All data from a far bridge is hostile until this module has checked it: names, lengths, numbers of things, and
+the frequency of changes.
 """
 
 from typing import Annotated
@@ -27,26 +26,27 @@ _Count = Annotated[int, Meta(ge=1, le=2**20)]
 
 
 class Bounds(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How much one far bus may have here. The bridge stops listening to a bus that asks for more."""
+    """The most that one far bus may have here. The bridge stops listening to a bus that asks for more."""
 
     buses: _Count = 256
-    """Far buses at one time, all together."""
+    """Number of all far buses at one time."""
     nodes: _Count = 1000
     endpoints: _Count = 10_000
     types: _Count = 1000
     schema_bytes: Annotated[int, Meta(ge=1024, le=2**24)] = 256 * 1024
-    """Bytes of one type's description."""
+    """Bytes of the description of one type."""
     news_per_s: _Count = 2000
-    """Comings and goings of nodes and endpoints in a second, for long."""
+    """Changes (nodes and endpoints that come or go) in a second, over a longer time."""
 
     @property
     def news_at_once(self) -> int:
-        """As many as a bus has that comes with all it may have, and goes, and comes again."""
+        """Changes allowed at once: enough if a bus comes, goes, and comes again with everything that it may
+        have."""
         return 3 * (self.nodes + self.endpoints)
 
 
 class News:
-    """How often one far bus has told of changes."""
+    """The rate of changes of one far bus."""
 
     def __init__(self, bounds: Bounds, now_s: float) -> None:
         self._rate = bounds.news_per_s
@@ -54,20 +54,20 @@ class News:
         self._at_s = now_s
 
     def is_too_much(self, now_s: float) -> bool:
-        """Count one more."""
+        """Count one more change; returns whether the bus has exceeded its rate."""
         left = min(self._most, self._left + (now_s - self._at_s) * self._rate) - 1
-        self._left = max(left, -self._rate)  # so a second of rest is enough
+        self._left = max(left, -self._rate)  # with this limit, a second without changes is enough to recover
         self._at_s = now_s
         return self._left < 0
 
 
 def wrong_bus(bus: FarBus) -> str:
-    """The fault in its description, in words; "" if there is none."""
+    """The fault in the description of a bus, as text; "" if there is none."""
     return _wrong_id("the id of a bus", bus.id)
 
 
 def wrong_node(node: FarNode) -> str:
-    """As `wrong_bus`."""
+    """The fault in the description of a node, as text; "" if there is none."""
     if len(node.via) > _MAX_VIA:
         return f"a node that came through {len(node.via)} buses; the limit is {_MAX_VIA}"
     for one in node.via:
@@ -82,7 +82,7 @@ def wrong_node(node: FarNode) -> str:
 
 
 def wrong_endpoint(endpoint: FarEndpoint) -> str:
-    """As `wrong_bus`."""
+    """The fault in the description of an endpoint, as text; "" if there is none."""
     if len(endpoint.gid) != _GID_BYTES:
         return f"a gid of {len(endpoint.gid)} bytes; it has {_GID_BYTES}"
     try:
@@ -106,5 +106,5 @@ def _wrong_id(what: str, text: str) -> str:
 
 
 def _first_line(error: ConfigurationError) -> str:
-    """The rule that is broken, and the name, without the caret."""
+    """The violated rule and the name, without the caret below it."""
     return " ".join(line.strip() for line in str(error).splitlines()[:2])

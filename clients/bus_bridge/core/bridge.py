@@ -1,4 +1,4 @@
-"""A bridge: shows each side what the other has, and carries messages between them, until it is closed."""
+"""A bridge: shows each side the nodes of the other, and carries messages between them, until it is closed."""
 
 import asyncio
 from collections import OrderedDict
@@ -35,7 +35,7 @@ _SWEEP_S = 0.25
 
 
 class BridgeOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a bridge needs to know besides its engine."""
+    """Settings of a bridge, without its engine's."""
 
     bus: str
     """The id of this bus (`bus_id`)."""
@@ -43,13 +43,14 @@ class BridgeOptions(msgspec.Struct, frozen=True, kw_only=True):
     naming: Naming
     bounds: Bounds = msgspec.field(default_factory=Bounds)
     socket: Path | None = None
-    """Where busd is, as for the bridge's own node."""
+    """Path of busd's socket, as for the bridge's own node."""
 
 
 class Bridge:
-    """Joins the bus of `node`, which is open, with what `engine` reaches. It is that engine's far side.
+    """Connects the bus of `node`, which is open, with the buses that `engine` reaches. It is that engine's
+    far side.
 
-    `node` is the bridge's own: its origin is this bus, so that no bridge shows it to others.
+    `node` belongs to the bridge. Its origin is this bus, so no bridge shows it to others.
 
         async with bus.Node("bridge_zenoh", origin=bus.Origin("zenoh", options.bus)) as node:
             await Bridge(node, engine, options).run()
@@ -75,12 +76,11 @@ class Bridge:
         self._reporting = Reporting(self._exports, self._mirrors)
 
     async def run(self, on_open: Callable[[], object] = lambda: None) -> None:
-        """Join the two, for ever; `on_open` is called once the engine has begun.
+        """Connect both sides until cancelled; calls `on_open` after the start of the engine.
 
-        Raises BridgeError if the engine can't begin, and the error of busd if it refuses something.
+        Raises BridgeError if the engine can't start, and busd's error if it refuses something.
 
-        Cancellation is the way to end it: then the far side sees nothing of this bus any more, nor this bus
-        of the far side, within a second.
+        Cancellation is the normal end. Within a second, neither side sees nodes of the other any more.
         """
         tasks: list[asyncio.Task[Any]] = []
         try:
@@ -109,7 +109,7 @@ class Bridge:
                 async with asyncio.timeout(_CLOSE_S):
                     await close()
             except TimeoutError:
-                pass  # it goes with the process
+                pass  # it ends with the process
             except Exception as error:
                 self._log.warning(f"while the bridge was closed: {in_words(error)}")
 
@@ -143,7 +143,7 @@ class Bridge:
             shown_there=self._announcing.counts,
         )
 
-    # --- what the engine tells
+    # --- calls by the engine
 
     def bus_added(self, bus: FarBus) -> None:
         if wrong := self._far.bus_added(bus, self._loop.time()):
@@ -186,9 +186,9 @@ class Bridge:
         self._said[text] = None
         if len(self._said) > _MOST_SAID:
             self._said.popitem(last=False)
-        warn(self._log, text)  # a far side can cause any number
+        warn(self._log, text)  # limited, because a far side can cause any number
 
-    # --- inside
+    # --- internal
 
     def _judge(self, wrong: Wrong | None) -> None:
         if wrong:

@@ -1,7 +1,7 @@
-"""The id of a bus, by which bridges tell buses apart: the same after any restart, another for each socket.
+"""The id of a bus, by which bridges distinguish buses. It survives restarts, and each socket has another id.
 
-It is a host's name and a digest of what tells two buses of such hosts apart: two machines may have one name,
-and two containers one boot id.
+The id is a host name and a digest. The digest is necessary because two machines may have the same name, and
+two containers the same boot id.
 """
 
 import os
@@ -24,7 +24,7 @@ _RIGHT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 def make_id(host: str, boot: str, device: int, inode: int, socket_name: str) -> str:
     """The id of the bus with the socket `socket_name` in the directory `inode` of `device`.
 
-    `boot` is new with each start of the machine, and the same in all of its containers.
+    `boot` changes with each start of the machine, and is the same in all of its containers.
     """
     name = re.sub(r"[^A-Za-z0-9-]+", "-", host.partition(".")[0])[:_MAX_HOST].strip("-") or "host"
     known = "\0".join((boot, str(device), str(inode), socket_name))
@@ -40,13 +40,13 @@ def find_bus_id(path: str) -> str:
     status = os.stat(folder)  # noqa: PTH116
     try:
         boot = _BOOT_ID.read_text().strip()
-    except OSError:  # no Linux
+    except OSError:  # not on Linux
         boot = f"{uuid.getnode():x}"
     return make_id(socket.gethostname(), boot, status.st_dev, status.st_ino, name)
 
 
 def checked_id(text: str) -> str:
-    """`text`, an id that a user has chosen. Raises ConfigurationError if it can't be one."""
+    """Check an id chosen by the user and return it. Raises ConfigurationError if it is not valid."""
     if len(text) > MAX_LENGTH or not _RIGHT.fullmatch(text):
         raise ConfigurationError(
             "the id of a bus has letters, digits, '-', '_' and '.', begins with a letter or digit, and has "

@@ -1,12 +1,12 @@
-"""The numbers of one publisher's messages: which comes next, which are repetitions, which were lost. Pure.
+"""Numbers of one publisher's messages: finds new, repeated and lost messages. Pure.
 
-The ways out use it (`export`), because taps come and go, and so do the ways in (`imports`), because the
-engine's readers come and go. The state says two things: whether a gap in the numbers is a loss, and whether a
+Routes out (`export`) use it because taps come and go. Routes in (`imports`) use it because the engine's
+readers come and go. The state answers two questions: whether a gap in the numbers is a loss, and whether a
 number that is not above the last one is a repetition.
 
-A way in may also get other numbers for the same messages. In a ring of buses, if the first way to a publisher
-fails, its messages come by another bridge, which counts from 1. Then messages that came before (copies) are
-recognized by their time.
+The numbers of a route in may also change although the messages are the same. In a ring of buses, if the first
+route to a publisher fails, its messages come through another bridge, which counts from 1. Then copies
+(messages that came before) are recognized by their time.
 """
 
 from collections.abc import Mapping
@@ -29,34 +29,34 @@ __all__ = [
 class ContinuityState(Enum):
     """The meaning of the next message's number."""
 
-    __hash__ = object.__hash__  # Enum's own is a call in Python
+    __hash__ = object.__hash__  # the one of Enum is a Python function, which is slower
 
     BEGINNING = "beginning"
-    """The next message may have any number above the last one. A gap is no loss."""
+    """The next message may have any number above the last one. A gap is not a loss."""
     FOLLOWING = "following"
     """The next message has the next number. A gap is a loss."""
     RETURNING = "returning"
-    """There was an interruption. A gap is a loss for subscriptions that were there before it."""
+    """There was an interruption. A gap is a loss for subscriptions that existed before it."""
     RESTORING = "restoring"
-    """As RETURNING, but the history for late joiners was lost here and comes again. Its messages are no
+    """Like RETURNING, but the history for late joiners was lost here and comes again. Its messages are not
     repetitions."""
 
 
 class ContinuityEvent(Enum):
-    """What happens to it."""
+    """Events that change the state."""
 
     __hash__ = object.__hash__
 
     RECEIVE = "receive"
-    """A message with a number comes."""
+    """A message with a number arrives."""
     RESUME = "resume"
-    """An earlier way of the publisher is continued, after its last number."""
+    """This route continues an earlier route of the publisher, after its last number."""
     RESTORE = "restore"
-    """The same, and the history is needed again."""
+    """Like RESUME, and the history is needed again."""
     INTERRUPT = "interrupt"
     """Messages stopped, and start again now."""
     RESTART = "restart"
-    """Messages start now for a subscription that was not there before."""
+    """Messages start now for a new subscription."""
     RENUMBER = "renumber"
     """Messages have other numbers from now on."""
 
@@ -90,63 +90,71 @@ TRANSITIONS: Mapping[ContinuityState, Mapping[ContinuityEvent, ContinuityState]]
         _Event.RENUMBER: _State.BEGINNING,
     },
 }
-"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+"""The next state, by state and event. An event that is missing in the row of a state must not happen in
+it."""
 
 
 class ContinuityError(Exception):
-    """An event that can't happen in its state: a bug of the bridge."""
+    """An event that is not possible in the current state: a bug in the bridge."""
 
 
 class Classified(NamedTuple):
     """A batch after its numbers were checked."""
 
     batch: Batch | None
-    """The messages that are new."""
+    """The new messages."""
     repeated: int
-    """How many messages had come before."""
+    """Number of messages that had arrived before."""
     lost: int
-    """How many numbers are missing, without an interruption."""
+    """Number of missing messages without an interruption."""
     missed: int
-    """How many numbers are missing after an interruption."""
+    """Number of missing messages after an interruption."""
 
 
 class Continuity:
-    """The state of one way. Only `on` changes it."""
+    """The state of one route. Only `on` changes it."""
 
     __slots__ = ("_copies", "_copies_until_ns", "last", "state")
 
     def __init__(self) -> None:
         self.state = ContinuityState.BEGINNING
         self.last = 0
-        """The number of the last message that came; 0 for none."""
+        """The number of the last message; 0 before the first one."""
         self._copies = 0
-        """How many copies may still come, of messages published up to `_copies_until_ns`."""
+        """Number of copies that may still come, of messages published up to `_copies_until_ns`."""
         self._copies_until_ns = 0
 
     def on(self, event: ContinuityEvent) -> None:
-        """`event` happens. Raises ContinuityError if it can't happen in this state."""
+        """Handle `event`. Raises ContinuityError if it is not possible in this state."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             raise ContinuityError(f"a way is {self.state.value!r}: {event.value!r} can't happen to it")
         self.state = state
 
     def resume(self, last: int, *, restores: bool) -> None:
-        """Continue an earlier way, which ended at the number `last`. `restores`: the history is needed
-        again."""
+        """Continue an earlier route, which ended at the number `last`.
+
+        `restores`: the history is needed again.
+        """
         self.on(_Event.RESTORE if restores else _Event.RESUME)
         self.last = last
 
     def renumber(self, copies: int, until_ns: int) -> None:
-        """The next messages have other numbers. At most `copies` of them, published up to `until_ns`, came
-        before. None counts as a copy if the history is needed again."""
+        """Prepare for other numbers in the next messages.
+
+        At most `copies` of them, published up to `until_ns`, came before. If the history is needed again, no
+        message counts as a copy.
+        """
         if self.state is not _State.RESTORING:
             self._copies, self._copies_until_ns = copies, until_ns
         self.on(_Event.RENUMBER)
         self.last = 0
 
     def follows(self, batch: Batch) -> bool:
-        """Whether the batch continues the numbers without a gap or a repetition, as it nearly always does.
-        Then it counts as received. If not, call `classify` or `jump`."""
+        """Whether the batch continues the numbers without a gap or a repetition, which is the normal case.
+
+        Then it counts as received. Otherwise call `classify` or `jump`.
+        """
         if batch.first_number != self.last + 1 or not batch.is_consecutive or self._copies:
             return False
         self.last = batch.last_number
@@ -155,7 +163,7 @@ class Continuity:
         return True
 
     def jump(self, batch: Batch) -> Classified:
-        """As `classify`, for rising numbers, of which the first is above `last`."""
+        """Like `classify`, for rising numbers if the first number is above `last`."""
         gap = max(0, batch.last_number - self.last - batch.count)
         state = self.state
         self.on(_Event.RECEIVE)
@@ -197,10 +205,10 @@ class Continuity:
 
 
 class Listeners:
-    """Subscriptions that got the last message of a way in, by gid. A gap after an interruption is a loss for
-    them only.
+    """Subscriptions that got the last message of a route in, by gid. A gap after an interruption is a loss
+    for them only.
 
-    While busd is away there are no matches. When it is back, so are the same subscriptions.
+    Without busd there are no matches. When it is back, so are the same subscriptions.
     """
 
     __slots__ = ("_last", "before", "now")
@@ -209,22 +217,24 @@ class Listeners:
         self.before: frozenset[bytes] = frozenset()
         """Subscriptions that got the last message before the matches changed."""
         self.now: frozenset[bytes] = frozenset()
-        """Subscriptions that are matched."""
+        """Subscriptions that are matched now."""
         self._last = 0
 
     def change(self, now: frozenset[bytes], last: int) -> None:
-        """The matches may have changed; the last message so far had the number `last`."""
+        """Update the matches; `last` is the number of the last message so far."""
         if last != self._last and self.now:
             self.before = self.now
         self._last = last
         self.now = now
 
     def resume(self, before: frozenset[bytes], last: int) -> None:
-        """Continue an earlier way that ended at the number `last`, which these subscriptions got."""
+        """Continue an earlier route that ended at the number `last`, which the subscriptions `before`
+        received."""
         self.before, self._last = before, last
 
     def forget(self) -> None:
-        """The next messages have other numbers, so a gap before them can't be counted."""
+        """Forget the subscriptions: the next messages have other numbers, so a gap before them can't be
+        counted."""
         self.before, self._last = frozenset(), 0
 
     @property

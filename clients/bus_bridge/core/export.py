@@ -1,6 +1,6 @@
-"""The way out of one publisher's messages: from what a tap has taken to the engine's writer.
+"""The route out of one publisher's messages: from a tap to the engine's writer.
 
-Owns the waiting messages, and the account of each message. Must not know nodes, taps or the graph.
+Owns the waiting messages, and the counters of the route. Must not know nodes, taps or the graph.
 """
 
 from collections.abc import Callable
@@ -18,19 +18,19 @@ __all__ = ["PATIENCE_S", "Export"]
 
 _MOST_BYTES = 64 << 20
 _MOST_LOSSLESS_BYTES = 256 << 20
-"""As much as a subscription may hold: a lossless publisher may have published so much before it waits."""
+"""The limit of a subscription: a lossless publisher may have published that much before it waits."""
 _LOSSLESS_BYTES = 1 << 20
-"""So much of a lossless publisher waits here before that waits itself."""
+"""Above this size of waiting messages, a lossless publisher waits."""
 PATIENCE_S = 30.0
-"""So long a lossless publisher waits for a way that its match on the far side makes us expect."""
+"""Longest time that a lossless publisher waits for a route that its match on the far side announces."""
 _AT_ONCE = 256
 
 
 class Export:
-    """`depth` is how many messages may wait. `is_matched` says whether a far subscription is matched with the
-    publisher on this bus: then its messages wait until the way is made.
+    """The route out of a publisher. `depth` is the number of messages that may wait.
 
-    `on_free` is called when it `is_full` no longer.
+    `is_matched` returns whether a far subscription is matched with the publisher on this bus. If so, its
+    messages wait until the route is ready. `on_free` is called when it is no longer `is_full`.
     """
 
     def __init__(
@@ -46,11 +46,11 @@ class Export:
         self.account = Account()
         self.writer: Writer | None = None
         self._lost_before: dict[str, int] = {}
-        """Messages that earlier writers had and lost, by reason."""
+        """Messages lost in earlier writers, by reason."""
         self._continuity = Continuity()
         self._depth = depth
         self._patience = depth
-        """How many messages may wait for the way to be made."""
+        """Number of messages that may wait until the route is ready."""
         self.is_lossless = is_lossless
         self._is_matched = is_matched
         self._on_free = on_free
@@ -60,7 +60,7 @@ class Export:
         self._limit: RateLimit | None = None
 
     def attach(self, writer: Writer, qos: QoSProfile, rule: RouteRule) -> None:
-        """The publisher is shown to the far side."""
+        """Use `writer`: the far side can see the publisher now."""
         self.writer = writer
         self.is_lossless = qos.is_lossless
         self._waiting.max_bytes = _most_bytes(is_lossless=qos.is_lossless)
@@ -74,12 +74,12 @@ class Export:
 
     @property
     def sent(self) -> int:
-        """Messages that have left, without those that the engine dropped afterwards."""
+        """Number of sent messages, without messages that the engine dropped afterwards."""
         return self.account.sent - sum(self._lost_by_engine.values())
 
     @property
     def losses(self) -> dict[str, int]:
-        """All that did not go on, by reason."""
+        """All dropped and lost messages, by reason."""
         return summed(self.account.losses, self._lost_by_engine)
 
     @property
@@ -88,7 +88,7 @@ class Export:
 
     @property
     def is_full(self) -> bool:
-        """Whether its publisher is to wait: no more has room here, and nothing must be lost."""
+        """Whether the publisher must wait: there is no more room here, and no message may be lost."""
         waiting = self._waiting
         return self.is_lossless and (waiting.count >= self._depth or waiting.bytes >= _LOSSLESS_BYTES)
 
@@ -97,11 +97,11 @@ class Export:
         return self.writer is not None and self.writer.is_wanted
 
     def begin(self, *, is_back: bool) -> None:
-        """There are taps again. `is_back`: for a far subscription that was here before."""
+        """Start with new taps. `is_back`: the far subscription was here before."""
         self._continuity.on(ContinuityEvent.INTERRUPT if is_back else ContinuityEvent.RESTART)
 
     def put(self, batch: Batch) -> None:
-        """The next messages of the publisher, in order."""
+        """Add the next messages of the publisher, in order."""
         account = self.account
         account.taken += batch.count
         if not self._continuity.follows(batch):
@@ -124,7 +124,8 @@ class Export:
         self._wait(batch)
 
     def flush(self) -> None:
-        """The writer can take more, perhaps, or is wanted no longer; or a match has come or gone."""
+        """Send waiting messages. To be called if the writer may have room or its state changed, or a match
+        changed."""
         waiting, writer = self._waiting, self.writer
         was_full, has_room = self.is_full, True
         self._is_given_up &= not self.is_flowing
@@ -140,9 +141,11 @@ class Export:
             self._on_free(self.gid)
 
     def has_timed_out(self, now_s: float) -> bool:
-        """To be asked from time to time: whether its publisher has been held up for half a minute by a far
-        side that does not read. If so, waiting messages are dropped, and later ones too, until the far side
-        reads."""
+        """Whether a far side that does not read has held up the publisher for half a minute.
+
+        Ask from time to time. If so, this drops waiting messages, and later ones too, until the far side
+        reads.
+        """
         if self.is_flowing or not self.is_full:
             self._waits_since_s = None
             return False
@@ -156,23 +159,25 @@ class Export:
         return True
 
     def detach(self) -> None:
-        """The far side sees the publisher no more; what waits, waits on."""
+        """Drop the writer: the far side does not see the publisher any more. Waiting messages stay."""
         writer, self.writer = self.writer, None
         if writer is not None:
             self._lost_before = summed(self._lost_before, writer.lost)
             writer.close()
 
     def close(self) -> None:
-        """The publisher has gone; waiting messages are lost."""
+        """End the route of a publisher that has gone; waiting messages are lost."""
         self.account.drop(DropReason.DISCONNECTED, self._waiting.clear())
         self.detach()
         self._on_free(self.gid)
 
     def _new_ones(self, batch: Batch) -> Batch | None:
-        """The messages of `batch` that had not come before. Missing ones were lost in the tap, or published
-        while a far subscription was cut off."""
+        """The messages of `batch` that had not come before.
+
+        Missing messages were lost in the tap, or were published while a far subscription was disconnected.
+        """
         continuity, account = self._continuity, self.account
-        is_jump = batch.first_number > continuity.last  # otherwise a history comes again, to another tap
+        is_jump = batch.first_number > continuity.last  # otherwise another tap receives a history again
         found = continuity.jump(batch) if is_jump else continuity.classify(batch)
         account.taken += found.lost + found.missed
         account.drop(DropReason.REPEATED, found.repeated)

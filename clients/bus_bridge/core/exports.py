@@ -1,6 +1,6 @@
-"""All ways out: the taps that take messages for far subscriptions, and which publisher's way each takes.
+"""All routes out: the taps for far subscriptions, and the route for each publisher's messages.
 
-There are taps for a topic and type while a far subscription is shown here. Owns the taps; makes no mirrors.
+A topic and type have taps while a far subscription is shown here. Owns the taps; makes no mirrors.
 """
 
 import asyncio
@@ -28,11 +28,11 @@ __all__ = ["Exports", "TopicExports", "TypedTopic"]
 
 _BATCH = 256
 _SHORT_S = 0.4
-"""After this time messages go on without a graph: their publisher was there too shortly."""
+"""After this time messages are sent without a graph: the publisher left before a graph showed it."""
 _EARLY_S = 5.0
-"""How long messages of a publisher wait that no graph has shown yet."""
+"""Time for which messages wait for a graph that shows their publisher."""
 _LINGER_S = 2.0
-"""How long messages wait after their publisher has gone."""
+"""Time for which messages wait after their publisher has gone."""
 _LOOK_S = 0.02
 _MOST_REMEMBERED = 1000
 _new_sample: Any = tuple.__new__
@@ -47,7 +47,7 @@ class TypedTopic(NamedTuple):
 
 
 class TopicExports:
-    """The ways out of one topic and type."""
+    """The routes out of one topic and type."""
 
     def __init__(
         self,
@@ -64,43 +64,44 @@ class TopicExports:
         self.topic = topic
         self.schema = schema
         self.is_local = is_local
-        """Whether only publishers that live on this bus go out, and none that other bridges have brought."""
+        """Whether only publishers of this bus go out, and no publishers mirrored by other bridges."""
         self.exports: dict[bytes, Export] = {}
-        """Ways by the publisher's gid."""
+        """Routes by the publisher's gid."""
         self.mirrors: dict[Subscription[Any], None] = {}
-        """The far subscriptions, as they are shown here."""
+        """The far subscriptions, as their mirrors on this bus."""
         self.away: dict[bytes, None] = {}
-        """Far subscriptions that have gone. One that comes back was cut off, and has missed the messages
-        meanwhile."""
+        """Far subscriptions that have gone. A subscription that comes back was disconnected, and has missed
+        messages."""
         self.holders = 0
-        """How many far subscriptions need the taps."""
+        """Number of far subscriptions that need the taps."""
         self.taps = Taps(self._put)
         self.depth = depth
         self.early: dict[bytes, float] = {}
-        """Publishers whose messages came before a graph showed them, with the time of the first message."""
+        """Publishers with messages before a graph showed them, and the time of the first message."""
         self.met: dict[bytes, Match] = {}
-        """Publishers that no graph has shown yet, as they were when they met a tap."""
+        """Publishers that no graph has shown yet, as described by their match with a tap."""
         self._knows = knows
         self._hides = hides
         self._on_trouble = on_trouble
         self._unsure = unsure
-        """Ways out to be swept: these are among them while something is `early` or `met`, or a publisher is
-        held back."""
+        """Routes that `sweep` must check. A route is in it while `early` or `met` is not empty, or while a
+        publisher is held back."""
         self._matched: frozenset[bytes] | None = None
         self._present: frozenset[bytes] = frozenset()
         self._sent_by_gone = 0
 
     def is_matched(self, gid: bytes) -> bool:
-        """Whether a far subscription is matched with this publisher, or may have been until that left."""
+        """Whether a far subscription is matched with this publisher, or may have been before the publisher
+        left."""
         if self._matched is None:
             self._matched = frozenset(match.gid for one in self.mirrors for match in one.matches)
             self._present = frozenset(match.gid for tap in self.taps for match in tap.matches)
-        if gid in self._matched or self.holders > len(self.mirrors):  # one that is being made may be matched
+        if gid in self._matched or self.holders > len(self.mirrors):  # a new mirror may be matched already
             return True
         return bool(self.mirrors) and gid not in self._present
 
     def on_matched(self, tap: Subscription[Any] | None) -> None:
-        """Publishers of this bus may have come or gone."""
+        """Update the publishers: some of this bus may have come or gone."""
         self._matched = None
         for match in () if tap is None or not self.is_local else tap.matches:
             if match.gid not in self.exports and not self._knows(match.gid):
@@ -116,11 +117,11 @@ class TopicExports:
 
     @property
     def sent(self) -> int:
-        """How many messages have gone out."""
+        """Number of sent messages."""
         return self._sent_by_gone + sum(one.account.sent for one in self.exports.values())
 
     def export(self, gid: bytes, *, is_lossless: bool = False) -> Export:
-        """That of a publisher, made when it is first asked for."""
+        """The route of a publisher; makes it at the first call."""
         found = self.exports.get(gid)
         if found is None:
             found = self.exports[gid] = Export(
@@ -135,7 +136,7 @@ class TopicExports:
         self.early.pop(export.gid, None)
 
     def begin(self, *, is_back: bool) -> None:
-        """New taps are there. `is_back`: for a far subscription that has had messages by earlier ones."""
+        """Start with new taps. `is_back`: a far subscription has received messages from earlier taps."""
         for export in self.exports.values():
             export.begin(is_back=is_back)
         self.met = {gid: match for gid, match in self.met.items() if not self._knows(gid)}
@@ -146,14 +147,14 @@ class TopicExports:
         if export is not None:
             try:
                 export.put(batch)
-            except Exception as error:  # one way out must not end the others
+            except Exception as error:  # an error in one route must not end the others
                 self._on_trouble(f"'{self.topic.name}': {in_words(error)}")
             if export.is_lossless and export.is_full and gid not in self.taps.full:
                 self.taps.hold_back(gid)
                 self._unsure.add(self)
 
     def _early(self, gid: bytes, *, is_lossless: bool) -> Export | None:
-        if self._hides(gid):  # one that is to be seen may not be shown yet
+        if self._hides(gid):  # an unknown publisher is not hidden: a graph may show it soon
             return None
         self.early[gid] = asyncio.get_running_loop().time()
         self._unsure.add(self)
@@ -161,8 +162,11 @@ class TopicExports:
 
 
 class Exports:
-    """`node` is the bridge's own; `knows` says whether the last graph had a publisher, `hides` whether it had
-    one that the far side must not see."""
+    """Makes routes and taps. `node` belongs to the bridge.
+
+    `knows` returns whether the last graph had a publisher. `hides` returns whether it had a publisher that
+    the far side must not see.
+    """
 
     def __init__(
         self,
@@ -179,16 +183,16 @@ class Exports:
         self._on_trouble = on_trouble
         self._routes: dict[TypedTopic, TopicExports] = {}
         self._unsure: set[TopicExports] = set()
-        """The routes that `sweep` must check; others cost nothing."""
+        """The routes that `sweep` must check; other routes cost no time."""
         self._of_gid: dict[bytes, tuple[TopicExports, Export]] = {}
         self._leaving: dict[Export, tuple[asyncio.TimerHandle, Callable[[], object]]] = {}
-        """Ways whose publisher has gone while messages wait: the timer of the next check, and the function to
-        call at the end."""
+        """Routes with waiting messages after their publisher has gone: the timer of the next check, and the
+        function to call at the end."""
         self._loop = asyncio.get_running_loop()
         self.on_short: Callable[[TopicExports, Match], object] = lambda route, match: None
-        """Called for a publisher that was there too shortly to be seen in a graph."""
+        """Called for a publisher that left before a graph showed it."""
         self.shown: dict[Export, Shown] = {}
-        """The endpoints that the far side sees."""
+        """The endpoints that the far side can see."""
 
     def __iter__(self) -> Iterator[tuple[TopicExports, Export]]:
         for route in self._routes.values():
@@ -213,17 +217,17 @@ class Exports:
         return found
 
     def schema(self, topic: TypedTopic) -> MessageSchema | None:
-        """None if no far subscription has that topic and type."""
+        """The schema of a topic and type; None if no far subscription has them."""
         found = self._routes.get(topic)
         return None if found is None else found.schema
 
     # --- publishers of this bus
 
     def prepare(self, topic: TypedTopic, schema: MessageSchema, shown: Shown) -> tuple[Export, RouteRule]:
-        """The way out of a publisher that is about to be shown to the far side, and the rule for it."""
+        """Return the route and the rule of a publisher before the far side sees it."""
         gid, route = shown.local.gid, self.route(topic, schema)
         export = route.export(gid)
-        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: waiting messages go on
+        if (leaving := self._leaving.pop(export, None)) is not None:  # it is back: send its waiting messages
             timer, on_closed = leaving
             timer.cancel()
             export.detach()
@@ -238,12 +242,12 @@ class Exports:
         export.attach(writer, qos, rule)
 
     def discard(self, gid: bytes) -> None:
-        """The engine can't carry it."""
+        """Close the route of a publisher that the engine can't carry."""
         self._end(*self._of_gid.pop(gid))
 
     def withdraw(self, gid: bytes, on_closed: Callable[[], object]) -> None:
-        """A publisher has gone. Its waiting messages still leave, if they can soon; then `on_closed` is
-        called."""
+        """End the route of a publisher that has gone. Its waiting messages are still sent if that is possible
+        soon; then `on_closed` is called."""
         known = self._of_gid.pop(gid, None)
         if known is None:
             on_closed()
@@ -254,7 +258,7 @@ class Exports:
 
         def check() -> None:
             nonlocal sent, end_s
-            if export.account.sent != sent:  # it goes on, however slowly
+            if export.account.sent != sent:  # it still makes progress, however slow
                 sent, end_s = export.account.sent, self._loop.time() + _LINGER_S
             if (export.waiting or route.taps.has_news) and self._loop.time() < end_s:
                 self._leaving[export] = self._loop.call_later(_LOOK_S, check), on_closed
@@ -270,10 +274,10 @@ class Exports:
 
         check()
 
-    # --- far subscriptions, as they are shown here
+    # --- far subscriptions on this bus
 
     async def hold(self, topic: TypedTopic, schema: MessageSchema, gid: bytes) -> TopicExports:
-        """Have the taps of a topic and type for one more far subscription. Raises BusError."""
+        """Make sure that a topic and type have taps, for one more far subscription. Raises BusError."""
         route = self.route(topic, schema)
         route.holders += 1
         try:
@@ -288,7 +292,8 @@ class Exports:
         return route
 
     async def release(self, route: TopicExports, gid: bytes) -> None:
-        """A far subscription needs them no longer. Cancellation: they are closed, or not needed by it."""
+        """Release the taps of a far subscription. Cancellation: they are closed, or this subscription no
+        longer counts."""
         route.holders -= 1
         route.away[gid] = None
         while len(route.away) > _MOST_REMEMBERED:
@@ -333,11 +338,11 @@ class Exports:
         route.on_matched(tap)
         return tap
 
-    # --- from time to time
+    # --- regular checks
 
     def sweep(self) -> None:
-        """Check publishers that no graph has shown, and lossless publishers that no far subscription
-        reads."""
+        """Check publishers that no graph has shown, and lossless publishers without a reading far
+        subscription."""
         now_s = self._loop.time()
         for route in tuple(self._unsure):
             for gid in [gid for gid in route.met if self._knows(gid)]:
@@ -362,7 +367,7 @@ class Exports:
                 self._unsure.discard(route)
 
     def close(self) -> None:
-        """Waiting messages are lost."""
+        """Close all; waiting messages are lost."""
         for timer, _ in self._leaving.values():
             timer.cancel()
         for route in self._routes.values():

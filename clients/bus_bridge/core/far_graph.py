@@ -1,8 +1,8 @@
-"""The nodes and endpoints that far buses have announced, checked against the bounds, and which of them are
-mirrored. Pure.
+"""Nodes and endpoints announced by far buses, checked against the bounds, and the choice of the mirrored
+ones. Pure.
 
-Names are those on the wire. Three kinds of endpoints are known here, but not mirrored: those on topics
-outside of the namespace, those that the rules forbid, and those that came through this bus already.
+Names are names on the wire. Some endpoints are known here but not mirrored: endpoints outside of the
+namespace, endpoints that the rules forbid, and endpoints that came through this bus before.
 """
 
 from typing import NamedTuple
@@ -18,35 +18,36 @@ __all__ = ["FarGraph", "Mirrored", "MirroredNode", "Wrong"]
 
 
 class MirroredNode(msgspec.Struct, frozen=True):
-    """A far node as it is to be shown here."""
+    """A far node as this bus shows it."""
 
     key: str
     name: str
     namespace: str
     bus: str
-    """Whose bridge shows it."""
+    """The bus of the bridge that shows it."""
     via: tuple[str, ...]
-    """The buses that it came through before, its own first; empty if it lives on `bus`."""
+    """The buses that it came through before, starting with its own; empty if it lives on `bus`."""
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """The part of its identity that stays the same when its bridge comes back."""
+        """The part of its identity that stays the same after a restart of its bridge."""
         return self.name, self.namespace, self.bus, self.via
 
 
 class Mirrored(msgspec.Struct, frozen=True):
-    """A far endpoint as it is to be shown here."""
+    """A far endpoint as this bus shows it."""
 
     far: FarEndpoint
     node: MirroredNode
     topic: str
-    """Its name on this bus."""
+    """The name of the topic on this bus."""
     max_rate_hz: float | None = None
-    """What a rule says of that topic."""
+    """The limit that a rule sets for the topic."""
 
 
 class Wrong(NamedTuple):
-    """A fault in the far side's news, and the one to refuse for it: `announcer`, or without one the bus."""
+    """A fault in data of the far side, and the party to refuse: `announcer`, or the whole bus if that is
+    empty."""
 
     bus: str
     announcer: str
@@ -62,7 +63,7 @@ class _Bus:
 
 
 class _Announcer:
-    """Who tells of nodes: a bus as a whole, or one of those in it that do so each for itself."""
+    """A source of news about nodes: a whole bus, or a part of it that announces its own nodes."""
 
     def __init__(self, bus: _Bus, name: str, news: News) -> None:
         self.bus = bus
@@ -77,10 +78,10 @@ class _Announcer:
 
 
 class FarGraph:
-    """`own_bus` is the id of this bus.
+    """The graph of all far buses. `own_bus` is the id of this bus.
 
-    Methods that take news return what is wrong with them. Who is to be refused for it is to be taken out by
-    `forget`. If a bus shows more than it may, this is the announcer that shows most.
+    Methods for news return faults in the news. The caller then removes the refused party with `forget`. If a
+    bus exceeds its limits, the fault names the announcer with most nodes and endpoints.
     """
 
     def __init__(self, own_bus: str, bounds: Bounds, rules: Rules, naming: Naming) -> None:
@@ -90,31 +91,31 @@ class FarGraph:
         self._naming = naming
         self._buses: dict[str, _Bus] = {}
         self._news: dict[tuple[str, str], News] = {}
-        """The rates of change by bus and announcer. Rates of gone ones stay, so that coming and going all the
-        time allows no more changes."""
+        """Rates of change by bus and announcer. They outlive their bus: else it could exceed the rate by
+        coming and going."""
         self._nodes: dict[str, _Announcer] = {}
         self._endpoints: dict[bytes, dict[str, FarEndpoint]] = {}
         self._by_node: dict[str, dict[bytes, None]] = {}
-        self._known_nodes: dict[str, MirroredNode] = {}  # that may be mirrored
+        self._known_nodes: dict[str, MirroredNode] = {}  # candidates for mirrors
         self._outside: dict[str, int] = {}
-        """Nodes outside of the namespace, and how many of their endpoints are inside: with one they are
-        mirrored too, under the name that they have on the wire."""
+        """Nodes outside of the namespace, and their number of endpoints inside. A node with such an endpoint
+        is mirrored under its name on the wire."""
         self.nodes: dict[str, MirroredNode] = {}
-        """To be mirrored, by key."""
+        """Nodes to mirror, by key."""
         self.endpoints: dict[bytes, Mirrored] = {}
-        """The endpoints to be mirrored, by gid. If two have the same gid, the one that came first."""
+        """Endpoints to mirror, by gid. If two have the same gid, the first one counts."""
 
     @property
     def buses(self) -> list[str]:
-        """Ids of the far buses that are there."""
+        """Ids of the present far buses."""
         return [*self._buses]
 
     def ways(self, gid: bytes) -> list[str]:
-        """The buses by which an endpoint with this gid comes; not this one's own, by a way around."""
+        """The buses through which an endpoint with this gid arrives, except this bus itself."""
         return [self._nodes[key].bus.id for key in self._endpoints.get(gid, ()) if key in self._known_nodes]
 
     def wrong(self, key: str, reason: str) -> Wrong | None:
-        """That something is wrong with an endpoint of a node; None if that has gone."""
+        """Make a fault for an endpoint of a node; None if the node has gone."""
         known = self._nodes.get(key)
         return None if known is None else known.wrong(reason)
 
@@ -266,7 +267,7 @@ class FarGraph:
         self._choose(gid)
 
     def _choose(self, gid: bytes) -> None:
-        """The way by which it is mirrored, if it is: the way that came first, as long as it is there."""
+        """Choose the way by which an endpoint is mirrored, if any: the first one, as long as it exists."""
         known = self.endpoints.pop(gid, None)
         ways = self._endpoints.get(gid, {})
         if known is not None and ways.get(known.far.node) is known.far:
@@ -294,7 +295,7 @@ class FarGraph:
         if node is None or topic is None:
             return None
         crossing = self._rules.crossing(topic)
-        # A far subscription is shown here where messages of this bus may go to it.
+        # This bus shows a far subscription only if messages may go out to it.
         if not (crossing.comes_in if endpoint.kind == "publisher" else crossing.goes_out):
             return None
         return Mirrored(endpoint, node, topic, crossing.rule.max_rate_hz)

@@ -1,6 +1,6 @@
-"""Reads one far publisher through the engine, as long as a subscription on this bus wants its messages.
+"""Reads one far publisher through the engine while a subscription on this bus wants its messages.
 
-Owns the engine's reader, and the losses of earlier readers. Must not know where messages go.
+Owns the engine's reader, and the losses of earlier readers. Must not know the receiver of messages.
 """
 
 import asyncio
@@ -16,25 +16,25 @@ from bus_bridge.errors import in_words
 __all__ = ["TRANSITIONS", "FarReading", "ReadingError", "ReadingEvent", "ReadingState"]
 
 _LINGER_S = 2.0
-"""How long messages are still read after the last subscription has gone: with busd it comes back soon."""
+"""Time of reading after the last subscription has gone: after a restart of busd, it comes back soon."""
 _RETRY_S = 2.0
 
 
 class ReadingState(Enum):
-    """Whether the publisher is read."""
+    """Whether the publisher is being read."""
 
     IDLE = "idle"
     """No subscription wants its messages."""
     READING = "reading"
     LINGERING = "lingering"
-    """It is still read for a while, though no subscription wants its messages any more."""
+    """It is still read for a short time although no subscription wants its messages any more."""
     FAILED = "failed"
-    """A subscription wants its messages, but the engine could not read it. It is tried again later."""
+    """A subscription wants its messages, but the engine could not read it. A retry follows."""
     CLOSED = "closed"
 
 
 class ReadingEvent(Enum):
-    """What happens to it."""
+    """Events that change the state."""
 
     WANT = "want"
     """A subscription is matched."""
@@ -45,7 +45,7 @@ class ReadingEvent(Enum):
     STOP = "stop"
     """It has lingered long enough, or the far publisher was away and is back."""
     CLOSE = "close"
-    """The publisher or the bridge goes."""
+    """The publisher or the bridge ends."""
 
 
 _State, _Event = ReadingState, ReadingEvent
@@ -78,16 +78,20 @@ TRANSITIONS: Mapping[ReadingState, Mapping[ReadingEvent, ReadingState]] = {
     },
     _State.CLOSED: dict.fromkeys(ReadingEvent, _State.CLOSED),
 }
-"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+"""The next state, by state and event. An event that is missing in the row of a state must not happen in
+it."""
 
 
 class ReadingError(Exception):
-    """An event that can't happen in its state: a bug of the bridge."""
+    """An event that is not possible in the current state: a bug in the bridge."""
 
 
 class FarReading:
-    """The reading of `endpoint`. `on_begin` is called before each reader is made, `retry` when a failed
-    attempt is to be repeated, and `on_trouble` with what went wrong, in words."""
+    """The reading of `endpoint`.
+
+    `on_begin` is called before each reader is made, and `retry` for a new attempt after a failed one.
+    `on_trouble` gets an explanation of the failure.
+    """
 
     def __init__(
         self,
@@ -108,7 +112,7 @@ class FarReading:
         self._retry = retry
         self._on_trouble = on_trouble
         self._reader: Reader | None = None
-        """While it is READING or LINGERING."""
+        """Not None in the states READING and LINGERING."""
         self._lost_before: dict[str, int] = {}
         """Messages that earlier readers lost, by reason."""
         self._timer: asyncio.TimerHandle | None = None
@@ -123,11 +127,11 @@ class FarReading:
         return self._reader is not None
 
     def resume(self, lost_before: dict[str, int]) -> None:
-        """Continue an earlier reading of the publisher, which lost these messages. To be called first."""
+        """Continue an earlier reading of the publisher, which lost these messages. Call this first."""
         self._lost_before = lost_before
 
     def want(self, is_wanted: bool) -> None:
-        """A subscription is matched, or none is."""
+        """Update whether a subscription is matched."""
         self._on(ReadingEvent.WANT if is_wanted else ReadingEvent.UNWANT)
         if self.state is ReadingState.READING and self._reader is None:
             self._begin()
@@ -135,22 +139,23 @@ class FarReading:
             self._timer = asyncio.get_running_loop().call_later(_LINGER_S, self.stop)
 
     def taken(self, size: int) -> None:
-        """`size` bytes of payload were published or dropped."""
+        """Tell the reader that `size` bytes of payload were published or dropped."""
         if self._reader is not None:
             self._reader.taken(size)
 
     def stop(self) -> None:
-        """Read no longer, until a subscription is matched the next time."""
+        """Stop reading until a subscription is matched again."""
         self._on(ReadingEvent.STOP)
         self._end()
 
     def close(self) -> None:
-        """Read no more."""
+        """End the reading."""
         self._on(ReadingEvent.CLOSE)
         self._end()
 
     def _on(self, event: ReadingEvent) -> None:
-        """`event` happens, and the timer of the former state ends. Raises ReadingError if it can't happen."""
+        """Handle `event` and stop the timer of the former state. Raises ReadingError if it is not possible in
+        this state."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             way = f"the reading of '{self.endpoint.topic}'"

@@ -1,7 +1,7 @@
-"""The way in of one far publisher's messages: from the engine's reader to its mirror on this bus.
+"""The route in of one far publisher's messages: from the engine's reader to its mirror on this bus.
 
-Decides which messages go on: new ones, within their lifespan and the rate of a rule. When they are read is
-`far_reading`'s subject, how they are published `publishing`'s. Must not know nodes or the graph.
+Decides which messages are published: new ones, within their lifespan and the rate of a rule. `far_reading`
+decides when they are read, and `publishing` how they are published. Must not know nodes or the graph.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,10 @@ __all__ = ["Import"]
 
 
 class Import:
-    """`on_trouble` is called with a text that says why messages can't come in. `numbering`: as in Past."""
+    """The route in of a far publisher. `on_trouble` gets an explanation if messages can't come in.
+
+    `numbering`: as in Past.
+    """
 
     def __init__(
         self,
@@ -50,7 +53,7 @@ class Import:
         self._on_trouble = on_trouble
         self._lateness = lateness
         self._newest_ns = 0
-        """When the publisher published what came last, by its clock."""
+        """Time at which the publisher published the newest message, by its clock."""
         self._limit = None if max_rate_hz is None else RateLimit(max_rate_hz)
         self._continuity = continuity = Continuity()
         self._listeners = Listeners()
@@ -61,11 +64,11 @@ class Import:
         )
 
     def resume(self, past: Past) -> None:
-        """Continue where an earlier way of the publisher ended. To be called before anything else."""
+        """Continue after the end of an earlier route of the publisher. Call this before any other method."""
         self._publishing.account = past.account
         self._reading.resume(past.lost_before)
         self._newest_ns = past.newest_ns
-        # A new mirror has no history for late joiners, so that must come once more.
+        # A new mirror has no history for late joiners, so the history must come again.
         self._continuity.resume(past.last, restores=self._qos.durability is Durability.TRANSIENT_LOCAL)
         self._listeners.resume(past.listeners, past.last)
         if past.numbering != self._numbering:
@@ -77,8 +80,8 @@ class Import:
 
     @property
     def is_broken(self) -> bool:
-        """Whether the mirror has been ended, as by a new busd that has refused it. Another one is to be
-        made."""
+        """Whether the mirror was closed, for example because a new busd refused it. It has to be made
+        again."""
         return self._publishing.is_broken
 
     @property
@@ -91,23 +94,26 @@ class Import:
 
     @property
     def taken(self) -> int:
-        """Messages that have come, including those that the engine had and lost."""
+        """Number of messages that arrived, including messages lost in the engine."""
         return self.account.taken + sum(self._reading.lost.values())
 
     @property
     def losses(self) -> dict[str, int]:
-        """All that did not go on, by reason."""
+        """All dropped and lost messages, by reason."""
         return summed(self.account.losses, self._reading.lost)
 
     def on_matched(self) -> None:
-        """The mirror's matches have changed: read, or read no longer."""
+        """Start or stop reading after a change of the mirror's matches."""
         if self._reading.state is not ReadingState.CLOSED:
             self._note_listeners()
             self._reading.want(bool(self._listeners.now))
 
     def begin_again(self, endpoint: FarEndpoint, *, numbering: str = "") -> None:
-        """The far side was away and is back: messages from before don't come twice, and missed messages are
-        lost. `numbering`: as in Past; other numbers may begin at 1."""
+        """Continue after the far side was away: earlier messages don't come twice, and missed messages are
+        lost.
+
+        `numbering`: as in Past; other numbers may begin at 1.
+        """
         self._reading.stop()
         self._reading.endpoint = endpoint
         if numbering != self._numbering:
@@ -116,19 +122,20 @@ class Import:
         self.on_matched()
 
     def past(self) -> Past:
-        """For the way that follows, should the publisher come back; to be asked before this one ends."""
+        """The state for the next route, in case the publisher comes back. Ask before the end of this
+        route."""
         self._note_listeners()
         last, listeners, lost = self._continuity.last, self._listeners.before, self._reading.lost
         return Past(last, listeners, self.account, lost, self._numbering, self._newest_ns)
 
     def end(self) -> None:
-        """The bridge ends: stop reading; waiting messages are lost."""
+        """Stop reading at the end of the bridge; waiting messages are lost."""
         self._reading.close()
         self._publishing.cancel()
 
     async def finish(self) -> None:
-        """The far publisher has gone: read no more, and publish what waits for room, for as long as that goes
-        on. Cancellation: as at the end, waiting messages are lost."""
+        """End the route of a far publisher that has gone: stop reading, and publish waiting messages while
+        there is progress. Cancellation: waiting messages are lost, as in `end`."""
         self._reading.close()
         if lost := await self._publishing.finish():
             self._on_trouble(
@@ -136,7 +143,7 @@ class Import:
             )
 
     def receive(self, batch: Batch) -> None:
-        """The next messages of the far publisher, from the reader. Never raises."""
+        """Handle the next messages of the far publisher, from the reader. Never raises."""
         if self._reading.state is ReadingState.CLOSED:
             return
         publishing = self._publishing
@@ -159,16 +166,18 @@ class Import:
             if right is not None:
                 publishing.publish_or_wait(right)
             if gone := size - publishing.waiting.bytes:
-                self._reading.taken(gone)  # also of what is dropped here: the writer does not wait for that
-        except Exception as error:  # one way in must not end the others
+                self._reading.taken(gone)  # includes messages dropped here: the writer does not wait for them
+        except Exception as error:  # an error in one route must not end the others
             self._on_trouble(in_words(error))
 
-    # --- inside
+    # --- internal
 
     def _renumber(self) -> None:
-        """From now on messages have other numbers. Messages that came before are recognized by their time.
-        They are those that the publisher keeps, or those that waited for the new way, up to the publisher's
-        depth."""
+        """Prepare for messages with other numbers. Messages that came before are recognized by their time.
+
+        At most the publisher's depth can come again: messages that it keeps, and messages that waited for the
+        new route.
+        """
         qos, sent = self._qos, self.account.sent
         copies = min(qos.depth, sent) if qos.history is History.KEEP_LAST else sent
         self._continuity.renumber(copies, self._newest_ns)

@@ -1,15 +1,15 @@
 """The age of messages from another machine, even if its clock is wrong by an hour. Pure.
 
-The difference of the two clocks is not known. But of all recent messages the least late one took next to no
-time. A message's age is the time by which it was later than that one.
+The difference of the two clocks is unknown. But the fastest of all recent messages took almost no time. So
+the age of a message is its delay relative to the fastest one.
 """
 
 __all__ = ["Lateness"]
 
 _WINDOW_NS = 30_000_000_000
 _STEP_NS = 100_000_000
-"""A publisher's times may fall by so much from one message to the next; a larger step means that its clock
-was set."""
+"""Largest normal step backwards between the times of a publisher's messages. A larger step means that its
+clock was set."""
 
 
 class Lateness:
@@ -20,14 +20,16 @@ class Lateness:
     """
 
     def __init__(self) -> None:
-        self._least_ns: int | None = None  # since `_since_ns`
-        self._before_ns: int | None = None  # in the window before
+        self._least_ns: int | None = None  # in the current window, which began at `_since_ns`
+        self._before_ns: int | None = None  # in the previous window
         self._since_ns = 0
 
     def note(self, now_ns: int, source_ns: int, before_ns: int = 0) -> None:
-        """A message came; of many that come together, the newest is enough. `before_ns`: the source time of
-        its publisher's message before it; 0 if there was none."""
-        if source_ns < before_ns - _STEP_NS:  # the far clock was set back: the least lateness is wrong
+        """Record a message. Of messages that arrive together, the newest is enough.
+
+        `before_ns`: the source time of its publisher's previous message; 0 if there was none.
+        """
+        if source_ns < before_ns - _STEP_NS:  # the far clock was set back, so the least lateness is wrong
             self._least_ns = self._before_ns = None
         if now_ns - self._since_ns > _WINDOW_NS:
             is_next = now_ns - self._since_ns <= 2 * _WINDOW_NS
@@ -38,6 +40,6 @@ class Lateness:
             self._least_ns = lateness_ns
 
     def age_ns(self, now_ns: int, source_ns: int) -> int:
-        """The age of a message that was noted, or that came together with a noted one."""
+        """The age of a message that was recorded, or that arrived together with a recorded one."""
         least_ns = min((one for one in (self._least_ns, self._before_ns) if one is not None), default=None)
         return 0 if least_ns is None else max(0, now_ns - source_ns - least_ns)

@@ -1,4 +1,4 @@
-"""The part of this bus that the far side is to see, and its changes since the last graph. Pure."""
+"""The part of this bus that the far side may see, and its changes since the last graph. Pure."""
 
 import msgspec
 
@@ -14,25 +14,25 @@ from bus_bridge.engine import EndpointKind, LocalEndpoint, LocalNode, RouteRule
 __all__ = ["Changes", "LocalGraph", "Shown"]
 
 _Key = tuple[object, ...]
-"""Process, namespace, name and origin of a node."""
+"""Key of a node: process, namespace, name and origin."""
 
 
 class Shown(msgspec.Struct, frozen=True):
-    """An endpoint of this bus that the far side is to see."""
+    """An endpoint of this bus that the far side may see."""
 
     local: LocalEndpoint
     topic: str
-    """Its name on this bus."""
+    """The name of the topic on this bus."""
     node: str
-    """Full name of its node on this bus."""
+    """Full name of the node on this bus."""
     rule: RouteRule
 
 
 class Changes(msgspec.Struct):
-    """In the order in which they must be announced: gone ones first, then nodes, subscriptions and
+    """Changes in the order in which they must be announced: removals, then nodes, subscriptions and
     publishers.
 
-    A service's client has its subscription for answers on the far side before its request goes there.
+    So the subscription for a client's answers reaches the far side before its request.
     """
 
     gone: list[Shown] = []
@@ -44,9 +44,10 @@ class Changes(msgspec.Struct):
 
 
 class LocalGraph:
-    """Knows endpoints by gid, and nodes by process and name: so a busd that comes back changes nothing.
+    """The graph of this bus as the far side sees it.
 
-    `far_bus`: the id of the only bus on the far side, which is not to see what was brought from there.
+    It identifies endpoints by gid, and nodes by process and name, so a restart of busd changes nothing.
+    `far_bus` is the id of the only bus on the far side. That bus must not see its own nodes again.
     """
 
     def __init__(self, rules: Rules, naming: Naming, far_bus: str = "") -> None:
@@ -54,38 +55,39 @@ class LocalGraph:
         self._naming = naming
         self._far_bus = far_bus
         self._node_numbers = 0
-        self._nodes: dict[int, tuple[_Key, LocalNode | None]] = {}  # by busd's number
+        self._nodes: dict[int, tuple[_Key, LocalNode | None]] = {}  # by busd's number of the node
         self._absent: dict[_Key, list[LocalNode]] = {}
-        """Nodes of an earlier busd that this one does not know yet."""
+        """Nodes of an earlier busd that the current busd does not know yet."""
         self._seen: dict[bytes, GraphEndpoint] = {}
         self._seen_at: tuple[int, int] = (0, -1)
         self.endpoints: dict[bytes, Shown] = {}
-        """What is to be seen there now, by gid."""
+        """The endpoints that the far side may see now, by gid."""
 
     def knows(self, gid: bytes) -> bool:
-        """Whether an endpoint was on this bus at the last look, to be seen there or not."""
+        """Whether the last graph had this endpoint, visible to the far side or not."""
         return gid in self._seen
 
     def hides(self, gid: bytes) -> bool:
-        """Whether one was on this bus at the last look that is not to be seen there."""
+        """Whether the last graph had this endpoint and the far side must not see it."""
         return gid in self._seen and gid not in self.endpoints
 
     def give_up(self, gid: bytes) -> None:
-        """It is not to be seen there after all: it can't."""
+        """Remove an endpoint that can't be shown to the far side."""
         self.endpoints.pop(gid, None)
 
     def is_other_busd(self, graph: Graph) -> bool:
-        """Whether `graph` comes from another busd than the last one. Most of what it lacks will come back."""
+        """Whether `graph` comes from a new busd. Most endpoints that are missing in it will come back."""
         pid, revision = self._seen_at
         return revision >= 0 and (pid != graph.broker_pid or graph.revision < revision)
 
     @property
     def nodes(self) -> list[LocalNode]:
-        """Those to be seen there now."""
+        """Nodes that the far side may see now."""
         return [node for _, node in self._nodes.values() if node is not None]
 
     def update(self, graph: Graph, *, keeps: bool = False) -> Changes:
-        """Take over `graph`. With `keeps` nothing goes: what is not in it yet is waited for."""
+        """Update to `graph`; returns the changes. With `keeps`, nothing is removed: missing nodes and
+        endpoints may come back."""
         changes = Changes()
         looks_at_all = keeps or self.is_other_busd(graph)
         present = {one.gid: one for one in graph.subscriptions}
@@ -106,13 +108,13 @@ class LocalGraph:
             self._absent.clear()
         for gid, endpoint in present.items():
             seen = self._seen.get(gid)
-            # Another node's endpoint may have replaced it between two graphs: a mirror that came another way.
+            # A mirror that came another way may have replaced another node's endpoint between two graphs.
             if looks_at_all or seen is None or seen.id != endpoint.id:
                 self._update_endpoint(endpoint, changes)
         return changes
 
     def add_short(self, match: Match, kind: tuple[str, str, str]) -> Changes:
-        """A publisher of this bus, and its node, that has come and gone between two graphs."""
+        """Add a publisher of this bus, with its node, that came and left between two graphs."""
         changes = Changes()
         topic, type_name, type_hash = kind
         namespace, name = split_node_name(match.node)
@@ -175,14 +177,14 @@ class LocalGraph:
         return LocalNode(self._node_numbers, node.name, namespace, via)
 
     def _crossing(self, endpoint: GraphEndpoint) -> Crossing | None:
-        """None if the far side must not see it."""
+        """The crossing of an endpoint; None if the far side must not see it."""
         crossing = self._rules.crossing(endpoint.topic)
         if not (crossing.goes_out if endpoint.kind == "publisher" else crossing.comes_in):
             return None
         origin = endpoint.node.origin
         if origin is not None and (not crossing.rule.transit or origin.bus == self._far_bus):
             return None
-        if endpoint.type_name.startswith(SERVICE_TYPE):  # bridges are asked on their own bus
+        if endpoint.type_name.startswith(SERVICE_TYPE):  # every bus has its own bridges' status services
             return None
         return crossing
 

@@ -1,7 +1,7 @@
-"""Far nodes and endpoints as they are shown on this bus: made and closed in order, by one task.
+"""Mirrors of far nodes and endpoints on this bus. One task makes and closes them in order.
 
-Owns the nodes, publishers and subscriptions that stand for others. What is to be there it looks up in the
-`FarGraph`, as often as that changes: so however much comes and goes there, nothing piles up here.
+Owns the mirror nodes, publishers and subscriptions. The task reads the wanted state from the `FarGraph` after
+each change. So there is no queue of changes, however many come.
 """
 
 import asyncio
@@ -37,7 +37,7 @@ _CLOSE_S = 1.0
 
 
 class NodeMirror:
-    """A far node, as it is shown here."""
+    """The mirror of a far node."""
 
     def __init__(self, far: MirroredNode) -> None:
         self.far = far
@@ -46,7 +46,7 @@ class NodeMirror:
 
 
 class EndpointMirror:
-    """A far publisher or subscription, as it is shown here."""
+    """The mirror of a far publisher or subscription."""
 
     def __init__(self, far: Mirrored, node: NodeMirror) -> None:
         self.far = far
@@ -54,14 +54,14 @@ class EndpointMirror:
         self.publisher: Publisher[Any] | None = None
         self.subscription: Subscription[Any] | None = None
         self.way: Import | None = None
-        """The way in of a publisher's messages."""
+        """The route in of a publisher's messages."""
         self.route: TopicExports | None = None
-        """The way out of messages to a subscription."""
+        """The route out of messages to a subscription."""
         self.sent_before = 0
-        """Messages that had taken that route before the subscription existed."""
+        """Messages sent by that route before the subscription existed."""
         self.retry = Retry()
         self.gone_s = 0.0
-        """Since when a transient local publisher is missing on its bus; 0 while it is there."""
+        """Time since which a transient local publisher is missing on its bus; 0 while it exists."""
         self.is_leaving = False
 
     @property
@@ -74,8 +74,11 @@ class EndpointMirror:
 
 
 class Mirrors:
-    """`make_node(name, namespace, origin)` makes a node, which is opened here. `knows` says whether an
-    endpoint with this gid was on this bus at the last look; `warn` gets what the user should know."""
+    """Makes and closes all mirrors.
+
+    `make_node(name, namespace, origin)` returns a node, which `Mirrors` opens. `knows` returns whether the
+    last graph had an endpoint with this gid. `warn` gets texts for the user.
+    """
 
     def __init__(
         self,
@@ -98,7 +101,7 @@ class Mirrors:
         self._nodes: dict[str, NodeMirror] = {}
         self._endpoints: dict[bytes, EndpointMirror] = {}
         self._leaving: dict[bytes, asyncio.Task[None]] = {}
-        """Publishers that have gone and have messages left."""
+        """Tasks for publishers that have gone but have waiting messages."""
         self._lateness: dict[str, Lateness] = {}
         self._pasts = Pasts()
         self._stays = Stays()
@@ -111,33 +114,33 @@ class Mirrors:
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Nodes, publishers and subscriptions that are shown here."""
+        """Numbers of nodes, publishers and subscriptions that are shown here."""
         publishers = sum(one.publisher is not None for one in self._endpoints.values())
         subscriptions = sum(one.subscription is not None for one in self._endpoints.values())
         return sum(one.node is not None for one in self._nodes.values()), publishers, subscriptions
 
     def notify(self) -> None:
-        """The far graph has changed, perhaps."""
+        """Wake the task: the far graph may have changed."""
         self._is_due.set()
 
     def bus_added(self, bus: str) -> None:
-        """It is there, perhaps again. To be followed by `look`."""
+        """Handle a bus that has come, perhaps again. Call `look` afterwards."""
         self._stays.bus_added(bus, self._loop.time())
 
     def bus_removed(self, bus: str) -> None:
-        """The link to it has ended. To be called before `look`."""
+        """Handle the end of the link to a bus. Call this before `look`."""
         self._stays.bus_removed(bus, self._loop.time())
         self._lateness.pop(bus, None)
 
     async def run(self) -> None:
-        """Make and close what is to be, for ever. Cancellation: `close` has to follow."""
+        """Make and close mirrors until cancelled. Call `close` afterwards."""
         while True:
             await self._is_due.wait()
             self._is_due.clear()
             await self._settle()
 
     async def close(self) -> None:
-        """Close all. Cancellation: what is left goes with the connection."""
+        """Close all mirrors. Cancellation: the remaining ones end with the connection."""
         if self._timer is not None:
             self._timer.cancel()
         for task in self._leaving.values():
@@ -148,7 +151,7 @@ class Mirrors:
         nodes = [one.node for one in self._nodes.values() if one.node is not None]
         await asyncio.gather(*(node.close() for node in nodes), return_exceptions=True)
 
-    # --- one look at everything
+    # --- one pass over all mirrors
 
     async def _settle(self) -> None:
         self._take_over_nodes()
@@ -164,7 +167,7 @@ class Mirrors:
         now_s = self._loop.time()
         closed = [one for one in self._nodes.values() if one.node is None and not self._is_gone(one)]
         await self._each([one for one in closed if one.retry.at_s <= now_s], self._open_node)
-        # A service's client has its subscription for answers here before its requests come.
+        # So a client's subscription for answers exists here before its requests arrive.
         await self._each(self._missing("subscription"), self._open_endpoint)
         await self._each(self._missing("publisher"), self._open_endpoint)
         self._arm()
@@ -199,7 +202,7 @@ class Mirrors:
         return self._stays.until(mirror.node.far.bus, mirror.gone_s)
 
     def _take_over_nodes(self) -> None:
-        """If the bridge of a bus is back, mirrors that are left stand for the nodes that it shows now."""
+        """Let remaining mirrors stand for the nodes that a returned bridge shows now."""
         lost = {one.far.identity: key for key, one in self._nodes.items() if self._is_gone(one)}
         if not lost:
             return
@@ -226,7 +229,7 @@ class Mirrors:
                 mirror.way.begin_again(far.far, numbering=_numbering(far))
 
     def _missing(self, kind: str) -> list[tuple[EndpointMirror, MessageSchema]]:
-        """Endpoints of `kind` that are to be made and can be, now."""
+        """Endpoints of `kind` without a mirror that can get one now."""
         found: list[tuple[EndpointMirror, MessageSchema]] = []
         now_s = self._loop.time()
         unready: set[str] = set()
@@ -247,7 +250,7 @@ class Mirrors:
                 mirror = self._endpoints[gid] = EndpointMirror(far, node)
             if mirror.far is not far or mirror.is_open or mirror.retry.at_s > now_s:
                 continue
-            if mirror.retry.failures and self._knows(gid):  # it has come by another way, and is still there
+            if mirror.retry.failures and self._knows(gid):  # it has come another way, and still exists
                 mirror.retry.fail(now_s)
                 continue
             try:
@@ -260,7 +263,7 @@ class Mirrors:
         return found
 
     def _arm(self) -> None:
-        """Look again when something is to be tried again, or need not stay any longer."""
+        """Set the timer for the next retry, or for the end of a mirror that stays for a while."""
         now_s = self._loop.time()
         times = [one.retry.at_s for one in self._nodes.values()]
         times += [one.retry.at_s for one in self._endpoints.values()]
@@ -360,7 +363,8 @@ class Mirrors:
                 raw=True,
                 events=SubscriptionEvents(matched=lambda change: route.matches_changed()),
                 gid=far.far.gid,
-                # Else what is brought from one far bus would be read for another, to which it does not go on.
+                # Otherwise the bridge would read publishers mirrored from one far bus for another far bus,
+                # although their messages do not go there.
                 local_only=route.is_local,
                 role="mirror",
             )
@@ -382,7 +386,7 @@ class Mirrors:
             await self._within_bounds(self._exports.release(mirror.route, gid))
         elif mirror.publisher is not None and mirror.way is not None:
             self._pasts.keep(gid, mirror.way.past(), self._loop.time())
-            if mirror.way.waiting:  # others need not wait for that
+            if mirror.way.waiting:  # others must not wait for them
                 self._leaving[gid] = self._loop.create_task(self._leave(gid, mirror), name="leave a topic")
                 return
             await mirror.way.finish()
@@ -400,7 +404,7 @@ class Mirrors:
             self.notify()
 
     async def _within_bounds(self, closing: Awaitable[None]) -> None:
-        """Nothing that is closed may hold up the rest for long, nor end it."""
+        """Limit the duration of closing, and catch its errors, so that it can't hold up or end the rest."""
         try:
             async with asyncio.timeout(_CLOSE_S):
                 await closing
@@ -433,5 +437,6 @@ def _full_name(far: MirroredNode) -> str:
 
 
 def _numbering(far: Mirrored) -> str:
-    """Whose numbers its messages have. In transit: those of a mirror, and each bridge makes new ones."""
+    """The name of the numbering of its messages. In transit they have the numbers of a mirror, and each
+    bridge makes new ones."""
     return far.far.node if far.node.via else ""

@@ -1,8 +1,8 @@
-"""Names here and names on the wire: the namespace is added to leaving names and removed from incoming ones.
-Pure.
+"""Converts names between this bus and the wire: adds the namespace to leaving names, removes it from incoming
+ones. Pure.
 
-With the namespace `/bot1` the topic `/scan` of this bus is `/bot1/scan` on the wire, whoever publishes it.
-Names on the wire that don't begin with it have no name here, so each name here has one there and back again.
+With the namespace `/bot1` the topic `/scan` of this bus is `/bot1/scan` on the wire, whatever publishes it.
+Names on the wire without the namespace have no name here. So the conversion is unique in both directions.
 """
 
 from bus.errors import ConfigurationError
@@ -12,9 +12,9 @@ __all__ = ["Naming"]
 
 
 class Naming:
-    """`namespace` with or without a slash in front; "" and "/" change no name.
+    """`namespace` may begin with a slash; "" and "/" change no name.
 
-    Raises ConfigurationError for what is no namespace.
+    Raises ConfigurationError if `namespace` is not valid.
     """
 
     def __init__(self, namespace: str = "") -> None:
@@ -22,22 +22,22 @@ class Naming:
         self._prefix = "" if self.namespace == "/" else self.namespace
 
     def topic_to_wire(self, topic: str) -> str:
-        """Raises ConfigurationError if the name becomes too long."""
+        """Name of a topic on the wire. Raises ConfigurationError if it becomes too long."""
         return self._checked(topic, self._prefix + topic, MAX_TOPIC_NAME_LENGTH)
 
     def topic_from_wire(self, topic: str) -> str | None:
-        """None if it lies outside of the namespace."""
+        """Name of a topic on this bus; None if it is outside of the namespace."""
         return topic[len(self._prefix) :] if topic.startswith(f"{self._prefix}/") else None
 
     def namespace_to_wire(self, namespace: str) -> str:
-        """Of a node. Raises ConfigurationError if it becomes too long."""
+        """Namespace of a node on the wire. Raises ConfigurationError if it becomes too long."""
         if not self._prefix:
             return namespace
         full = self._prefix if namespace == "/" else self._prefix + namespace
         return self._checked(namespace, full, MAX_NAMESPACE_LENGTH)
 
     def namespace_from_wire(self, namespace: str) -> str | None:
-        """Of a node. None if it lies outside of the namespace."""
+        """Namespace of a node on this bus; None if it is outside of the namespace."""
         if namespace == self._prefix:
             return "/"
         return self.topic_from_wire(namespace)

@@ -1,32 +1,32 @@
-"""When lossless messages leave: each at once, or some together a little later. Pure."""
+"""Sending times of lossless messages: at once, or a little later and together. Pure."""
 
 __all__ = ["GATHER_S", "Pace"]
 
 GATHER_S = 0.001
-"""How long messages gather."""
+"""Time for which messages gather."""
 _CLOSE_S = 0.0003
 _MOST_CLOSE = 8
-"""So many times in a row messages may come so soon after each other and leave at once; then they gather."""
+"""Number of close messages in a row that leave at once; after that, messages gather."""
 
 
 class Pace:
     """Pace of the messages of one tap.
 
-    A few messages cost two bridges nearly as much as many that go together. So where publishers don't pause,
-    messages gather for a moment. Else the bridges take the processors that the publishers need to publish
-    more at a time, and all stay slow.
+    For two bridges, a few messages cost nearly as much as many that are sent together. So messages gather for
+    a moment if publishers don't pause. Otherwise the bridges would use the CPU time that the publishers need
+    to publish more at a time, and all would stay slow.
     """
 
     def __init__(self) -> None:
         self.is_gathering = False
-        """A new message leaves together with those gathered before."""
+        """Whether a new message waits for the gathered ones, and leaves with them."""
         self._last_s = 0.0
         self._close = 0
 
     def leaves(self, now_s: float) -> bool:
-        """Whether what has come now is to leave at once. Otherwise messages gather from now on.
+        """Whether the new messages leave at once. Otherwise messages gather from now on.
 
-        Not to be asked while they do.
+        Must not be called while messages gather.
         """
         if now_s - self._last_s >= _CLOSE_S:
             self._close = 0
@@ -37,5 +37,5 @@ class Pace:
         return not self.is_gathering
 
     def gathered(self, now_s: float) -> None:
-        """Gathered messages leave now."""
+        """End the gathering: the messages leave now."""
         self.is_gathering, self._last_s = False, now_s

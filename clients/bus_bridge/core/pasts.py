@@ -1,4 +1,4 @@
-"""The last state of each way in whose far publisher has gone, in case the publisher comes back. Pure."""
+"""The last state of each route in after its far publisher has gone, for a publisher that comes back. Pure."""
 
 from collections import OrderedDict
 from typing import NamedTuple
@@ -12,24 +12,24 @@ _KEEP_S = 600.0
 
 
 class Past(NamedTuple):
-    """The way in of a publisher, as it was when that went."""
+    """The state of a publisher's route in at its end."""
 
     last: int
-    """The number of the last message that came; 0 for none."""
+    """The number of the last message; 0 without any."""
     listeners: frozenset[bytes]
     """The subscriptions at that time, by gid. Messages that they have missed since then are lost."""
     account: Account
     lost_before: dict[str, int]
-    """Messages that its readers had and lost, by reason."""
+    """Messages lost in its readers, by reason."""
     numbering: str = ""
-    """The numbering of `last`: that of the publisher itself, or, in transit, of the mirror named here.
-    Numbers of different mirrors can't be compared."""
+    """The numbering of `last`: empty for the publisher's own numbers. In transit it names the mirror, because
+    numbers of different mirrors can't be compared."""
     newest_ns: int = 0
-    """When the last message was published, by the publisher's clock: the same by each way."""
+    """Time of the last message, by the publisher's clock. It is the same on each way."""
 
 
 class Pasts:
-    """By gid. Keeps at most `most`, the newest ones, each for `keep_s` seconds."""
+    """Last states by gid. Keeps the newest ones, at most `most`, each for `keep_s` seconds."""
 
     def __init__(self, most: int = _MOST, keep_s: float = _KEEP_S) -> None:
         self._most = most
@@ -42,7 +42,8 @@ class Pasts:
         self._forget(now_s)
 
     def take(self, gid: bytes, now_s: float) -> Past | None:
-        """None if the publisher is new, or was away for too long."""
+        """Remove and return the state of a publisher; None if the publisher is new, or was away for too
+        long."""
         self._forget(now_s)
         found = self._known.pop(gid, None)
         return None if found is None else found[1]

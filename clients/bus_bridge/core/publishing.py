@@ -1,7 +1,6 @@
-"""Publishes the messages of a far publisher by its mirror on this bus; lossless ones wait for room.
+"""Publishes the messages of a far publisher by its mirror on this bus; lossless messages wait for room.
 
-Owns the messages that wait, and counts the published and the dropped ones. Must not know where messages come
-from.
+Owns the waiting messages, and counts published and dropped ones. Must not know the source of messages.
 """
 
 import asyncio
@@ -25,8 +24,11 @@ _AT_ONCE = 256
 
 
 class Publishing:
-    """`on_gone` is called with the bytes of messages that have waited and are published, `on_trouble` with an
-    explanation if messages can't be published."""
+    """Publishes messages of one mirror.
+
+    `on_gone` is called with the bytes of waiting messages that were published. `on_trouble` gets an
+    explanation if messages can't be published.
+    """
 
     def __init__(
         self,
@@ -48,13 +50,15 @@ class Publishing:
         self._pumping: asyncio.Task[None] | None = None
 
     def publish(self, batch: Batch) -> int:
-        """Publish the messages. Returns how many, from the front, are done: all, unless the publisher is
-        lossless and has no room."""
+        """Publish the messages; returns how many of the first ones are done.
+
+        The result is only less than all if the publisher is lossless and has no room.
+        """
         if batch.__class__ is not Packed:
             return self._publish_each(batch)
         try:
             done = self.publisher.publish_packed(batch.whole, batch.start)
-        except BusError:  # it comes again
+        except BusError:  # the bridge makes the mirror again
             return self._publish_each(batch)
         account = self.account
         account.sent += done
@@ -66,7 +70,7 @@ class Publishing:
         return done + self._publish_each(rest)
 
     def publish_or_wait(self, batch: Batch) -> None:
-        """Publish the messages. Without room they wait, behind earlier ones."""
+        """Publish the messages. Without room they wait behind earlier ones."""
         waiting = self.waiting
         if not waiting.count:
             done = self.publish(batch)
@@ -79,13 +83,15 @@ class Publishing:
             self._pumping = asyncio.get_running_loop().create_task(self._pump())
 
     def cancel(self) -> None:
-        """Stop: messages that wait are lost."""
+        """Stop; waiting messages are lost."""
         if self._pumping is not None:
             self._pumping.cancel()
 
     async def finish(self) -> int:
-        """Publish the messages that wait, as long as some can be published. Returns how many are lost.
-        Cancellation: all waiting messages are lost."""
+        """Publish waiting messages while there is progress; returns the number of lost ones.
+
+        Cancellation: all waiting messages are lost.
+        """
         try:
             while self._pumping is not None:
                 before = self.account.sent
@@ -111,7 +117,7 @@ class Publishing:
             self._pumping = None
 
     def _publish_waiting(self) -> bool:
-        """Returns whether there is no room for the next one."""
+        """Publish waiting messages; returns whether there is no room for the next one."""
         waiting, before, is_full = self.waiting, self.waiting.bytes, False
         while not is_full and (batch := waiting.first(_AT_ONCE)) is not None:
             done = self.publish(batch)

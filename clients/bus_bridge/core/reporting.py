@@ -1,4 +1,4 @@
-"""What a bridge tells of its routes: in the graph, as counters of mirrors, and as its status."""
+"""Reports about a bridge's routes: in the graph, as counters of mirrors, and as its status."""
 
 from bus.vocabulary import DropReason
 from bus_bridge.core.exports import Exports
@@ -19,11 +19,12 @@ class Reporting:
         self._mirrors = mirrors
         self._reported: dict[EndpointMirror, object] = {}
         self._progress: dict[object, tuple[int, float]] = {}
-        """Routes with waiting messages: how many messages had left, and since when none has."""
+        """Routes with waiting messages: their number of sent messages, and the time since which it has not
+        changed."""
         self._now_s = 0.0
 
     def report(self, now_s: float) -> None:
-        """Tell the graph what has changed; to be called each second."""
+        """Report changes to the graph. Call this each second."""
         self._now_s = now_s
         self._reported = {mirror: self._report(mirror) for mirror in self._mirrors}
         waiting: dict[object, tuple[int, float]] = {}
@@ -44,7 +45,7 @@ class Reporting:
         return known is not None and self._now_s - known[1] >= _STUCK_S
 
     def _report(self, mirror: EndpointMirror) -> object:
-        """Returns what the graph knows of it now."""
+        """Report one mirror; returns the reported values."""
         known = self._reported.get(mirror)
         if mirror.subscription is not None and mirror.route is not None:
             crossed = mirror.route.sent - mirror.sent_before

@@ -1,7 +1,7 @@
-"""Which topics cross a bridge, in which direction, and how: options and busd.toml, as one decision.
+"""Decides which topics cross a bridge, in which direction, and how, from the options and busd.toml.
 
-All names are names on this bus. A rule or pattern for a service is for both of its topics, one for an action
-for all of its services and topics: each stands under the name that users know. Pure.
+All names are names on this bus. A rule or pattern for a service applies to both of its topics, and for an
+action to all of its services and topics: it uses the name that users know. Pure.
 """
 
 import re
@@ -22,7 +22,7 @@ Direction = Literal["both", "out", "in"]
 
 _MOST_REMEMBERED = 10_000
 _PRIVATE = frozenset(("/rosout", "/parameter_events"))
-"""Each bus has its own. They cross only if a pattern is exactly this name."""
+"""Topics that each bus has. They only cross if a pattern is exactly the name."""
 _OF_ACTION = re.compile(r"(/.+)/_action/(?:feedback|status|send_goal|cancel_goal|get_result)")
 _WILD = frozenset("*?[")
 
@@ -30,13 +30,15 @@ _WILD = frozenset("*?[")
 class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The user's settings for topics that match `pattern`: one `[[bridge.<engine>.topics]]`.
 
-    None: another rule decides, or the default is used. The names of the fields are the keys.
+    None: another rule decides, or the default applies. The names of the fields are the keys.
     """
 
     pattern: str
     direction: Direction | None = None
-    """`out`: from this bus only; `in`: to this bus only. For a service or action it says which side serves
-    it: `out` offers ours to the far side."""
+    """`out`: only from this bus; `in`: only to this bus.
+
+    For a service or action it names the server's side: `out` offers our servers to the far side.
+    """
     depth: Annotated[int, Meta(ge=1, le=MAX_DEPTH)] | None = None
     max_rate_hz: Annotated[float, Meta(gt=0)] | None = None
     priority: Priority | None = None
@@ -54,12 +56,12 @@ class Crossing(msgspec.Struct, frozen=True):
 
 
 class Rules:
-    """`allow` and `deny` are patterns as in busd.toml. Without `allow` all cross that are not private.
+    """The rules of a bridge. `allow` and `deny` are patterns as in busd.toml.
 
-    `deny` goes before `allow`. Where several of `topics` are for one topic and say the same thing, the last
-    of them counts.
+    Without `allow`, all topics cross except private ones. `deny` is stronger than `allow`. If several of
+    `topics` match a topic and set the same option, the last one counts.
 
-    Raises ConfigurationError for a pattern that can match nothing.
+    Raises ConfigurationError for a pattern that can't match anything.
     """
 
     def __init__(
@@ -77,11 +79,11 @@ class Rules:
 
     @property
     def has_transit(self) -> bool:
-        """Whether any topic's messages may go on that another bridge has brought in."""
+        """Whether some topic has `transit`: messages brought in by another bridge may go out."""
         return any(one.transit for one, _ in self._topics)
 
     def crossing(self, topic: str) -> Crossing:
-        """What is to become of `topic`, a full name."""
+        """The decision about `topic`, a full name."""
         known = self._known.get(topic)
         if known is None:
             if len(self._known) >= _MOST_REMEMBERED:  # names come from the far side, too
@@ -119,7 +121,7 @@ class Rules:
 
 
 def subject_of(topic: str) -> str:
-    """The users' name of the thing that `topic` belongs to: an action, a service, or the topic itself."""
+    """The users' name for the owner of `topic`: an action, a service, or the topic itself."""
     name = service_of_topic(topic) or topic
     action = _OF_ACTION.fullmatch(name)
     return name if action is None else action[1]

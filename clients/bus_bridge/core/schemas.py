@@ -1,4 +1,4 @@
-"""The types of far endpoints: how each is described, asked for once, and looked at before it is used here."""
+"""The types of far endpoints: asks for each description once, and checks it before it is used here."""
 
 import asyncio
 from collections.abc import Callable
@@ -20,9 +20,9 @@ _Key = tuple[str, ...]
 
 
 class Schemas:
-    """Asks busd first, then the engine. `on_lie(endpoint, reason)` hears of descriptions that can't be right.
+    """Asks busd first, then the engine. `on_lie(endpoint, reason)` is called for a false description.
 
-    `max_bytes` is of one description.
+    `max_bytes` limits one description.
     """
 
     def __init__(
@@ -38,11 +38,13 @@ class Schemas:
         self._asking: dict[_Key, asyncio.Task[None]] = {}
         self._places = asyncio.Semaphore(_AT_ONCE)
         self.on_found: Callable[[], object] = lambda: None
-        """Called when it is worth to ask again."""
+        """Called when a new `get` may give a result."""
 
     def get(self, endpoint: FarEndpoint) -> MessageSchema | None:
-        """None while it is looked for. Raises BridgeError if neither busd nor the engine has it, or if it is
-        broken."""
+        """The schema of a far endpoint; None while the search goes on.
+
+        Raises BridgeError if neither busd nor the engine has it, or if it is broken.
+        """
         key = _key(endpoint)
         if (found := self._found.get(key)) is not None:
             return found
@@ -80,7 +82,7 @@ class Schemas:
             try:
                 return await self._node.get_schema(endpoint.type_name, endpoint.type_hash)
             except ConfigurationError:
-                pass  # not known here
+                pass  # busd does not know it
         schema = await self._engine.find_schema(endpoint)
         if wrong := self._wrong(endpoint, schema):
             self._on_lie(endpoint, wrong)
@@ -108,4 +110,4 @@ class Schemas:
 def _key(endpoint: FarEndpoint) -> _Key:
     if endpoint.type_hash:
         return endpoint.type_name, endpoint.type_hash
-    return endpoint.type_name, "", endpoint.node  # each side may mean another type
+    return endpoint.type_name, "", endpoint.node  # the type may differ from node to node

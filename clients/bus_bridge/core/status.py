@@ -1,4 +1,4 @@
-"""What a bridge tells of itself, as a service: its links, its routes and what became of each message.
+"""The status of a bridge as a service: its links, its routes and the counters of messages.
 
 `bus bridge status` finds bridges by the type of this service. Values only; the bridge answers.
 """
@@ -24,15 +24,15 @@ class LinkState(msgspec.Struct, kw_only=True):
 
     address: str = ""
     state: str = "trying"
-    """`up`, `trying`, `refused`, or `spare`: another address is used in its place."""
+    """`up`, `trying`, `refused`, or `spare`: another address is used instead."""
     bus: str = ""
     """The id of the far bus, if it is known."""
     text: str = ""
-    """Why it is not up."""
+    """The reason why it is not up."""
 
 
 class MirrorCounts(msgspec.Struct, kw_only=True):
-    """How many nodes and endpoints one side shows of the other."""
+    """Numbers of nodes and endpoints that one side shows of the other."""
 
     __type_name__: ClassVar[str] = "bus_bridge/msg/MirrorCounts"
 
@@ -42,25 +42,25 @@ class MirrorCounts(msgspec.Struct, kw_only=True):
 
 
 class RouteState(msgspec.Struct, kw_only=True):
-    """The way of one publisher's messages. `taken` is the sum of `sent`, `waiting` and all of `dropped`."""
+    """The route of one publisher's messages. `taken` is the sum of `sent`, `waiting` and all of `dropped`."""
 
     __type_name__: ClassVar[str] = "bus_bridge/msg/RouteState"
 
     topic: str = ""
-    """As it is called on this bus."""
+    """The name of the topic on this bus."""
     type_name: str = ""
     direction: str = "out"
     """`out`: from this bus; `in`: to this bus."""
     node: str = ""
     """Full name of the publisher's node."""
     bus: str = ""
-    """For routes into this bus: the bus that the messages come from."""
+    """For routes into this bus: the source bus of the messages."""
     gid: str = ""
-    """The publisher's, in hex."""
+    """The publisher's gid, in hex."""
     is_flowing: bool = False
     """Whether a subscription on the other side wants its messages."""
     is_stuck: bool = False
-    """Whether the route is wanted, messages wait, and none has left for some seconds."""
+    """Whether a subscription wants messages and some wait, but none has left for some seconds."""
     taken: _Count = 0
     sent: _Count = 0
     bytes: _Count = 0
@@ -69,12 +69,14 @@ class RouteState(msgspec.Struct, kw_only=True):
     counts_lost: bool = True
     """Whether `lost_on_the_way` can be counted. Messages of DDS have no numbers that a bridge could read."""
     dropped: dict[str, int] = {}
-    """By reason. For routes into this bus, `lost_on_the_way` is not part of `taken`: those messages never
-    came."""
+    """Dropped messages by reason.
+
+    For routes into this bus, `lost_on_the_way` is not part of `taken`, because those messages never arrived.
+    """
 
 
 class GetStatus(Service):
-    """Asks a bridge how it is."""
+    """Asks a bridge for its status."""
 
     __type_name__ = SERVICE_TYPE
 
@@ -90,15 +92,15 @@ class GetStatus(Service):
         uptime_s: float = 0.0
         links: list[LinkState] = []
         buses: list[str] = []
-        """Ids of the far buses that are there now."""
+        """Ids of the present far buses."""
         shown_here: MirrorCounts = msgspec.field(default_factory=MirrorCounts)
         """Far nodes and endpoints that are mirrored on this bus."""
         shown_there: MirrorCounts = msgspec.field(default_factory=MirrorCounts)
         """Nodes and endpoints of this bus that far sides can see."""
         refused: _Count = 0
-        """Connections that were refused before it was known which bus asks, by TLS say."""
+        """Connections that were refused before the bridge knew the other bus, for example by TLS."""
         refusal: str = ""
-        """Why the last of them was."""
+        """The reason of the last refusal."""
         repeated: _Count = 0
-        """Messages that came a second time, and were dropped."""
+        """Messages that arrived a second time, and were dropped."""
         routes: list[RouteState] = []

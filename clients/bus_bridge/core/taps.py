@@ -1,7 +1,7 @@
 """The taps of one topic and type: subscriptions that take messages of this bus for far subscriptions.
 
-Decides when a tap's messages are taken, and remembers which publishers the lossless taps hold back. Must not
-know where messages go.
+Decides when a tap's messages are taken, and remembers publishers that lossless taps hold back. Must not know
+the receiver of messages.
 """
 
 import asyncio
@@ -24,7 +24,8 @@ Tap = Subscription[Any]
 
 
 class Taps:
-    """`on_batch` is called with a tap, a publisher's gid, and its messages."""
+    """All taps of one topic and type. `on_batch` is called with a tap, a publisher's gid, and its
+    messages."""
 
     def __init__(self, on_batch: Callable[[Tap, bytes, Batch], None]) -> None:
         self.opening = asyncio.Lock()
@@ -44,16 +45,16 @@ class Taps:
 
     @property
     def has_news(self) -> bool:
-        """Whether a tap has messages that were not taken yet."""
+        """Whether a tap has messages that are not taken yet."""
         return any(tap.statistics().queued for tap in self._taps)
 
     def replace(self, taps: list[Tap]) -> list[Tap]:
-        """Use these taps from now on. Returns the former taps, whose messages are no longer taken."""
+        """Use these taps from now on. Returns the former taps; their messages are no longer taken."""
         before, self._taps = self._taps, taps
         return before
 
     def begin(self) -> None:
-        """Take the messages that the taps have, and all later ones."""
+        """Take the present messages of the taps, and all later ones."""
         for tap in self._taps:
             for gid in self.full if tap.qos.is_lossless else ():
                 tap.hold_back(gid)
@@ -68,14 +69,14 @@ class Taps:
         pack = tap.take_packed(PACK_BYTES, LONG_BYTES) or tap.take_packed(LONG_PACK_BYTES, LONG_PACK_BYTES)
         if pack is not None:
             if pack.has_more:
-                self._take_on(tap)  # others have their turn first
+                self._take_on(tap)  # continue later, after other callbacks
             self._on_batch(tap, pack.publisher_gid, Packed.taken(pack))
             return
         batch = tap.take_many(_BATCH)
         if not batch:
             return
         if len(batch) == _BATCH:
-            self._take_on(tap)  # others have their turn first
+            self._take_on(tap)  # continue later, after other callbacks
         groups: dict[bytes, list[Sample]] = {}
         gid: bytes | None = None
         add: Callable[[Sample], None]
@@ -90,23 +91,23 @@ class Taps:
     # --- lossless publishers wait if there is no room for their messages
 
     def hold_back(self, gid: bytes) -> None:
-        """There is no room for that publisher's messages."""
+        """Stop taking messages of a publisher, because there is no room for them."""
         self.full.add(gid)
         for tap in self._taps:
             if tap.qos.is_lossless:
                 tap.hold_back(gid)
 
     def release(self, gid: bytes) -> None:
-        """There is room again."""
+        """Take messages of a publisher again, because there is room."""
         self.full.discard(gid)
         for tap in self._taps:
             if tap.qos.is_lossless:
                 tap.release(gid)
 
-    # --- when messages are taken
+    # --- times at which messages are taken
 
     def _arrive(self, tap: Tap, pace: Pace) -> None:
-        """A message has arrived at a lossless tap."""
+        """Decide when to take a message that has arrived at a lossless tap."""
         if pace.is_gathering:
             return
         if pace.leaves(self._loop.time()):

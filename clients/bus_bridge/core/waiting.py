@@ -1,4 +1,4 @@
-"""Messages that wait for their way, bounded in number and bytes, and the rates that rules allow. Pure."""
+"""Messages that wait for their route, limited in number and bytes, and the rates that rules allow. Pure."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -10,28 +10,32 @@ from bus_bridge.packed import Packed
 __all__ = ["RateLimit", "Waiting"]
 
 _MOST_MESSAGES = 1 << 22
-"""A limit for short messages: one that did not come packed takes some 180 bytes besides its payload."""
+"""A limit for short messages. A message that was not packed takes about 180 bytes besides its payload."""
 _NS_PER_S = 1_000_000_000
 _NEVER_NS = 1 << 63
 _SLACK = 0.05
-"""The part of a period by which a message may be early: publishers' timers are not exact."""
+"""Part of a period by which a message may be early: publishers' timers are not exact."""
 
 
 class Waiting:
-    """At most `max_bytes` of payload, but always room for one message; and four million messages. Packed
-    messages stay packed while they wait."""
+    """A queue with a limit of `max_bytes` of payload (but always room for one message) and four million
+    messages.
+
+    Packed messages stay packed while they wait.
+    """
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
         self._parts: deque[Sample | Packed] = deque()
         self.count = 0
-        """Of messages."""
+        """Number of messages."""
         self.bytes = 0
 
     def put(self, batch: Batch, depth: int | None) -> tuple[int, int]:
-        """Put them behind the others; the oldest beyond the bounds go. `depth` None: as many as there are.
+        """Add messages at the end; the oldest ones above the limits are dropped. `depth` None: no limit by
+        number.
 
-        Returns how many went because of the depth, and how many because of the memory.
+        Returns how many were dropped because of the depth, and how many because of the memory.
         """
         if batch.__class__ is Packed:
             self._parts.append(batch)
@@ -51,7 +55,8 @@ class Waiting:
         return replaced, over
 
     def first(self, limit: int) -> Batch | None:
-        """Some of the oldest, `limit` at most if they are not packed; they stay. None if nothing waits."""
+        """Some of the oldest messages, at most `limit` if they are not packed. They stay in the queue. None
+        if it is empty."""
         if self._parts and isinstance(first := self._parts[0], Packed):
             return first
         found = list[Sample]()
@@ -62,7 +67,7 @@ class Waiting:
         return Loose.some(found)
 
     def remove(self, count: int) -> None:
-        """The oldest `count` have gone on."""
+        """Remove the oldest `count` messages, which were sent."""
         self.count -= count
         while count:
             part = self._parts.popleft()
@@ -78,7 +83,7 @@ class Waiting:
             count -= min(count, part.count)
 
     def clear(self) -> int:
-        """Returns how many waited."""
+        """Remove all messages; returns their number."""
         count = self.count
         self._parts.clear()
         self.count = self.bytes = 0
@@ -94,15 +99,15 @@ class RateLimit:
         self._due_ns = -_NEVER_NS
 
     def passing(self, samples: Iterable[Sample]) -> list[Sample]:
-        """Those of `samples`, which come in order, that may go on."""
+        """The messages of `samples`, in order, that may pass."""
         return [sample for sample in samples if self._passes(sample.source_time_ns)]
 
     def _passes(self, time_ns: int) -> bool:
         late_ns = time_ns - self._due_ns
         if -2 * self._period_ns <= late_ns < -self._slack_ns:
             return False
-        # On time, the schedule goes on from when it was due, so that the mean rate is exact. After a pause,
-        # or if the publisher's clock was set back, it begins anew.
+        # After a message on time, the schedule continues from the due time. So the mean rate is exact. After
+        # a pause, or if the publisher's clock was set back, the schedule starts anew.
         is_on_time = -self._slack_ns <= late_ns < self._period_ns
         self._due_ns = (self._due_ns if is_on_time else time_ns) + self._period_ns
         return True

@@ -1,6 +1,7 @@
-"""What DDS discovers, told as far nodes and endpoints.
+"""Converts DDS discovery to news of far nodes and endpoints.
 
-Owns: cyclonedds' built-in readers and what they say; which endpoints are none of ours, and of no other busd.
+Owns: cyclonedds' built-in readers and their data, and the decision which endpoints are far: neither ours nor
+another busd's.
 """
 
 import asyncio
@@ -39,7 +40,7 @@ from bus_bridge.errors import BridgeError
 __all__ = ["ENCLAVE", "MARK", "NO_SERVICES", "Discovery"]
 
 MARK: Final = "busd"
-"""The key in USER_DATA by which busds know each other's endpoints."""
+"""The key in USER_DATA by which busds recognize each other's endpoints."""
 ENCLAVE: Final = "enclave"
 """The key in USER_DATA that each participant of ROS 2 has."""
 NO_SERVICES: Final = (
@@ -48,11 +49,11 @@ NO_SERVICES: Final = (
 _ALIVE: Final = 16
 _BATCH: Final = 256
 _MOST_UNKNOWN: Final = 1000
-"""Endpoints of unknown types that are kept, because their types may become known."""
+"""Most endpoints of unknown types that are kept, because their types may become known."""
 
 
 class Discovery:
-    """Made with the participant, and ends with it.
+    """Discovery of one participant. It ends with the participant.
 
     `on_change` is called after each piece of news, for code that uses handles.
     """
@@ -78,9 +79,9 @@ class Discovery:
         self.gids: dict[int, bytes] = {}
         """Gids of all far endpoints that belong to no busd, by handle."""
         self.marked: set[int] = set()
-        """Handles of endpoints that are not read: those of other busds, and of refused participants."""
+        """Handles of unread endpoints: they belong to other busds or to refused participants."""
         self.refused: dict[str, bytes] = {}
-        """Participants that are not heard for as long as they are there, by what the bridge calls them."""
+        """Participants that are refused as long as they exist, by their announcer."""
         self.publishers: dict[str, dict[bytes, qos.ReaderKind]] = {}
         """Far publishers by topic and gid."""
         self._unknown: dict[bytes, tuple[int, bytes, Any, EndpointKind]] = {}
@@ -91,27 +92,27 @@ class Discovery:
         self._readers: dict[str, Any] = {}
 
     def open(self, node_info: NodeInfo) -> None:
-        """Begin; `node_info` gets to know of the writers of its topic."""
+        """Start; `node_info` learns of the writers of its topic."""
         self.node_info = node_info
         for what in ("DcpsParticipant", "DcpsPublication", "DcpsSubscription"):
             self._readers[what] = self._participant.watch(what, self._waker(what))
             self._schedule(what)
 
     def close(self) -> None:
-        """Nothing is told any more."""
+        """Stop reporting news."""
         self._is_closed = True
         if self._timer is not None:
             self._timer.cancel()
 
     def nodes_said(self, participant: bytes, nodes: list[NodeEntities]) -> None:
-        """A participant's own word on its nodes."""
+        """Handle a participant's list of its own nodes."""
         if announcer_of(participant) in self.refused:
             return
         right = [node for node in nodes if self._is_right(node)]
         self._report(self._graph.nodes_said(participant, right))
 
     def refuse(self, announcer: str) -> None:
-        """End with that participant. May be called while news of it are told."""
+        """Refuse a participant. May be called while its news are reported."""
         if announcer not in self.refused:
             self.refused[announcer] = participant_of(announcer)
             self._loop.call_soon(self._ignore, self.refused[announcer])
@@ -125,7 +126,7 @@ class Discovery:
         self._on_change()
 
     def types_changed(self) -> None:
-        """A type has become known: endpoints of it may be told."""
+        """Try endpoints of unknown types again, because a type has become known."""
         if self._unknown:
             unknown, self._unknown = self._unknown, {}
             for handle, participant, sample, kind in unknown.values():
@@ -142,7 +143,7 @@ class Discovery:
         return True
 
     def _waker(self, what: str) -> Callable[[], None]:
-        def wake() -> None:  # in a thread of Cyclone's
+        def wake() -> None:  # in a thread of Cyclone
             if what not in self._scheduled:
                 self._scheduled.add(what)
                 self._loop.call_soon_threadsafe(self._drain, what)

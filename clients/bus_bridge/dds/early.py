@@ -1,4 +1,4 @@
-"""Messages of far writers that came before a reader was chosen to carry them: bounded, losses counted.
+"""Messages of far writers that arrived before a reader was chosen for them: limited, and losses are counted.
 Pure."""
 
 from collections import Counter, deque
@@ -10,10 +10,10 @@ from bus.vocabulary import DropReason
 __all__ = ["Arrived", "Early"]
 
 _MOST_MESSAGES = 1 << 20
-"""However short they are: each takes some 150 bytes besides its CDR."""
+"""A limit for short messages: each takes about 150 bytes besides its CDR."""
 
 Arrived = tuple[bytes, int]
-"""CDR, and when it was published."""
+"""A message in CDR, and its time of publication."""
 
 
 class _Kept(NamedTuple):
@@ -25,9 +25,10 @@ _NOTHING = _Kept(deque(maxlen=0), Counter())
 
 
 class Early:
-    """Messages by handle of their writer. At most `depth` of each writer (None: no limit), and of all
-    together `max_bytes` and a million messages. Above that, a new message replaces the oldest of its own
-    writer.
+    """Messages by handle of their writer.
+
+    At most `depth` messages of each writer (None: no limit), and at most `max_bytes` and a million messages
+    of all writers. Above that, a new message replaces the oldest one of the same writer.
     """
 
     def __init__(self, depth: int | None, max_bytes: int) -> None:
@@ -37,15 +38,15 @@ class Early:
         self._by_handle: dict[int, _Kept] = {}
 
     def __iter__(self) -> Iterator[int]:
-        """The handles of writers of which something waits."""
+        """The handles of writers with waiting messages."""
         return iter(self._by_handle)
 
     def __len__(self) -> int:
-        """How many messages wait."""
+        """The number of waiting messages."""
         return self._count
 
     def put(self, handle: int, one: Arrived) -> bool:
-        """Returns whether it is the first of its writer."""
+        """Add a message; returns whether it is the first of its writer."""
         kept = self._by_handle.get(handle)
         is_first = kept is None
         if kept is None:
@@ -67,7 +68,7 @@ class Early:
         return is_first
 
     def pop(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
-        """The messages of that writer, in order, and how many were lost, by reason."""
+        """Remove the messages of a writer; returns them in order, and the number of lost ones by reason."""
         messages, lost = self._by_handle.pop(handle, _NOTHING)
         self._bytes -= sum([len(data) for data, _ in messages])
         self._count -= len(messages)

@@ -1,6 +1,6 @@
-"""The engine for DDS: nodes and topics of this bus in a DDS domain as ROS 2 shows them, and the other way.
+"""The engine for DDS: shows nodes and topics of this bus in a DDS domain as ROS 2 does, and the reverse.
 
-Owns: the bridge's requests, carried out with one participant. How each thing is done is beside it.
+Owns: the bridge's requests, and one participant for them. The other modules do the separate tasks.
 """
 
 import asyncio
@@ -39,7 +39,7 @@ __all__ = ["DdsEngine"]
 
 
 _LEAVE_S: Final = 0.15
-"""For Cyclone's threads to tell the domain that the bridge leaves."""
+"""Time for Cyclone's threads to tell the domain that the bridge leaves."""
 
 
 class _Node:
@@ -50,9 +50,9 @@ class _Node:
 
 
 class DdsEngine:
-    """An Engine. `bus`: the id of this bus, which marks what is ours for other busds' bridges.
+    """An Engine. `bus`: the id of this bus. It marks our endpoints for the bridges of other busds.
 
-    All of a domain is one far bus, `dds0` for domain 0: participants of ROS 2 are processes, not buses.
+    A domain is one far bus, `dds0` for domain 0: participants of ROS 2 are processes, not buses.
     """
 
     name = "ros2"
@@ -67,13 +67,13 @@ class DdsEngine:
         self._subscriptions: set[_Subscription] = set()
         self._participant: Participant | None = None
         self._left: Participant | None = None
-        """The same, from when all has ended."""
+        """The participant, after the end of everything else."""
         self._refusal = ""
 
     async def open(self, far: FarSide) -> None:
         self._far = far
         self._bus = FarBus(self.only_bus)
-        # Its threads and sockets take some milliseconds, and nothing else runs yet.
+        # Its threads and sockets take some milliseconds, and no other task runs yet.
         self._participant = Participant(self._options, user_data({ENCLAVE: "/", **self._mark}))
         self.types = KnownTypes()
         self._graph = DomainGraph(self._bus.id)
@@ -184,11 +184,11 @@ class DdsEngine:
         return [LinkStatus(address, "up", self._bus.id, f"{text}, {refused} refused" if refused else text)]
 
     def refusals(self) -> tuple[int, str]:
-        """As `Engine.refusals`: DDS has no connections."""
+        """As `Engine.refusals`. Always 0: DDS has no connections."""
         return 0, ""
 
     def make_intake(self, endpoint: LocalEndpoint, known: KnownType, kind: ReaderKind) -> Intake:
-        """A reader for a subscription of this bus, shown to ROS 2. Raises NotCarried if the engine has
+        """Make a reader for a subscription of this bus, shown to ROS 2. Raises NotCarried if the engine has
         ended."""
         participant = self._joined()
         policies = of_subscription(endpoint.qos, known.depth, kind)
@@ -200,7 +200,7 @@ class DdsEngine:
         return intake
 
     def retire_intake(self, endpoint: LocalEndpoint, intake: Intake) -> None:
-        """It is not told any more, and ends."""
+        """End the reader of a subscription that is no longer shown."""
         if (node := self._nodes.get(endpoint.node.id)) is not None:
             node.readers.pop(intake.gid, None)
         self._say_nodes()
@@ -218,7 +218,8 @@ class DdsEngine:
         subscription.close()
 
     def _end(self) -> Participant | None:
-        """End everything except Cyclone's threads, which tell others of it. None if that was done before."""
+        """End everything except Cyclone's threads, which tell other participants. None if that was done
+        before."""
         participant, self._participant = self._participant, None
         if participant is not None:
             self._left = participant
@@ -285,7 +286,7 @@ class DdsEngine:
 
 
 class _Subscription:
-    """A subscription of this bus, and its readers: more than one where far publishers differ."""
+    """A subscription of this bus, and its readers. It has several if far publishers differ."""
 
     def __init__(self, engine: DdsEngine, endpoint: LocalEndpoint, known: KnownType) -> None:
         self.endpoint = endpoint
@@ -294,7 +295,7 @@ class _Subscription:
         self._intakes: dict[ReaderKind, Intake] = {}
 
     def adapt(self, far: set[ReaderKind]) -> None:
-        """Have the readers that these far publishers need."""
+        """Make and end readers, so that they fit these far publishers."""
         wanted = kinds_for(self.endpoint.qos, far)
         if wanted == self._intakes.keys():
             return

@@ -1,7 +1,7 @@
 """The graph of ROS 2 in a DDS domain: its nodes, and the node of each endpoint.
 
-Owns: what a participant writes about its nodes, both ways, and the nodes and endpoints of all participants,
-with what follows of each piece of news. Knows no clock (times come in) and no DDS.
+Owns: the messages in which participants list their nodes, in both directions; the nodes and endpoints of all
+participants; and the conclusions from each piece of news. Knows no clock (times come in) and no DDS.
 """
 
 import struct
@@ -30,7 +30,7 @@ __all__ = [
 
 GID_SIZE: Final = 16
 HUMBLE_GID_SIZE: Final = 24
-"""Up to Humble; the last eight bytes are zero."""
+"""Size of gids up to Humble; the last eight bytes are zero."""
 _GUID_SIZE: Final = 16
 _MAX_TEXT: Final = 256
 _HEAD: Final = b"\0\1\0\0"
@@ -46,9 +46,9 @@ class NodeEntities(NamedTuple):
 
 
 def encode(participant: bytes, nodes: Sequence[NodeEntities], gid_size: int = GID_SIZE) -> bytes:
-    """A ParticipantEntitiesInfo, in CDR. Gids have 16 bytes here."""
+    """Encode a ParticipantEntitiesInfo in CDR. Gids have 16 bytes here."""
     parts = [_HEAD, participant.ljust(gid_size, b"\0"), struct.pack("<I", len(nodes))]
-    size = gid_size + 4  # a multiple of four, as after each part
+    size = gid_size + 4  # a multiple of four, as is the size of each other part
     for node in nodes:
         for text in (node.namespace, node.name):
             encoded = text.encode() + b"\0"
@@ -63,7 +63,7 @@ def encode(participant: bytes, nodes: Sequence[NodeEntities], gid_size: int = GI
 
 
 def decode(data: bytes, gid_size: int = GID_SIZE) -> tuple[bytes, list[NodeEntities]]:
-    """The participant and its nodes. Raises ValueError for what is malformed."""
+    """Decode the participant and its nodes. Raises ValueError for malformed data."""
     if data[:2] not in (b"\0\0", b"\0\1"):
         raise ValueError(f"it begins with {data[:4].hex(' ')}")
     take = _Taker(data[4:], "<I" if data[1] else ">I")
@@ -92,7 +92,7 @@ class _Taker:
         return found
 
     def count(self, least: int) -> int:
-        """How many follow, of `least` bytes each at least."""
+        """Read a count of items with at least `least` bytes each."""
         self._at += -self._at % 4
         count: int = self._number.unpack(self.bytes(4))[0]
         if count * least > len(self._data) - self._at:
@@ -107,17 +107,17 @@ class _Taker:
 
 
 def announcer_of(participant: bytes) -> str:
-    """The bridge's name for a participant, which speaks for its own nodes only."""
+    """The bridge's name for a participant, which only announces its own nodes."""
     return f"participant {participant.hex()}"
 
 
 def participant_of(announcer: str) -> bytes:
-    """The other way."""
+    """The participant of an announcer's name: the reverse of `announcer_of`."""
     return bytes.fromhex(announcer.rpartition(" ")[2])
 
 
 class Found(NamedTuple):
-    """An endpoint as discovery tells it; `endpoint.node` is still empty."""
+    """An endpoint found by discovery; `endpoint.node` is still empty."""
 
     participant: bytes
     endpoint: FarEndpoint
@@ -138,11 +138,11 @@ News: TypeAlias = Iterator[Added | Removed]
 
 
 class DomainGraph:
-    """What is known of a domain. Each method returns the news, in the order in which they are to be told.
+    """The known part of a domain. Each method returns news, in the order in which they must be reported.
 
-    An endpoint is told once its node is known. Some endpoints belong to no node: those of programs that speak
-    DDS but not ROS 2, and those whose participant has not named a node in time. They get a node that stands
-    for their participant.
+    An endpoint is reported once its node is known. Some endpoints belong to no node, because their program
+    uses DDS without ROS 2, or because their participant has not named a node in time. They get a node that
+    stands for their participant.
     """
 
     def __init__(self, bus: str, patience_s: float = 1.0) -> None:
@@ -150,7 +150,7 @@ class DomainGraph:
         self._patience_s = patience_s
         self._found: dict[bytes, Found] = {}
         self._owners: dict[bytes, str] = {}
-        """Keys of the nodes that participants have named, by gid of the endpoint."""
+        """Keys of nodes by gid of the endpoint, as named by participants."""
         self._told: dict[bytes, str] = {}
         """Nodes under which endpoints were reported, by gid."""
         self._nodes: dict[bytes, dict[str, NodeEntities]] = {}
@@ -160,31 +160,31 @@ class DomainGraph:
         self._waiting: dict[bytes, float] = {}
         """The time until which an endpoint waits for its node, by gid."""
         self._speak_dds_alone: set[bytes] = set()
-        """Participants."""
+        """Participants without ROS 2."""
 
     @property
     def next_time(self) -> float | None:
-        """When `pass_time` has something to do; None: not by itself."""
+        """The next time at which `pass_time` has to act; None if there is none."""
         return min(self._waiting.values(), default=None)
 
     @property
     def participants(self) -> int:
-        """How many of them have nodes or endpoints."""
+        """The number of participants with nodes or endpoints."""
         return len({*self._nodes, *(found.participant for found in self._found.values())})
 
     def endpoints_of(self, participant: bytes) -> list[bytes]:
-        """The gids of its endpoints."""
+        """The gids of a participant's endpoints."""
         return [gid for gid, found in self._found.items() if found.participant == participant]
 
     def participant_added(self, participant: bytes, *, speaks_ros: bool) -> None:
-        """It is there. If it does not speak ROS 2, its endpoints don't wait for names of nodes."""
+        """Add a participant. If it does not use ROS 2, its endpoints don't wait for names of nodes."""
         if speaks_ros:
             self._speak_dds_alone.discard(participant)
         else:
             self._speak_dds_alone.add(participant)
 
     def nodes_said(self, participant: bytes, nodes: Sequence[NodeEntities]) -> News:
-        """A participant has named all of its nodes, and the node of each endpoint."""
+        """Handle a participant's list of all its nodes, and of the node of each endpoint."""
         before = self._nodes.get(participant, {})
         now: dict[str, NodeEntities] = {}
         counts: Counter[str] = Counter()
@@ -192,7 +192,7 @@ class DomainGraph:
             name = f"{participant.hex()}:{node.namespace.rstrip('/')}/{node.name}"
             counts[name] += 1
             now[name if counts[name] == 1 else f"{name}#{counts[name]}"] = node
-        # A participant names its own endpoints only: their gids begin as its own gid does.
+        # A participant only names its own endpoints: their gids begin like its own gid.
         owners = {
             gid: key
             for key, node in now.items()
@@ -222,7 +222,7 @@ class DomainGraph:
                 yield from self._report(gid)
 
     def endpoint_added(self, found: Found, now: float) -> News:
-        """Discovery has found an endpoint, or a change of its description."""
+        """Handle an endpoint found by discovery, or a change of its description."""
         gid = found.endpoint.gid
         if gid in self._found:
             yield from self.endpoint_removed(gid)
@@ -233,20 +233,20 @@ class DomainGraph:
             self._waiting[gid] = now + self._patience_s
 
     def endpoint_removed(self, gid: bytes) -> News:
-        """It is there no more."""
+        """Remove an endpoint."""
         yield from self._untell(gid)
         self._waiting.pop(gid, None)
         self._found.pop(gid, None)
 
     def participant_removed(self, participant: bytes) -> News:
-        """The participant has gone, with its endpoints and nodes."""
+        """Remove a participant with its endpoints and nodes."""
         self._speak_dds_alone.discard(participant)
         for gid in self.endpoints_of(participant):
             yield from self.endpoint_removed(gid)
         yield from self.nodes_said(participant, ())
 
     def pass_time(self, now: float) -> News:
-        """Report endpoints for which no participant has named a node in time."""
+        """Report endpoints if no participant has named their node in time."""
         for gid in [gid for gid, end in self._waiting.items() if end <= now]:
             yield from self._report(gid)
 

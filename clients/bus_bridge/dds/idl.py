@@ -1,7 +1,7 @@
-"""Message types as cyclonedds wants them: classes that describe, of which no object is ever made.
+"""Message types for cyclonedds: classes that describe types. No instance is ever made.
 
-Owns: one class for each type. The types come as ROS 2 describes them (`bus_ros.cdr`); messages are encoded
-and decoded there too.
+Owns: one class for each type. Descriptions of types come from ROS 2 (`bus_ros.cdr`), which also encodes and
+decodes messages.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from bus_ros.cdr import Codec, schema_of_definition
 __all__ = ["idl_type"]
 
 _MAX_BOUND: Final = 65535
-"""The largest bound of a sequence in type descriptions of DDS; a larger bound counts as none."""
+"""The largest bound of a sequence in type descriptions of DDS. A larger bound counts as no bound."""
 
 
 def idl_type(codec: Codec) -> Any:

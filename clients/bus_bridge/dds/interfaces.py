@@ -1,4 +1,5 @@
-"""Checks the network interface that a user named. Otherwise cyclonedds would report it in its own lines."""
+"""Checks a network interface chosen by the user. Otherwise cyclonedds would report a fault in its own
+words."""
 
 import fcntl
 import ipaddress
@@ -15,7 +16,7 @@ _IS_UP = 1
 
 
 def is_address(text: str) -> bool:
-    """Whether it is an address, and no name."""
+    """Whether `text` is an address, not a name."""
     try:
         ipaddress.ip_address(text)
     except ValueError:
@@ -24,7 +25,7 @@ def is_address(text: str) -> bool:
 
 
 def check_interface(interface: str) -> None:
-    """Raises BridgeError if this machine has no such interface, by name or address, or it is down."""
+    """Raises BridgeError if this machine has no such interface, by name or address, or if it is down."""
     if is_address(interface):
         family = socket.AF_INET6 if ":" in interface else socket.AF_INET
         with socket.socket(family, socket.SOCK_DGRAM) as probe:

@@ -1,7 +1,7 @@
-"""The message types that an engine can carry: as the bus, ROS 2 and cyclonedds have each of them.
+"""The message types that an engine can carry, in the forms of the bus, ROS 2 and cyclonedds.
 
-Owns: which type a name of ROS 2 stands for here. A far type is known if its definition can be found, or if a
-node of this bus has it.
+Owns: the type for each name of ROS 2. A far type is known if its definition can be found, or if a node of
+this bus has it.
 """
 
 from functools import cached_property
@@ -17,34 +17,34 @@ __all__ = ["KnownType", "KnownTypes"]
 
 
 class KnownType:
-    """One type."""
+    """One type in its three forms."""
 
     def __init__(self, schema: MessageSchema) -> None:
         self.schema = schema
         self.codec: Codec = codec_of(schema)
         self.depth = depth_for(schema)
-        """How many messages readers and writers keep."""
+        """Number of messages that readers and writers keep."""
 
     @cached_property
     def idl(self) -> Any:
-        """Raises BridgeError if cyclonedds can't describe it."""
+        """The class for cyclonedds. Raises BridgeError if it can't describe the type."""
         return idl_type(self.codec)
 
 
 class KnownTypes:
-    """All that are known so far."""
+    """All types known so far."""
 
     def __init__(self) -> None:
         self._by_schema: dict[tuple[str, str], KnownType] = {}
         self._by_ros_name: dict[str, KnownType] = {}
 
     def learn(self, schema: MessageSchema) -> KnownType:
-        """The type of an endpoint of this bus. Raises BridgeError for one that ROS 2 can't have."""
+        """Add the type of an endpoint of this bus. Raises BridgeError if ROS 2 can't have that type."""
         key = schema.type_name, schema.type_hash
         if (known := self._by_schema.get(key)) is None:
             try:
                 known = KnownType(schema)
-                known.idl  # noqa: B018 - raises here, and not in the midst of something
+                known.idl  # noqa: B018 - raises now, before any other step
             except ConfigurationError as error:
                 raise BridgeError(f"{schema.type_name} can't go to ROS 2: {error}") from None
             self._by_schema[key] = known
@@ -52,9 +52,9 @@ class KnownTypes:
         return known
 
     def find(self, type_name: str, type_hash: str) -> KnownType:
-        """The type that a far endpoint has; an empty hash, as Humble sends, fits any.
+        """The type of a far endpoint. An empty hash, as Humble sends it, fits any type.
 
-        Raises BridgeError if it is not known, or is another one than here.
+        Raises BridgeError if the type is unknown, or differs from the type of the same name here.
         """
         known = self._by_ros_name.get(type_name)
         if known is None:

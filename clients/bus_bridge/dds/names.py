@@ -1,6 +1,6 @@
-"""Names of ROS 2 in DDS: topics, services, types, and what is said beside them in USER_DATA.
+"""Names of ROS 2 in DDS: topics, services, types, and the entries of USER_DATA.
 
-Owns: both directions of each. Must not know: which names the bus allows, QoS.
+Owns: the conversion in both directions. Must not know: which names the bus allows, QoS.
 """
 
 import re
@@ -53,34 +53,34 @@ def kind_of(dds_topic: str) -> TopicKind:
 
 
 def topic_to_dds(topic: str) -> str:
-    """`/a/b` as `rt/a/b`."""
+    """Convert `/a/b` to `rt/a/b`."""
     return f"rt{topic}"
 
 
 def topic_from_dds(dds_topic: str) -> str | None:
-    """`rt/a/b` as `/a/b`; None for what is no topic of ROS 2."""
+    """Convert `rt/a/b` to `/a/b`; None if it is not a topic of ROS 2."""
     return dds_topic[2:] if dds_topic.startswith("rt/") else None
 
 
 def service_from_dds(dds_topic: str) -> str | None:
-    """`rq/sRequest` and `rr/sReply` as `/s`; None for what is of no service of ROS 2."""
+    """Convert `rq/sRequest` and `rr/sReply` to `/s`; None if it is not a topic of a service of ROS 2."""
     found = _SERVICE.fullmatch(dds_topic)
     return found[1] if found else None
 
 
 def is_service_of_each_node(service: str) -> bool:
-    """Whether nodes have it without their author's doing: parameters, and descriptions of types."""
+    """Whether all nodes have this service automatically: parameters, and descriptions of types."""
     return service.rpartition("/")[2] in _OF_EACH_NODE
 
 
 def type_to_dds(type_name: str) -> str:
-    """`std_msgs/msg/String` as `std_msgs::msg::dds_::String_`."""
+    """Convert `std_msgs/msg/String` to `std_msgs::msg::dds_::String_`."""
     package, kind, name = type_name.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def type_from_dds(dds_type: str) -> str | None:
-    """`std_msgs::msg::dds_::String_` as `std_msgs/msg/String`; None for what is no type of ROS 2."""
+    """Convert `std_msgs::msg::dds_::String_` to `std_msgs/msg/String`; None if it is not a type of ROS 2."""
     found = _TYPE.fullmatch(dds_type)
     return "/".join(found.groups()) if found else None
 
@@ -91,7 +91,7 @@ def user_data(values: Mapping[str, str]) -> bytes:
 
 
 def user_data_of(data: bytes) -> dict[str, str]:
-    """What USER_DATA says; whatever is not `key=value;` is passed over."""
+    """The entries of USER_DATA. Ignores everything except `key=value;`."""
     found: dict[str, str] = {}
     for part in data.rstrip(b"\0").decode("utf-8", "replace").split(";"):
         key, equals, value = part.partition("=")
@@ -101,5 +101,5 @@ def user_data_of(data: bytes) -> dict[str, str]:
 
 
 def bare_node_name(participant: bytes) -> str:
-    """The name of the node that stands for a participant whose endpoints belong to no node of ROS 2."""
+    """The name of the node that stands for a participant with endpoints without nodes of ROS 2."""
     return f"_dds_{participant[:12].hex()}"

@@ -1,7 +1,7 @@
-"""`ros_discovery_info`: the participants of ROS 2 list their nodes there, and so do we.
+"""`ros_discovery_info`: the topic on which participants of ROS 2, and the bridge, list their nodes.
 
-Owns: our readers, and which of the two forms our writer speaks. The topic's endpoints are made in
-`node_topic`, and what is said is in `graph`.
+Owns: our readers, and the form (of two) that our writer uses. `node_topic` makes the endpoints, and `graph`
+the contents.
 """
 
 import asyncio
@@ -22,9 +22,9 @@ _MOST_EARLY: Final = 1000
 
 
 class NodeInfo:
-    """Made with the participant; `close` is the participant's own.
+    """Lists of nodes, sent and received. Made with the participant; `close` belongs to the participant.
 
-    `nodes` are ours, `on_nodes` hears of each participant's, `warn` what the user should know.
+    `nodes` are ours. `on_nodes` is called with the nodes of each participant, `warn` with texts for the user.
     """
 
     def __init__(
@@ -50,26 +50,26 @@ class NodeInfo:
         """Data that came before discovery found its writer, by handle."""
         self._ignored: set[int] = set()
         self._silent: set[int] = set()
-        """Handles of writers that have said nothing yet."""
+        """Handles of writers that have sent nothing yet."""
         self._probes: list[Endpoint] = []
         self._timer: asyncio.TimerHandle | None = None
         self._is_closed = False
         self._listen(size)
 
     def close(self) -> None:
-        """Nothing is said or heard any more."""
+        """Stop sending and receiving."""
         self._is_closed = True
         self._writer.close()
         if self._timer is not None:
             self._timer.cancel()
 
     def say(self) -> None:
-        """Tell our nodes, soon."""
+        """Send our nodes soon."""
         if not self._is_closed:
             self._writer.say()
 
     def writer_added(self, handle: int, participant: bytes, is_humble: bool) -> None:
-        """Discovery has found a participant's writer."""
+        """Handle a participant's writer found by discovery."""
         size = HUMBLE_GID_SIZE if is_humble else GID_SIZE
         self._writers[handle] = participant, size
         self._listen(size)
@@ -89,12 +89,12 @@ class NodeInfo:
             self._timer = self._loop.call_later(_PROBE_AFTER_S, self._probe)
 
     def ignore(self, handle: int) -> None:
-        """That writer is a busd's."""
+        """Ignore a writer, because it belongs to a busd."""
         self._ignored.add(handle)
         self._early.pop(handle, None)
 
     def writer_removed(self, handle: int) -> None:
-        """It is there no more."""
+        """Remove a writer."""
         self._writers.pop(handle, None)
         self._ignored.discard(handle)
         self._silent.discard(handle)
@@ -107,10 +107,10 @@ class NodeInfo:
         return self._topic.make_reader(size, lambda: self._loop.call_soon_threadsafe(self._take))
 
     def _probe(self) -> None:
-        """Ask silent writers once more.
+        """Make a new reader, to get the data of silent writers.
 
-        Fast DDS sends what it keeps when it finds a reader, and if we have not found its writer by then,
-        again after up to three seconds. A new reader gets it at once.
+        Fast DDS sends its kept data when it finds a reader. If we have not found its writer by then, it sends
+        again only after up to three seconds. A new reader gets the data at once.
         """
         self._timer = None
         while self._probes:
@@ -131,7 +131,8 @@ class NodeInfo:
                         self._receive(info.publication_handle, data)
 
     def _receive(self, handle: int, data: bytes) -> None:
-        """If both forms are in use, data may come twice: each of our readers receives from every writer."""
+        """Handle data. If both forms are in use, data may come twice: each of our readers receives from every
+        writer."""
         if handle not in self._writers:
             if len(self._early) >= _MOST_EARLY:
                 self._early.pop(next(iter(self._early)))
@@ -142,6 +143,6 @@ class NodeInfo:
         try:
             participant, nodes = decode(data, size)
         except ValueError:
-            return  # another layout: an older ROS 2 than Humble, or no ROS 2 at all
+            return  # another layout: a ROS 2 older than Humble, or not ROS 2
         if participant[:12] == owner[:12]:
             self._on_nodes(owner, nodes)

@@ -1,4 +1,4 @@
-"""The topic `ros_discovery_info` in its two forms: the one of ROS 2 Humble, and the one of later distros.
+"""The topic `ros_discovery_info` in its two forms: of ROS 2 Humble, and of later distros.
 
 The forms differ in the size of gids. Readers of one form don't understand writers of the other.
 """
@@ -22,19 +22,19 @@ _ALL: Final = Policies(transient_local=True, keep_all=True)
 
 
 class NodeTopic:
-    """Makes its endpoints, each of which has `mark` in its USER_DATA."""
+    """Makes endpoints of the topic. Each has `mark` in its USER_DATA."""
 
     def __init__(self, participant: Participant, mark: dict[str, str]) -> None:
         self.participant = participant
         self._mark = mark
 
     def make_writer(self, size: int) -> Endpoint:
-        """A writer in the form with gids of `size` bytes."""
+        """Make a writer in the form with gids of `size` bytes."""
         data = self._user_data(size)
         return self.participant.make_writer(GRAPH_TOPIC, info_type(size), _POLICIES, data, None)
 
     def make_reader(self, size: int, on_data: Callable[[], object]) -> Endpoint:
-        """As `make_writer`. `on_data` is called in a thread of Cyclone's."""
+        """Make a reader in the form with gids of `size` bytes. `on_data` is called in a thread of Cyclone."""
         data = self._user_data(size)
         return self.participant.make_reader(GRAPH_TOPIC, info_type(size), _ALL, data, on_data)
 
@@ -48,7 +48,7 @@ class NodeWriter:
 
     def __init__(self, topic: NodeTopic, size: int, nodes: Callable[[], Sequence[NodeEntities]]) -> None:
         self.size = size
-        """The size of gids in its form."""
+        """The size of gids in the current form."""
         self._topic = topic
         self._nodes = nodes
         self._endpoint = topic.make_writer(size)
@@ -69,7 +69,7 @@ class NodeWriter:
             self._due = asyncio.get_running_loop().call_soon(self._write)
 
     def close(self) -> None:
-        """Publish nothing more."""
+        """Stop publishing."""
         if self._due is not None:
             self._due.cancel()
 
@@ -83,7 +83,7 @@ class NodeWriter:
 
 @cache
 def info_type(gid_size: int) -> Any:
-    """The topic's type, as cyclonedds wants it."""
+    """The topic's type for cyclonedds."""
     from cyclonedds.idl import make_idl_struct, types
 
     def make(name: str, fields: dict[str, Any]) -> Any:

@@ -1,4 +1,4 @@
-"""What a user says about the DDS side of a bridge."""
+"""The user's options for the DDS side of a bridge."""
 
 import ipaddress
 import os
@@ -13,25 +13,25 @@ __all__ = ["MAX_DOMAIN", "DdsOptions", "Distro", "checked_interface", "checked_p
 Distro = Literal["auto", "humble"]
 
 MAX_DOMAIN: Final = 232
-"""The highest domain whose ports exist."""
+"""The highest domain: above it, port numbers would be too high."""
 
 
 class DdsOptions(msgspec.Struct, frozen=True):
-    """Where ROS 2 is. Values are checked by `check`."""
+    """Location of ROS 2. `check` checks the values."""
 
     domain_id: int | None = None
     """None: $ROS_DOMAIN_ID, or 0."""
     interface: str = ""
-    """Name or address of a network interface; nothing: this machine only."""
+    """Name or address of a network interface; empty: only this machine."""
     peers: tuple[str, ...] = ()
-    """Addresses of machines that multicast does not reach."""
+    """Addresses of machines beyond the reach of multicast."""
     distro: Distro = "auto"
-    """`humble`: the nodes of this bus are listed in Humble's form, which later distros can't read. `auto`: in
-    the form of the first ROS 2 participant, or the newer form if there is none."""
+    """`humble`: nodes of this bus are listed in Humble's form, which later distros can't read. `auto`: in the
+    form of the first ROS 2 participant, or the newer form if there is none."""
 
     @property
     def domain(self) -> int:
-        """The domain to take. Raises BridgeError where $ROS_DOMAIN_ID is no number."""
+        """The domain to use. Raises BridgeError if $ROS_DOMAIN_ID is not a number."""
         if self.domain_id is not None:
             return self.domain_id
         text = os.environ.get("ROS_DOMAIN_ID", "")
@@ -41,11 +41,11 @@ class DdsOptions(msgspec.Struct, frozen=True):
 
     @property
     def is_local(self) -> bool:
-        """Whether nothing outside this machine is to be reached."""
+        """Whether the bridge reaches only this machine."""
         return self.interface in ("", "lo") or _is_loopback(self.interface)
 
     def check(self) -> None:
-        """Raises BridgeError for what can't be."""
+        """Raises BridgeError for invalid values."""
         if not 0 <= self.domain <= MAX_DOMAIN:
             raise BridgeError(f"the DDS domain must be from 0 to {MAX_DOMAIN}, not {self.domain}")
         checked_interface(self.interface)
@@ -62,14 +62,14 @@ class DdsOptions(msgspec.Struct, frozen=True):
 
 
 def checked_interface(text: str) -> str:
-    """`text`, a name or an address. Raises BridgeError if it can't be one."""
+    """Check `text`, a name or an address, and return it. Raises BridgeError if it can't be one."""
     if not _is_plain(text):
         raise BridgeError(f"'{text}' is not the name or address of a network interface")
     return text
 
 
 def checked_peer(text: str) -> str:
-    """`text`, an address. Raises BridgeError if it can't be one."""
+    """Check `text`, an address, and return it. Raises BridgeError if it can't be one."""
     if not text or not _is_plain(text):
         raise BridgeError(f"'{text}' is not the address of a machine")
     return text

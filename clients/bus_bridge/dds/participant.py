@@ -1,4 +1,4 @@
-"""A participant in a DDS domain, with what a bridge makes in it.
+"""A participant in a DDS domain, and the entities that a bridge makes in it.
 
 Owns: cyclonedds' configuration, its entities and its QoS objects. Must not know: ROS 2's names, the graph.
 """
@@ -17,19 +17,19 @@ from bus_bridge.extras import why_missing
 __all__ = ["Participant", "configuration", "policies_of", "user_data_in"]
 
 _OTHER_VENDORS: Final = "1.1,1.3,1.15"
-"""RTI, OpenDDS, Fast DDS: Cyclone refuses descriptions of types that Fast DDS sends with Kilted."""
+"""RTI, OpenDDS, Fast DDS: Cyclone refuses the type descriptions that Fast DDS sends with Kilted."""
 _COMPATIBILITY: Final = (
     f"<Compatibility><IgnoreTypeInformation>{_OTHER_VENDORS}</IgnoreTypeInformation></Compatibility>"
     "<Internal><GenerateKeyhash>true</GenerateKeyhash></Internal>"
 )
-"""Without the hash of its key Fast DDS does not understand that an endpoint or a participant has gone."""
+"""Without the hash of the key, Fast DDS does not understand that an endpoint or a participant has gone."""
 _PARTICIPANTS: Final = (
     "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
 )
 _CALLS: Final = "<SPDPInterval>2 s</SPDPInterval>"
-"""Nodes of ROS 2 don't call on loopback by default, and know of no `--peer` that is here: a node that starts
-after the bridge waits until the bridge calls. By default Cyclone calls seldom, and forgets a peer that has
-not answered in 30 s."""
+"""Our participant calls often, because ROS 2's nodes do not call on loopback by default, and do not know a
+`--peer` here. So a node that starts after the bridge waits for the bridge's call. Cyclone's default is to
+call seldom, and to forget a peer after 30 s without an answer."""
 _SETTINGS: Final = (
     "<Internal><SocketReceiveBufferSize min='default' max='4 MB'/>"
     "<Watermarks><WhcHigh>8 MB</WhcHigh><WhcHighInit>2 MB</WhcHighInit></Watermarks></Internal>"
@@ -37,7 +37,7 @@ _SETTINGS: Final = (
 
 
 def configuration(options: DdsOptions, user_uri: str = "") -> str:
-    """Cyclone's configuration. CYCLONEDDS_URI of the user wins, and replaces the network's part."""
+    """Cyclone's configuration. The user's CYCLONEDDS_URI takes precedence, and replaces the network part."""
     if user_uri:
         return f"<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>,{user_uri}"
     peers = list(options.peers)
@@ -57,10 +57,10 @@ def configuration(options: DdsOptions, user_uri: str = "") -> str:
 
 
 class Participant:
-    """One participant; `close` ends it with all that was made in it.
+    """One participant; `close` ends it with all its entities.
 
-    Callbacks come in Cyclone's threads. Raises BridgeError if cyclonedds is missing, and if it can't have the
-    domain or the interface.
+    Callbacks run in Cyclone's threads. Raises BridgeError if cyclonedds is missing, or if the domain or the
+    interface is not available.
     """
 
     def __init__(self, options: DdsOptions, user_data: bytes) -> None:
@@ -93,14 +93,14 @@ class Participant:
         self._topics: dict[tuple[str, Any], tuple[Any, int]] = {}
 
     def leave(self) -> None:
-        """End everything that was made here. Threads of Cyclone tell the others meanwhile; then call
+        """End all entities of the participant. Cyclone's threads tell other participants meanwhile; then call
         `close`."""
         raw.delete(self.entity)
 
     def close(self) -> None:
-        """Returns once the threads of Cyclone's have ended. Twice is no error.
+        """End the participant; returns after the end of Cyclone's threads. A second call has no effect.
 
-        News that they had not sent yet is lost, and other participants wait for the lease to end: ten
+        News that they had not sent yet is lost. Then other participants wait for the end of the lease: ten
         seconds.
         """
         raw.delete(self.entity)
@@ -114,7 +114,7 @@ class Participant:
         user_data: bytes,
         on_matched: Callable[[], object] | None,
     ) -> "Endpoint":
-        """A writer, which never blocks. Raises BridgeError."""
+        """Make a writer, which never blocks. Raises BridgeError."""
         listener = self._listener()
         if on_matched is not None:
             listener = self._listener(on_publication_matched=lambda writer, status: on_matched())
@@ -138,7 +138,7 @@ class Participant:
         on_data: Callable[[], object],
         on_matched: Callable[[], object] | None = None,
     ) -> "Endpoint":
-        """A reader; `hush` of the result keeps `on_data` from being called. Raises BridgeError."""
+        """Make a reader; `hush` of the result prevents calls of `on_data`. Raises BridgeError."""
         callbacks: dict[str, Any] = {}
         if on_matched is not None:
             callbacks["on_subscription_matched"] = lambda reader, status: on_matched()
@@ -151,7 +151,7 @@ class Participant:
         return made
 
     def watch(self, what: str, on_data: Callable[[], None]) -> Any:
-        """A reader of `DcpsParticipant`, `DcpsPublication` or `DcpsSubscription`."""
+        """Make a reader of `DcpsParticipant`, `DcpsPublication` or `DcpsSubscription`."""
         from cyclonedds import builtin
 
         listener = self._listener(on_data_available=lambda reader: on_data())
@@ -210,18 +210,21 @@ class Participant:
 
 
 class Endpoint:
-    """A reader or writer of ours."""
+    """A reader or writer of this participant."""
 
     def __init__(self, entity: Any, release: Callable[[], None]) -> None:
         self.entity = entity
         self.guid: bytes = entity.guid.bytes
         self.listeners: tuple[Any, Any] | None = None
-        """Of a reader: its listener with data events, and its listener without."""
+        """For a reader: a listener with data events, and a listener without them."""
         self._release: Callable[[], None] | None = release
 
     def hush(self, is_hushed: bool) -> None:
-        """Whether `on_data` of a reader is left out: under load it would take the interpreter's lock for each
-        message. After its end look once more whether there is data."""
+        """Turn calls of a reader's `on_data` off or on. Under load, they would take the interpreter's lock
+        for each message.
+
+        After turning them on, check once more whether there is data.
+        """
         if self.listeners is not None and self._release is not None:
             raw.listen(self.entity, self.listeners[is_hushed])
 
@@ -236,7 +239,7 @@ class Endpoint:
         return [handle % 2**64 for handle in found]
 
     def close(self) -> None:
-        """Returns once no callback runs any more. Twice is no error."""
+        """End the endpoint; returns when no callback runs any more. A second call has no effect."""
         if self._release is not None:
             raw.delete(self.entity)
             self._release()
@@ -244,7 +247,7 @@ class Endpoint:
 
 
 def policies_of(qos: Any) -> Policies:
-    """The policies that discovery has told of a far endpoint."""
+    """The policies of a far endpoint, as reported by discovery."""
     from cyclonedds.core import Policy
 
     said = {one.__scope__: one for one in qos}
@@ -268,7 +271,7 @@ def policies_of(qos: Any) -> Policies:
 
 
 def user_data_in(qos: Any) -> bytes:
-    """USER_DATA, if an endpoint or participant has any."""
+    """USER_DATA of an endpoint or participant; empty without any."""
     for one in qos:
         if one.__scope__ == "Userdata":
             data: bytes = one.data

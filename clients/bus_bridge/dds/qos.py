@@ -1,6 +1,6 @@
-"""QoS profiles as policies of DDS, and back.
+"""Converts QoS profiles to policies of DDS, and back.
 
-Owns: which policy stands for which. Values only: cyclonedds' own objects are made in `participant`.
+Owns: the policy for each setting. Values only: `participant` makes cyclonedds' own objects.
 """
 
 from collections.abc import Collection
@@ -22,16 +22,16 @@ __all__ = [
 ]
 
 INFINITE: Final = 2**63 - 1
-"""DDS' duration without end, in nanoseconds."""
+"""DDS's infinite duration, in nanoseconds."""
 DEPTH: Final = 10
-"""The depth of a far endpoint that does not tell its own: discovery of Fast DDS leaves it out, so 1 is found.
-"""
+"""The depth of a far endpoint that does not report it. Discovery of Fast DDS leaves it out; then it looks
+like 1."""
 
 _NS_PER_S: Final = 1_000_000_000
 
 
 class Policies(NamedTuple):
-    """Policies of one reader or writer; durations in nanoseconds."""
+    """Policies of one reader or writer; durations are in nanoseconds."""
 
     reliable: bool = True
     transient_local: bool = False
@@ -39,16 +39,16 @@ class Policies(NamedTuple):
     depth: int = 1
     deadline_ns: int = INFINITE
     lifespan_ns: int = INFINITE
-    """A writer's: readers have none."""
+    """Only for writers; readers have none."""
     manual: bool = False
     lease_ns: int = INFINITE
 
 
 def of_publisher(profile: QoSProfile, depth: int) -> Policies:
-    """The policies that the writer of a publisher of this bus offers; `depth`: how much it keeps at least.
+    """The policies that the writer for a publisher of this bus offers; it keeps at least `depth` messages.
 
-    Liveliness is automatic: assertions of the publisher itself don't cross a bridge. With transient local the
-    history is the publisher's own, since late joiners get all of it.
+    Liveliness is automatic: assertions of the publisher itself don't cross a bridge. With transient local,
+    the history has the publisher's depth, because late joiners get all of it.
     """
     transient_local = profile.durability is Durability.TRANSIENT_LOCAL
     return Policies(
@@ -63,18 +63,18 @@ def of_publisher(profile: QoSProfile, depth: int) -> Policies:
 
 
 class ReaderKind(NamedTuple):
-    """The policies of a far publisher that decide which reader gets most of it."""
+    """The policies of a far publisher that decide which reader gets most of its messages."""
 
     transient_local: bool
     reliable: bool
 
 
 def kinds_for(profile: QoSProfile, far: Collection[ReaderKind]) -> set[ReaderKind]:
-    """The readers that stand for a subscription of this bus, with these far publishers.
+    """The kinds of readers for a subscription of this bus, with these far publishers.
 
-    Most have one. A subscription that takes the best durability has one for each that there is. In DDS only
-    reliable readers get the messages that a publisher keeps for late joiners. So a best-effort subscription
-    that wants them reads reliably from reliable publishers.
+    Most subscriptions have one reader. A subscription with the best available durability has one for each
+    durability of the publishers. In DDS, only reliable readers get the messages that a publisher keeps for
+    late joiners. So a best-effort subscription that wants them reads reliably from reliable publishers.
     """
     reliable = profile.reliability is Reliability.RELIABLE
     if profile.durability is Durability.VOLATILE:
@@ -87,7 +87,7 @@ def kinds_for(profile: QoSProfile, far: Collection[ReaderKind]) -> set[ReaderKin
 
 
 def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Policies:
-    """The policies that a reader of that kind requests, for a subscription of this bus."""
+    """The policies that a reader of that kind requests for a subscription of this bus."""
     return Policies(
         reliable=kind.reliable,
         transient_local=kind.transient_local,
@@ -100,7 +100,7 @@ def of_subscription(profile: QoSProfile, depth: int, kind: ReaderKind) -> Polici
 
 
 def profile_of(policies: Policies) -> QoSProfile:
-    """The profile of a far endpoint. Raises ConfigurationError if a duration is none of ours."""
+    """The profile of a far endpoint. Raises ConfigurationError if the bus can't have one of its durations."""
     keep_all = policies.keep_all
     depth = policies.depth if policies.depth > 1 else DEPTH
     return QoSProfile(
@@ -116,7 +116,7 @@ def profile_of(policies: Policies) -> QoSProfile:
 
 
 def strength(policies: Policies) -> tuple[bool, bool, bool, int]:
-    """The more, the more of what a far writer says comes to a reader with these."""
+    """Sort key of readers: the higher, the more messages of a far writer reach the reader."""
     return policies.transient_local, policies.reliable, policies.keep_all, policies.depth
 
 

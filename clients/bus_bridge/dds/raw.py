@@ -1,7 +1,7 @@
-"""Functions of cyclonedds without a public name: bytes in and out of it, and the end of an entity.
+"""Private functions of cyclonedds: they read and write bytes, and end an entity.
 
-Its own classes make Python lists of an image's bytes; these calls take and give CDR as it is. A test fails
-when one of them changes.
+Cyclonedds' own classes convert the bytes of an image to Python lists. These calls take and return unchanged
+CDR. A test fails if one of them changes.
 """
 
 from collections.abc import Callable
@@ -13,11 +13,12 @@ __all__ = ["TIMED_OUT", "delete", "describe_code", "listen", "taker_of", "writer
 TIMED_OUT: Final = -10
 """Returned by `write` if a reliable writer has no room."""
 _ANY: Final = 0x7F
-"""Samples of every state."""
+"""A mask for samples in every state."""
 
 
 def taker_of(reader: Any) -> Callable[[int], list[tuple[bytes, Any]]]:
-    """Takes up to so many samples, each with its SampleInfo; none if the reader has gone."""
+    """A function that takes up to the given number of samples, each with its SampleInfo; none if the reader
+    has gone."""
     from cyclonedds import _clayer
 
     found: Any = _clayer.ddspy_take
@@ -31,19 +32,21 @@ def taker_of(reader: Any) -> Callable[[int], list[tuple[bytes, Any]]]:
 
 
 def writer_of(writer: Any) -> Callable[[bytes, int], int]:
-    """Writes a message, whose size is a multiple of four, with its time: 0, or a negative code of DDS."""
+    """A function that writes a message with its time; its size must be a multiple of four. It returns 0, or a
+    negative code of DDS."""
     from cyclonedds import _clayer
 
     return partial(_clayer.ddspy_write_ts, writer._ref)
 
 
 def listen(entity: Any, listener: Any) -> None:
-    """From now on `listener` hears of an entity, which must outlive it. Its own method copies listeners."""
+    """Set the listener of an entity, which must outlive the entity. cyclonedds' own method copies
+    listeners."""
     entity._set_listener(entity._ref, listener._ref)
 
 
 def delete(entity: Any) -> None:
-    """End an entity now, with everything that it has made, even if others still hold the object."""
+    """End an entity with everything made in it, even if other code still refers to the object."""
     if entity._entities.pop(entity._ref, None) is not None:
         entity._delete(entity._ref)
 

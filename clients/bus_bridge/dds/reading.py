@@ -1,9 +1,9 @@
-"""The ways in: DDS readers that stand for subscriptions of this bus, and which of them carries what.
+"""The routes in: DDS readers for subscriptions of this bus, and the choice of a reader for each far writer.
 
-Each reader gets what all far writers of its topic say. Of the readers that match a writer, the strongest
-carries its messages. A reader that gets the writer's history is stronger than one that does not; a reliable
-one is stronger than a best-effort one. If that reader goes, another takes over, and no message is repeated or
-missing.
+Each reader receives from all far writers of its topic. The strongest of the readers matched with a writer
+carries its messages. A reader that gets the writer's history is stronger than a reader without it; a reliable
+reader is stronger than a best-effort one. If the chosen reader goes, another takes over, and no message is
+repeated or missing.
 """
 
 import asyncio
@@ -24,18 +24,18 @@ __all__ = ["TRANSITIONS", "FarWay", "Intake", "IntakeError", "IntakeEvent", "Int
 
 _BATCH: Final = 256
 _BURST: Final = 16
-"""So many messages at once, and a call for each of them would cost more than to look in each turn."""
+"""After this number of messages at once, polling in each turn of the loop costs less than a call for each."""
 _LINGER_S: Final = 0.02
-"""How long a withdrawn reader still carries messages. After that it has got all messages that the other
-reader has."""
+"""Time for which a withdrawn reader still carries messages. After it, the other reader has received all
+messages of this one."""
 _CATCH_UP_S: Final = 1.0
-"""How long after a change messages come that the earlier reader may have had."""
+"""Time after a change of readers in which messages may come a second time."""
 _EARLY_BYTES: Final = 8 * 2**20
 _EARLY_BYTES_OF_ALL: Final = 64 * 2**20
-"""For subscriptions that keep all."""
+"""The limit for early messages of subscriptions with keep all."""
 _PATIENCE_S: Final = 10.0
-"""How long what a writer says waits for its way to be made. Messages that it keeps for late joiners wait
-longer."""
+"""Time for which messages of a writer wait until its route is ready. Messages that it keeps for late joiners
+wait longer."""
 
 
 class IntakeState(Enum):
@@ -43,17 +43,17 @@ class IntakeState(Enum):
 
     OPEN = "open"
     RETIRING = "retiring"
-    """Its subscription has gone. It is used for a moment more, until other readers have its messages."""
+    """Its subscription has gone. It is used a moment longer, until other readers have its messages."""
     CLOSED = "closed"
 
 
 class IntakeEvent(Enum):
-    """What happens to it."""
+    """Events that change the state."""
 
     RETIRE = "retire"
-    """Its subscription goes."""
+    """Its subscription has gone."""
     CLOSE = "close"
-    """It is not used any more, or the bridge ends."""
+    """It is no longer used, or the bridge ends."""
 
 
 TRANSITIONS: Final[Mapping[IntakeState, Mapping[IntakeEvent, IntakeState]]] = {
@@ -64,11 +64,12 @@ TRANSITIONS: Final[Mapping[IntakeState, Mapping[IntakeEvent, IntakeState]]] = {
     IntakeState.RETIRING: {IntakeEvent.CLOSE: IntakeState.CLOSED},
     IntakeState.CLOSED: {},
 }
-"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+"""The next state, by state and event. An event that is missing in the row of a state must not happen in
+it."""
 
 
 class IntakeError(Exception):
-    """An event that can't happen in its state: a bug of the bridge."""
+    """An event that is not possible in the current state: a bug in the bridge."""
 
 
 class Intake:
@@ -88,16 +89,16 @@ class Intake:
         self.topic = topic
         self.policies = policies
         self.matched: set[int] = set()
-        """Handles of the far writers that it gets."""
+        """Handles of the far writers that it is matched with."""
         self.state = IntakeState.OPEN
         self._is_scheduled = False
         self._is_hushed = False
-        """Whether it is looked into in each turn of the loop, and DDS need not call."""
+        """Whether it is polled in each turn of the loop, and DDS does not call back."""
         self._holds = 0
         self._early = (
             Early(None, _EARLY_BYTES_OF_ALL) if policies.keep_all else Early(known.depth, _EARLY_BYTES)
         )
-        """Messages that came before a reader was chosen to carry them."""
+        """Messages that arrived before a reader was chosen for them."""
         self._settled: set[int] = set()
         """Handles of writers for which a reader was chosen, or for which none was needed."""
         # The first callback may come before the constructor has returned.
@@ -110,7 +111,8 @@ class Intake:
         self._wake()
 
     def on(self, event: IntakeEvent) -> None:
-        """`event` happens. Raises IntakeError if it can't happen in this state. Nothing else changes it."""
+        """Handle `event`. Raises IntakeError if it is not possible in this state. Only this method changes
+        the state."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             way = f"a reader of DDS on '{self.topic}'"
@@ -118,7 +120,7 @@ class Intake:
         self.state = state
 
     def update_matches(self) -> None:
-        """Which writers are matched may have changed."""
+        """Update the matched writers after a possible change."""
         if self.state is IntakeState.CLOSED:
             return
         self.matched = set(self._endpoint.matched_writers())
@@ -128,24 +130,25 @@ class Intake:
         self._ways.choose_all(self.topic)
 
     def early(self, handle: int) -> tuple[Sequence[Arrived], Mapping[DropReason, int]]:
-        """The messages of that writer so far, and how many were lost; from now on the way decides."""
+        """The messages of that writer so far, and the number of lost ones by reason. Later messages go to its
+        route."""
         self._settled.add(handle)
         return self._early.pop(handle)
 
     def hold(self) -> None:
-        """Leave what comes in DDS' own history."""
+        """Leave new messages in DDS' own history."""
         self._holds += 1
 
     def release(self) -> None:
-        """Go on."""
+        """Continue after `hold`."""
         self._holds -= 1
         self._wake()
 
     def drain(self) -> bool:
-        """Take what there is, a batch of it. Returns whether there may be more."""
+        """Take a batch of messages. Returns whether there may be more."""
         self._is_scheduled = False
         if self.state is IntakeState.CLOSED or self._holds:
-            return False  # `release` wakes it
+            return False  # `release` polls it again
         found = self._take(_BATCH)
         batches: dict[FarWay, list[Arrived]] = {}
         ways = self._ways.by_handle
@@ -173,7 +176,7 @@ class Intake:
         return len(found) == _BATCH
 
     def close(self) -> None:
-        """Nothing comes by it any more."""
+        """End the reader."""
         if self.state is not IntakeState.CLOSED:
             self.on(IntakeEvent.CLOSE)
             self._early.clear()
@@ -189,7 +192,7 @@ class Intake:
         if handle in self.matched:
             self.early(handle)
 
-    def _wake(self) -> None:  # in a thread of Cyclone's too
+    def _wake(self) -> None:  # also called in a thread of Cyclone
         if not self._is_scheduled:
             self._is_scheduled = True
             self._in_loop(self.drain)
@@ -199,7 +202,7 @@ class Intake:
 
 
 class FarWay:
-    """The way in from one far publisher: made by `read`."""
+    """The route in from one far publisher: the result of `read`."""
 
     def __init__(
         self,
@@ -216,9 +219,10 @@ class FarWay:
         self.lost: dict[str, int] = {}
         self.carrier: Intake | None = None
         self.last_ns = 0
-        """When the newest message that went on was published."""
+        """The time of publication of the newest message that was passed on."""
         self._known_ns = 0
-        """As `last_ns` when the carrier changed: what is not newer may come by the new one once more."""
+        """The value of `last_ns` when the carrier changed. The new carrier may bring messages up to it once
+        more."""
         self._catches_up_until = 0.0
         self._ways = ways
         self._decode = known.codec.decode
@@ -228,7 +232,8 @@ class FarWay:
         self._is_closed = False
 
     def begin(self, carrier: Intake | None) -> None:
-        """From now on `carrier` has its messages. Messages that came before go on, too, if they are new."""
+        """Use `carrier` for its messages from now on. Earlier messages are passed on, too, if they are
+        new."""
         self.carrier = carrier
         if carrier is None:
             return
@@ -241,10 +246,10 @@ class FarWay:
         if early:
             self.last_ns = early[-1][1]
             self._early.extend(early)
-            self._loop.call_soon(self._flush)  # not now: whoever asked for this has not got it yet
+            self._loop.call_soon(self._flush)  # not now: the caller does not have this object yet
 
     def arrived(self, batch: Sequence[Arrived]) -> None:
-        """Messages, in order."""
+        """Pass on messages, in order."""
         self._flush()
         if self._catches_up_until:
             batch = [one for one in batch if one[1] > self._known_ns]
@@ -280,7 +285,8 @@ class FarWay:
         return samples
 
     def taken(self, size: int) -> None:
-        """No writer of DDS waits for that. Messages without room wait in the bridge and are counted there."""
+        """Does nothing: no writer of DDS waits for it. Messages without room wait in the bridge and are
+        counted there."""
 
     def close(self) -> None:
         self._is_closed = True
@@ -291,7 +297,7 @@ class FarWay:
 
 
 class Ways:
-    """All of them. `marked` has the handles of other busds' writers, which are not heard."""
+    """All readers and routes in. `marked` has the handles of other busds' writers, which are ignored."""
 
     def __init__(self, marked: Container[int]) -> None:
         self._marked = marked
@@ -307,7 +313,7 @@ class Ways:
         return handle in self._marked
 
     def close(self) -> None:
-        """All readers end, at once."""
+        """End all readers at once."""
         for intakes in self._intakes.values():
             for intake in intakes:
                 intake.close()
@@ -315,12 +321,12 @@ class Ways:
             intake.close()
 
     def add(self, intake: Intake) -> None:
-        """A reader has been made."""
+        """Add a new reader."""
         self._intakes.setdefault(intake.topic, []).append(intake)
 
     def retire(self, intake: Intake) -> None:
-        """Its subscription has gone: it ends, at once if it carries nothing that another reader could
-        carry."""
+        """Retire the reader of a subscription that has gone. It ends at once if it carries nothing that
+        another reader could carry."""
         if intake.state is IntakeState.RETIRING:
             return
         if intake.state is IntakeState.OPEN:
@@ -338,14 +344,14 @@ class Ways:
         self._loop.call_later(_LINGER_S, self._finish, intake, heirs)
 
     def begin(self, way: FarWay) -> None:
-        """A far publisher is to be read."""
+        """Start the route of a far publisher."""
         way.last_ns = self._last_ns.get(way.gid, 0)
         self.by_handle[way.handle] = way
         self._by_topic.setdefault(way.topic, {})[way.handle] = way
         self._choose(way)
 
     def end(self, way: FarWay) -> None:
-        """It is not read any more."""
+        """End the route of a far publisher."""
         if self.by_handle.get(way.handle) is way:
             del self.by_handle[way.handle]
             del self._by_topic[way.topic][way.handle]
@@ -357,18 +363,18 @@ class Ways:
         way.carrier = None
 
     def keep_only(self, gids: Container[bytes]) -> None:
-        """Forget publishers that have gone for good."""
+        """Forget publishers that are not in `gids`: they have gone for good."""
         for gid in [gid for gid in self._last_ns if gid not in gids]:
             del self._last_ns[gid]
 
     def choose_all(self, topic: str) -> None:
-        """What is matched with what may have changed."""
+        """Choose the readers of a topic again after a possible change of matches."""
         for way in list(self._by_topic.get(topic, {}).values()):
             self._choose(way)
 
     def _choose(self, way: FarWay) -> None:
         if way.carrier is not None and way.carrier.state is IntakeState.RETIRING:
-            return  # `_finish` will
+            return  # `_finish` calls this later
         best = self._best(way)
         if best is way.carrier:
             return

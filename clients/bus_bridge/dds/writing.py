@@ -1,7 +1,7 @@
-"""The way out of a publisher of this bus: a DDS writer.
+"""The route out of a publisher of this bus: a DDS writer.
 
-Owns: when a far reader wants it, and what is written. It never blocks: where DDS has no room, the rest waits
-with the caller.
+Owns: whether a far reader wants messages, and writing them. It never blocks: if DDS has no room, the rest of
+a batch waits with the caller.
 """
 
 import asyncio
@@ -23,7 +23,8 @@ _LONGEST_PAUSE_S: Final = 0.02
 
 
 class DdsWriter:
-    """Made by `announce_publisher`. `far` has the handles of readers that count, which no busd's do."""
+    """The Writer that `announce_publisher` returns. `far` has the handles of far readers, without busds'
+    own."""
 
     def __init__(
         self,
@@ -59,7 +60,7 @@ class DdsWriter:
         self.gid = self._endpoint.guid
 
     def update_matches(self) -> None:
-        """Which readers are matched, or which of them count, may have changed."""
+        """Update the matched readers after a possible change."""
         if self._is_closed:
             return
         is_wanted = any(handle in self._far for handle in self._endpoint.matched_readers())
@@ -72,7 +73,7 @@ class DdsWriter:
             return batch.count
         for gone, (payload, number, time_ns) in enumerate(batch):
             if 0 < number <= self._last:
-                continue  # messages kept for late joiners are in the writer's history already
+                continue  # the writer's history has the messages for late joiners already
             try:
                 parts = self._encode(payload)
             except CdrError:
@@ -101,7 +102,7 @@ class DdsWriter:
             self._on_close(self)
 
     def _wait_for_room(self) -> None:
-        # DDS does not tell when readers have acknowledged: ask, less often the longer it takes.
+        # DDS does not report acknowledgments of readers. So poll, with growing pauses.
         if self._timer is None:
             self._timer = self._loop.call_later(self._pause_s, self._try_again)
             self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)

@@ -21,7 +21,7 @@ class Acks:
 
     def __init__(self, session: Session, key: str, arrival: Arrival) -> None:
         self.is_due = False
-        """The far side has asked. `send` is to be called after the parts before its question were taken."""
+        """The far side has asked. Call `send` when the parts before its question have been handled."""
         self._session = session
         self._key = key
         self._arrival = arrival
@@ -30,11 +30,11 @@ class Acks:
         self._timer: asyncio.TimerHandle | None = None
 
     def arrived(self, number: int, size: int) -> None:
-        """A part of a lossless publisher has arrived, with `size` bytes of messages."""
+        """Handle a part of a lossless publisher that has arrived with `size` bytes of messages."""
         self._untaken.add(number, size)
 
     def taken(self, size: int) -> None:
-        """This bus has taken `size` more bytes of messages."""
+        """Handle `size` more bytes of messages that this bus has taken."""
         self._untaken.take(size)
         self._unsent_bytes += size
         if self._unsent_bytes >= _BYTES:

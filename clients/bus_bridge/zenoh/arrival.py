@@ -1,7 +1,8 @@
-"""Parts that have arrived from one far publisher: in order, each once; and how much of it was taken. Pure.
+"""Parts that arrive from one far publisher: puts them in order, without duplicates, and counts the taken
+ones. Pure.
 
 A route first asks for the number of its first part and for the parts that the far side keeps. Parts that
-arrive meanwhile are held. It asks again whenever a part is missing before one that has come.
+arrive meanwhile are held. The route also asks if a part arrives and an earlier part is missing.
 """
 
 from collections import deque
@@ -12,17 +13,17 @@ from bus_bridge.zenoh.records import Content, Probe, Room
 __all__ = ["HELD_BYTES", "Arrival", "Untaken"]
 
 HELD_BYTES = 16 << 20
-"""That may wait for what is missing: more than is ever under way."""
-_PART = 256  # bytes that one costs besides its payload
+"""The most that may wait for missing parts: more than is ever on its way."""
+_PART = 256  # cost of a part in bytes, besides its payload
 
 
 class Arrival:
-    """Waiting parts also take of `room`, which all ways in share."""
+    """The parts of one far publisher. Waiting parts also use `room`, which all routes in share."""
 
     def __init__(self, room: Room) -> None:
         self._room = room
         self.last = 0
-        """Number of the last part that has gone on."""
+        """Number of the last part that was passed on."""
         self.is_begun = False
         """Whether the number of the route's first part is known."""
         self._held: dict[int, tuple[Content, int]] = {}
@@ -31,30 +32,30 @@ class Arrival:
 
     @property
     def misses(self) -> bool:
-        """Whether the far side has to be asked for the part behind `last`."""
+        """Whether the far side has to be asked for the part after `last`."""
         return self.is_begun and self._newest > self.last
 
     def missing(self, most: int) -> list[int]:
-        """The numbers, `most` of them, that the far side has to be asked for."""
+        """The first numbers, at most `most`, for which to ask the far side."""
         if not self.misses:
             return []
         numbers = range(self.last + 1, self._newest + 1)
         return list(islice((one for one in numbers if one not in self._held), most))
 
     def begin(self, base: int) -> list[Content]:
-        """The parts behind `base` are for us. Returns the parts that may go on."""
+        """Start after the part `base`; returns the parts to pass on."""
         self.is_begun, self.last = True, base
         for number in [one for one in self._held if one <= base]:
             self._release(number)
         return self._flush()
 
     def arrive(self, number: int, content: Content, size: int) -> list[Content]:
-        """A part has come, of so many bytes. Returns the parts that may go on."""
+        """Handle a part of `size` bytes; returns the parts to pass on."""
         if isinstance(content, Probe):
             self._newest = max(self._newest, number)
             return []
         if self.is_begun:
-            if number <= self.last:  # a second time
+            if number <= self.last:  # a duplicate
                 return []
             if number == self.last + 1:
                 self.last = number
@@ -63,14 +64,14 @@ class Arrival:
         self._newest = max(self._newest, number)
         size += _PART
         if number in self._held or self._held_bytes + size > HELD_BYTES:
-            return []  # it is asked for
+            return []  # it will be asked for again
         if self._room.take(size):
             self._held[number] = content, size
             self._held_bytes += size
         return []
 
     def skip(self) -> list[Content]:
-        """The far side no longer keeps the missing parts: go on with those that are here."""
+        """Skip missing parts that the far side no longer keeps; returns the parts to pass on."""
         self.last = min(self._held, default=self._newest + 1) - 1
         return self._flush()
 
@@ -82,7 +83,7 @@ class Arrival:
         return gone
 
     def clear(self) -> None:
-        """Drop what waits."""
+        """Drop the waiting parts."""
         for number in tuple(self._held):
             self._release(number)
 
@@ -94,8 +95,8 @@ class Arrival:
 
 
 class Untaken:
-    """Parts of a lossless publisher until this bus has taken their messages, of which it says only how many
-    bytes they have."""
+    """Parts of a lossless publisher until this bus has taken their messages. The bus reports only numbers of
+    bytes."""
 
     def __init__(self) -> None:
         self._parts: deque[tuple[int, int]] = deque()
@@ -106,17 +107,17 @@ class Untaken:
         return len(self._parts)
 
     def add(self, number: int, size: int) -> None:
-        """Add the next part, whose messages have so many bytes."""
-        if self._parts and not size:  # or a far side that sends nothing but empty ones would fill the memory
+        """Add the next part; its messages have `size` bytes."""
+        if self._parts and not size:  # otherwise empty parts of a far side could fill the memory
             size = self._parts.pop()[1]
         self._parts.append((number, size))
 
     def take(self, size: int) -> None:
-        """So many bytes more were taken."""
+        """Handle `size` more taken bytes."""
         self._credit += size
 
     def last_taken(self) -> int:
-        """The number of the newest part of which all was taken."""
+        """The number of the newest part that was taken as a whole."""
         parts = self._parts
         while parts and parts[0][1] <= self._credit:
             self._last, size = parts.popleft()

@@ -1,4 +1,4 @@
-"""The engine for zenoh: a bridge shows its bus, and finds others, by zenoh's tokens and keys."""
+"""The engine for zenoh: shows this bus, and finds other buses, by zenoh's tokens and keys."""
 
 import asyncio
 import secrets
@@ -25,24 +25,25 @@ _ASK_SCHEMA_S = 2.0
 _ASK_SCHEMA_TIMES = 3
 _MAX_QUERIES = 10_000
 _UNFINISHED_BYTES = 512 << 20
-"""The most that pieces of all far publishers together may take while other pieces are missing."""
+"""The most that pieces of all far publishers together may use while other pieces are missing."""
 
 
 class ZenohEngine:
-    """An Engine. `bus`: the id of this bus, which no other may have. Raises BridgeError for options that
-    can't be, or may not."""
+    """An Engine. `bus`: the id of this bus, which must be unique. Raises BridgeError for impossible or
+    forbidden options."""
 
     name = "zenoh"
     has_numbers = True
     only_bus = ""
 
     def __init__(self, bus: str, options: ZenohOptions, *, owns_process: bool = False) -> None:
-        """`owns_process`: stdout may be taken, since zenoh tells there of refused connections only."""
+        """`owns_process`: the engine may take over stdout, because zenoh reports refused connections only
+        there."""
         self._owns_process = owns_process
         self._log: OwnLog | None = None
         self._options = options
         self._warnings = check(options)
-        # Later runs sort behind earlier ones; chance keeps two of one moment apart.
+        # Later runs sort after earlier ones; the random part separates two runs of the same moment.
         self._own = Interest(bus, f"{time.time_ns():016x}{secrets.token_hex(4)}")
         self._session: Session | None = None
         self._far: FarSide | None = None
@@ -53,7 +54,7 @@ class ZenohEngine:
         """The declarations that receive news of others and answer them."""
         self._nodes: dict[int, Declared] = {}
         self._schemas: dict[tuple[str, str], tuple[bytes, int]] = {}
-        """How a type is described, and of how many endpoints it is."""
+        """The description of each type, and its number of endpoints."""
         self._writers: dict[bytes, ZenohWriter] = {}
         self._readers: dict[tuple[bytes, str], ZenohReader] = {}
         """Readers by gid and bus."""
@@ -185,7 +186,7 @@ class ZenohEngine:
 
         self._opened().ask(key, b"", timeout_s, on_answer)
         try:
-            async with asyncio.timeout(2 * timeout_s):  # the thread for declarations may be held up
+            async with asyncio.timeout(2 * timeout_s):  # the thread for declarations may be delayed
                 return await answered
         except TimeoutError:
             return None
@@ -242,7 +243,7 @@ class ZenohEngine:
         """As `Engine.refusals`."""
         return (0, "") if self._log is None else (self._log.refused, self._log.reason)
 
-    # --- what zenoh brings
+    # --- callbacks from zenoh
 
     def _see_fault(self, error: Exception) -> None:
         assert self._far is not None
@@ -297,9 +298,9 @@ class ZenohEngine:
         heard = seen = self._session.link_ends
         while True:
             await asyncio.sleep(_LOOK_S)
-            # If a link ends just when another to the same bus has come, zenoh may bring no
-            # token of that bus any more. So ask for all of them anew, once no link has ended for a look. Not
-            # where links come: each of a fleet's would have the tokens of all others brought once more.
+            # If a link ends just after the start of another link to the same bus, zenoh may no longer report
+            # tokens of that bus. So ask for all tokens again after a check without an ended link. Do not do
+            # so for new links: in a fleet, each new link would fetch the tokens of all other buses again.
             seen, before = self._session.link_ends, seen
             if heard != seen == before:
                 heard = seen

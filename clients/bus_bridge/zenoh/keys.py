@@ -6,16 +6,16 @@ from its start to its end. It alone distinguishes a restarted bridge from its pr
     @busd/3/<bus>/B/<run>/<zenoh id>                                     a bus
     @busd/3/<bus>/N/<run>/<node>/<name>/<namespace>/<via>                a node
     @busd/3/<bus>/P/<run>/<node>/<gid>/<topic>/<type>/<hash>/<qos>       a publisher; S: a subscription
-    @busd/3/<bus>/I/<run>/<publisher's bus>/<gid>                        the bus takes what it sends
+    @busd/3/<bus>/I/<run>/<publisher's bus>/<gid>                        the bus takes its messages
 
     busd/3/data/<topic without its first slash>/<type>/<hash>/<bus>/<gid>
-    busd/3/type/<bus>/<type>/<hash>          queryable: how the type is described
-    busd/3/kept/<bus>/<gid>/<importer>       queryable: what the publisher keeps, parts that are missing
-    busd/3/ack/<bus>/<gid>/<importer>        how far the importer has come
+    busd/3/type/<bus>/<type>/<hash>          queryable: the description of a type
+    busd/3/kept/<bus>/<gid>/<importer>       queryable: messages kept for late joiners, missing parts
+    busd/3/ack/<bus>/<gid>/<importer>        the importer's progress
 
 Each part between two slashes is percent-encoded, so no name has a meaning in a key expression. The slashes in
-the topic and the type of a data key stay: users can route by them. Incoming keys are hostile: a token that
-can't be read becomes `Broken`, any other key None.
+the topic and the type of a data key stay: users can route by them. Incoming keys are hostile: an unreadable
+token becomes `Broken`, any other unreadable key None.
 """
 
 from typing import NamedTuple
@@ -59,7 +59,7 @@ _TOKENS = f"@busd/{VERSION}"
 _KEYS = f"busd/{VERSION}"
 ALL_TOKENS = f"{_TOKENS}/**"
 ALL_BUSES = "@busd/*/*/B/**"
-"""Buses of every protocol version, so that a warning can name another version."""
+"""Buses of every protocol version, for warnings about other versions."""
 
 _MAX_KEY = 8192
 _MAX_PART = 2048
@@ -86,7 +86,7 @@ class EndpointToken(NamedTuple):
 
 
 class InterestToken(NamedTuple):
-    """That `bus` takes what the publisher `gid` on the bus `of` sends."""
+    """`bus` takes messages of the publisher `gid` on the bus `of`."""
 
     bus: str
     run: str
@@ -100,7 +100,7 @@ class OtherVersion(NamedTuple):
 
 
 class Broken(NamedTuple):
-    """A token of this protocol that can't be read."""
+    """An unreadable token of this protocol."""
 
     bus: str
     run: str
@@ -143,19 +143,19 @@ def interest_token(bus: str, run: str, of: str, gid: bytes) -> str:
 
 
 def token_bus(key: str) -> str:
-    """The bus that a token speaks for, as it is written there; for counting, before anything is read."""
+    """The bus that a token names, in its encoded form. Used to count tokens before they are read."""
     parts = key.split("/", 3)
     return parts[2] if len(parts) > 3 else ""
 
 
 def token_run(key: str) -> str:
-    """As `token_bus`, the run."""
+    """The run that a token names, in its encoded form."""
     parts = key.split("/", 5)
     return parts[4] if len(parts) > 4 else ""
 
 
 def parse_token(key: str) -> Token:
-    """What a liveliness token says."""
+    """Read a liveliness token."""
     parts = key.split("/")
     if len(parts) < 5 or parts[0] != "@busd":
         return Broken(_shown(token_bus(key)), "", f"its token {_shown(key)} is too short")

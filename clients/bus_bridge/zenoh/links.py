@@ -1,4 +1,4 @@
-"""Which of the addresses that the user gave are up, and why others are not."""
+"""The state of the user's addresses: whether each has a link, and if not, why."""
 
 import asyncio
 import os
@@ -16,11 +16,11 @@ __all__ = ["Links"]
 _PROBE_S = 2.0
 _REFUSAL_S = 0.3
 _PATIENCE = 3
-"""So many looks in a row without a link, then the user is told."""
+"""Number of checks in a row without a link before the user gets a message."""
 
 
 class Links:
-    """`look` is called about once a second."""
+    """The links of the user's addresses. Call `look` about once a second."""
 
     def __init__(self, options: ZenohOptions, session: Session, warn: Callable[[str], None]) -> None:
         self._options = options
@@ -32,11 +32,11 @@ class Links:
         self._resolved: dict[str, frozenset[str]] = {}
         self._missed: dict[str, int] = {}
         self._answered: set[str] = set()
-        """Those that could be reached when they were last tried, and had no link."""
+        """Addresses that were reachable at the last attempt, but had no link."""
         self._reasons: dict[str, str] = {}
 
     async def check(self) -> None:
-        """Find out why some links are not up, and report each reason once."""
+        """Find the reason for each missing link, and report each reason once."""
         links = self._session.links()
         for address in self._connect:
             if (link := self._find(address, links)) is not None:
@@ -49,7 +49,7 @@ class Links:
                         f"others through it, use --router {address.text}"
                     )
                 continue
-            if self._options.router and links:  # one is enough
+            if self._options.router and links:  # one router is enough
                 continue
             missed = self._missed[address.text] = self._missed.get(address.text, 0) + 1
             if missed % _PATIENCE:
@@ -68,8 +68,11 @@ class Links:
                 self._warn(f"{self._flag} {address.text}: {reason}; still trying")
 
     def status(self, buses: Sequence[tuple[str, str, str]]) -> list[LinkStatus]:
-        """Each address of the user's, then each bus that came by none of them, or by a router. `buses`: id,
-        zenoh id and refusal of each."""
+        """The state of each of the user's addresses, then of each bus without such an address, or behind a
+        router.
+
+        `buses`: id, zenoh id and refusal of each.
+        """
         links = self._session.links()
         known = {zenoh_id: (bus, refusal) for bus, zenoh_id, refusal in buses}
         found = [LinkStatus(one.text, "up", text="listening") for one in self._listen]
@@ -103,13 +106,13 @@ class Links:
         return None
 
     def _is_joined(self, address: Address, links: Sequence[Link]) -> bool:
-        """Whether there is another link with the same machine: zenoh makes one only between two bridges."""
+        """Whether there is another link to the same machine: zenoh makes only one between two bridges."""
         places = self._resolved.get(address.text, frozenset())
         hosts = {place.rpartition(":")[0] for place in places}
         return any(link.dst.partition("/")[2].rpartition(":")[0] in hosts for link in links)
 
     async def _probe(self, address: Address) -> str:
-        """Why it can't be reached; "" if it can."""
+        """Try to reach an address; returns the error, or "" if it is reachable."""
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(_PROBE_S):
@@ -121,7 +124,7 @@ class Links:
                 reader, writer = await asyncio.open_connection(address.host, address.port, ssl=context)
                 try:
                     if await self._is_closed_at_once(reader):
-                        # As ssh does for a port that it forwards, if nothing listens at the other end.
+                        # For example, ssh does so for a forwarded port if nothing listens at the other end.
                         return "it accepts connections and closes them at once: a tunnel without a bridge?"
                 finally:
                     writer.close()
@@ -142,7 +145,8 @@ class Links:
         return ""
 
     async def _is_closed_at_once(self, reader: asyncio.StreamReader) -> bool:
-        """Raises what the other side sends after the handshake if it refuses our certificate."""
+        """Whether the other side closes the connection at once. Raises its error after the handshake if it
+        refuses our certificate."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_REFUSAL_S):
                 return not await reader.read(1)

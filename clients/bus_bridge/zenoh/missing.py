@@ -11,16 +11,18 @@ from bus_bridge.zenoh.session import Session
 __all__ = ["AGAIN_S", "ASK_S", "Missing"]
 
 ASK_S = 1.0
-"""How long an answer is waited for."""
+"""Time to wait for an answer."""
 AGAIN_S = 0.1
-"""After a question without an answer."""
+"""Pause after a question without an answer."""
 _FIRST, _MOST = 4, 16
-"""Missing parts that are asked for at a time: zenoh drops many in a row, and each alone would cost a way
-there and back. More while answers come."""
+"""Number of missing parts to ask for at a time: at first, and at most. It grows with each answer.
+
+zenoh drops many parts in a row, and one question for each would cost a round trip each.
+"""
 
 
 class Missing:
-    """The parts that `arrival` lacks, asked for at `key`. `on_answer` gets each part's number, payload and
+    """The missing parts of `arrival`, asked for at `key`. `on_answer` gets each part's number, payload and
     head."""
 
     def __init__(
@@ -35,12 +37,12 @@ class Missing:
         self._arrival = arrival
         self._on_answer = on_answer
         self._asked_for: set[int] = set()
-        """Numbers of parts that are on their way here, as answers."""
+        """Numbers of parts with a pending question."""
         self._most = _FIRST
         self._is_closed = False
 
     def ask(self) -> None:
-        """Ask for missing parts, but not for too many at a time."""
+        """Ask for missing parts, but only for a limited number at a time."""
         if len(self._asked_for) >= self._most:
             return
         for number in self._arrival.missing(self._most):
@@ -57,7 +59,7 @@ class Missing:
         if self._is_closed:
             return
         if payload is None:
-            self._most = 1  # the link is full, or slow
+            self._most = 1  # the link is full or slow
             asyncio.get_running_loop().call_later(AGAIN_S, self._ask_again, number)
             return
         self._most = min(self._most + 1, _MOST)

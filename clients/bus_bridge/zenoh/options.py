@@ -21,16 +21,16 @@ class ZenohOptions(msgspec.Struct, frozen=True, kw_only=True):
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     router: tuple[str, ...] = ()
-    """Of routers (zenohd). One of them is used, instead of `listen` and `connect`."""
+    """Addresses of routers (zenohd). One of them is used, instead of `listen` and `connect`."""
     ca: str = ""
     """File with the certificates (PEM) of the authorities that this side trusts."""
     certificate: str = ""
-    """File with this side's own certificate (PEM), shown to both kinds of peers: those it connects to, and
-    those that connect."""
+    """File with this side's own certificate (PEM). Both kinds of peers get it: peers that this side connects
+    to, and peers that connect."""
     key: str = ""
     """File with the private key of `certificate`."""
     insecure: bool = False
-    """Addresses that are not loopback may do without certificates."""
+    """Addresses other than loopback may work without certificates."""
 
 
 class Address(msgspec.Struct, frozen=True):
@@ -54,7 +54,7 @@ class Address(msgspec.Struct, frozen=True):
 
 
 def parse_address(text: str) -> Address:
-    """Raises BridgeError for what is no address."""
+    """Read an address. Raises BridgeError if the text is not one."""
     protocol, slash, rest = text.partition("/")
     if not slash or protocol not in _PROTOCOLS:
         meant = text.rpartition("/")[2] or "HOST:PORT"
@@ -71,7 +71,8 @@ def parse_address(text: str) -> Address:
 
 
 def check(options: ZenohOptions) -> list[str]:
-    """Raises BridgeError for what can't be, or may not; returns what the user should be told all the same."""
+    """Check the options. Raises BridgeError for impossible or forbidden ones; returns warnings for the
+    user."""
     if options.router and (options.listen or options.connect):
         other = "--listen" if options.listen else "--connect"
         raise BridgeError(

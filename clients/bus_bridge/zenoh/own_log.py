@@ -1,7 +1,8 @@
-"""zenoh's own log, the only source that says that zenoh has refused a connection, and why.
+"""zenoh's own log, the only source of refused connections and their reasons.
 
-zenoh writes it to the stdout of the process, in its own threads. A pipe takes the place of stdout: lines
-about connections are taken out, and everything else goes on to where stdout went. zenoh tells no addresses.
+zenoh writes it to the stdout of the process, in its own threads. This module replaces stdout by a pipe. It
+filters lines about connections, and forwards all other output to the original stdout. zenoh does not log
+addresses.
 """
 
 import asyncio
@@ -29,23 +30,24 @@ _PLACE = re.compile(r" at \S+\.rs:\d+$")
 class OwnLog:
     """Calls `warn` for refused connections: at once, then at most once in ten seconds.
 
-    Only for a process that belongs to the bridge, because everything that it prints goes through here, too.
+    Only use it in a process that belongs to the bridge, because all output of the process goes through the
+    pipe.
     """
 
     def __init__(self, warn: Callable[[str], None]) -> None:
         self.refused = 0
-        """Connections so far."""
+        """Number of refused connections."""
         self.reason = ""
-        """Why the last of them was."""
+        """The reason of the last refusal."""
         self._warn = warn
         self._loop = asyncio.get_running_loop()
         self._pipe = self._stdout = -1
-        self._begun = b""  # of a line
+        self._begun = b""  # the beginning of an incomplete line
         self._said = 0
         self._pause: asyncio.TimerHandle | None = None
 
     def open(self) -> None:
-        """Does nothing if the process began without a stdout."""
+        """Start. Does nothing if the process has no stdout."""
         if sys.stdout is None:
             return
         self._stdout = os.dup(_STDOUT)
@@ -57,7 +59,7 @@ class OwnLog:
         zenoh.init_log_from_env_or(_WARNINGS)
 
     def close(self) -> None:
-        """Restore stdout: the process prints to where it printed before."""
+        """Restore the original stdout of the process."""
         if self._pipe < 0:
             return
         if self._pause is not None:
@@ -104,12 +106,12 @@ class OwnLog:
         try:
             while text:
                 text = text[os.write(self._stdout, text) :]
-        except OSError:  # as print does: the reader has gone
+        except OSError:  # the reader has gone: ignore it, as print does
             pass
 
 
 def reason_of(line: bytes) -> str:
-    """Why a connection was refused, if that is what a line of zenoh's log says; else ""."""
+    """The reason of a refused connection, if a line of zenoh's log has one; otherwise ""."""
     found = _REFUSED.match(_COLOURS.sub(b"", line).decode(errors="replace"))
     if found is None:
         return ""

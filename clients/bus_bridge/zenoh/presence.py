@@ -1,11 +1,11 @@
-"""Which buses there are, and what is on them: out of tokens, which come and go in any order. Pure.
+"""The present buses with their nodes and endpoints, from tokens that come and go in any order. Pure.
 
-Tells a FarSide, in an order that it can follow: a bus, its nodes, its subscriptions, its publishers.
+Reports to a FarSide, in an order that it can follow: a bus, its nodes, its subscriptions, its publishers.
 
-Every admitted bridge may write any token, and a token does not show who wrote it. So the first bridge with
-the id of a bus keeps the id until it goes. A restarted bridge waits until the remains of its predecessor have
-gone. A bridge that claims the id of another bus waits without effect. A fault of a run has consequences for
-that run alone.
+Every admitted bridge may write any token, and a token does not prove its author. So the first bridge with the
+id of a bus keeps the id until it goes. A restarted bridge waits until the remains of its predecessor have
+gone. If a bridge claims the id of another bus, it waits without effect. A fault in a run only affects that
+run.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -26,30 +26,31 @@ from bus_bridge.zenoh.keys import (
 __all__ = ["MAX_RUNS", "MAX_TOKENS", "Interest", "Presence"]
 
 _PATIENCE = 15
-"""So many looks after it came, a run can't be what is left of a bridge that was killed, nor wait for that."""
+"""Number of checks after which a run is neither the remains of a killed bridge, nor waits for such
+remains."""
 
 MAX_TOKENS = 100_000
-"""Of one bus. Far above what the bridge takes from it; here it bounds memory."""
+"""The most tokens of one bus. It bounds memory here, and is far above the bridge's own limit."""
 MAX_RUNS = 1024
-"""The most bridges; a restarted one counts again. Here, too, it bounds memory."""
+"""The most bridges; a restarted bridge counts again. It also bounds memory."""
 
 
 class Interest(NamedTuple):
-    """A bus that takes what a publisher of ours sends; `run` is that of its bridge."""
+    """A bus that takes messages of one of our publishers; `run` is the run of its bridge."""
 
     bus: str
     run: str
 
 
 class _Run:
-    """One bridge of a bus, from its start to its end."""
+    """A bridge of a bus, from its start to its end."""
 
     def __init__(self, bus: str, run: str) -> None:
         self.bus, self.run = bus, run
         self.token: BusToken | None = None
         self.nodes: dict[str, FarNode] = {}
         self.endpoints: dict[str, FarEndpoint] = {}
-        """By token."""
+        """Endpoints by token."""
         self.interests: dict[str, bytes] = {}
         self.is_told = False
         self.refusal = ""
@@ -60,8 +61,11 @@ class _Run:
 
 
 class Presence:
-    """`own`: this bus, and the run of its bridge. `on_interest(gid)`: other buses than before take what this
-    publisher of ours sends."""
+    """All known buses. `own`: this bus, and the run of its bridge.
+
+    `on_interest(gid)` is called if a change occurs in the set of buses that take messages of our publisher
+    `gid`.
+    """
 
     def __init__(self, own: str, run: str, far: FarSide, on_interest: Callable[[bytes], None]) -> None:
         self._own, self._run = own, run
@@ -69,16 +73,17 @@ class Presence:
         self._on_interest = on_interest
         self._runs: dict[tuple[str, str], _Run] = {}
         self._heard: dict[str, _Run] = {}
-        """The run of each bus that the far side was told of."""
+        """The run of each bus that was reported to the far side."""
         self._node_bus: dict[str, _Run] = {}
         self._interests: dict[bytes, set[Interest]] = {}
         self._doubles: dict[str, str] = {}
-        """Runs of other bridges that call their bus by our bus' id, with their zenoh ids."""
+        """Runs of other bridges with the id of our bus, and their zenoh ids."""
         self._looks: dict[tuple[str, str], int] = {}
-        """Runs whose bus uses the id of another bus, or of ours, with the number of checks that saw it."""
+        """Runs of bridges with an id that belongs to another bus or ours, and the number of checks that saw
+        them."""
 
     def came(self, key: str) -> None:
-        """A token is there."""
+        """Handle a token that has come."""
         token = parse_token(key)
         match token:
             case OtherVersion(bus, version):
@@ -128,7 +133,7 @@ class Presence:
                     self._on_interest(gid)
 
     def went(self, key: str) -> None:
-        """A token has gone."""
+        """Handle a token that has gone."""
         token = parse_token(key)
         if isinstance(token, OtherVersion | Broken):
             return
@@ -160,16 +165,16 @@ class Presence:
             del self._runs[run.bus, run.run]
 
     def refuse(self, bus: str, reason: str, run: str = "") -> None:
-        """Ignore this run of its bridge from now on; without `run`, the run that is in use."""
+        """Ignore this run of the bus's bridge from now on; without `run`, the run that is in use."""
         known = self._runs.get((bus, run)) if run else self._heard.get(bus)
         if known is not None:
             self._refuse(known, reason)
 
     def poll(self, linked: Mapping[str, str] | None) -> None:
-        """Called about once a second: warn about a bus that claims the id of another bus.
+        """Warn about a bridge that claims the id of another bus. Call this about once a second.
 
-        `linked`: each bridge that a link leads to, by zenoh id, with its host if a killed bridge there would
-        not be noticed at once, else ""; None if bridges are reached without links.
+        `linked`: the zenoh id of each bridge with a link, and its host if the end of a killed bridge there
+        would be noticed late, otherwise "". None if bridges are reached without links.
         """
         rivals = [(self._own, run) for run in self._doubles]
         for run in self._runs.values():
@@ -182,7 +187,7 @@ class Presence:
         self._looks = {one: self._looks.get(one, 0) + 1 for one in rivals}
         for (bus, name), looks in self._looks.items():
             if bus == self._own:
-                # With a link to it, it is nothing that is left of us.
+                # It has a link, so it is not the remains of our own bridge.
                 is_linked = linked is not None and self._doubles[name] in linked
                 if name > self._run or is_linked or looks > _PATIENCE:
                     self._far.warn(
@@ -198,11 +203,11 @@ class Presence:
 
     @property
     def doubles(self) -> list[str]:
-        """The zenoh ids of bridges that call their bus by our bus' id."""
+        """The zenoh ids of other bridges with the id of our bus."""
         return list(self._doubles.values())
 
     def _check_links(self, bus: str, rival: _Run, linked: Mapping[str, str]) -> None:
-        """Find out whether the owner of an id has gone, although its token is still there."""
+        """Check whether the owner of an id has gone although its token still exists."""
         run = self._heard.get(bus)
         if run is None or run.token is None or rival.token is None:
             return
@@ -232,7 +237,7 @@ class Presence:
         run.interests.clear()
 
     def _make_room(self) -> bool:
-        """Forget a bridge that shows tokens, and not itself."""
+        """Forget a bridge with tokens of endpoints but without a token of the bridge itself."""
         for key, run in self._runs.items():
             if run.token is None:
                 self._clear(run)
@@ -247,10 +252,10 @@ class Presence:
             del self._interests[gid]
         self._on_interest(gid)
 
-    # --- what is known
+    # --- known buses and nodes
 
     def interests(self, gid: bytes) -> frozenset[Interest]:
-        """Who takes what this publisher of ours sends."""
+        """The buses that take messages of our publisher."""
         return frozenset(self._interests.get(gid, ()))
 
     def bus_of(self, node: str) -> str | None:
@@ -259,7 +264,7 @@ class Presence:
         return None if run is None else run.bus
 
     def buses(self) -> list[tuple[str, str, str]]:
-        """Id, zenoh id and why it is refused, of each bus that has been heard."""
+        """Id, zenoh id and reason of refusal of each known bus."""
         return [
             (run.bus, run.token.zenoh_id, run.refusal) for run in self._runs.values() if run.token is not None
         ]
@@ -277,7 +282,7 @@ class Presence:
         self._announce_endpoints(one for one in run.endpoints.values() if one.node in run.nodes)
 
     def _remove_run(self, run: _Run, reason: str) -> None:
-        """Not told of any more; another run that is there takes its place."""
+        """Remove a run; another present run of the bus takes its place."""
         if not run.is_told:
             return
         run.is_told = False
@@ -292,6 +297,7 @@ class Presence:
         self._announce_endpoints(one for one in run.endpoints.values() if one.node == node.key)
 
     def _announce_endpoints(self, endpoints: Iterable[FarEndpoint]) -> None:
-        """Subscriptions first: an endpoint that answers must find them there."""
+        """Report subscriptions before publishers, because an endpoint that answers needs its subscription
+        first."""
         for endpoint in sorted(endpoints, key=lambda one: one.kind == "publisher"):
             self._far.endpoint_added(endpoint)

@@ -1,4 +1,4 @@
-"""Asks importers how far they are if nothing arrives there any more."""
+"""Asks importers for their progress if no acks arrive."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,7 +12,7 @@ _LONGEST_S = 1.0
 
 
 class Probing:
-    """For the importers of `window`. `ask` sends the question. `is_stuck` says whether something waits for
+    """Asks the importers of `window`. `ask` sends the question. `is_stuck` returns whether a part waits for
     room."""
 
     def __init__(self, window: Window, ask: Callable[[], None], is_stuck: Callable[[], bool]) -> None:
@@ -23,12 +23,12 @@ class Probing:
         self._in_flight_before = 0
 
     def begin(self) -> None:
-        """Something waits for room. As long as it does, check from time to time whether parts arrive."""
+        """Start checks of the importers' progress, for as long as a part waits for room."""
         if self._timer is None:
             self._arm(_FIRST_S)
 
     def scan(self) -> None:
-        """Check once a second whether parts arrive: if the last ones are lost, no later part shows it."""
+        """Check once a second whether parts arrive: if the last parts are lost, no later part reveals it."""
         in_flight, before = self._window.in_flight, self._in_flight_before
         self._in_flight_before = in_flight
         if in_flight and in_flight >= before:

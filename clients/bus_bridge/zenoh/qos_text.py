@@ -1,8 +1,14 @@
 """QoS profiles as short texts, for key expressions. Pure.
 
-`rk10v`: reliability (`r`, `b`), history and depth (`k10`, or `a` for keep all), durability (`v`, `t`
-transient local, `b` best available); then the durations that are not infinite, each with its letter (deadline
-`d`, lifespan `l`, lease `e`) and its nanoseconds; and `m` for manual liveliness: `bk5vd20000000m`.
+An example is `rk10v`. The letters mean:
+
+- reliability: `r` or `b` (best effort);
+- history and depth: `k10`, or `a` for keep all;
+- durability: `v`, `t` transient local, or `b` best available;
+- durations that are not infinite: a letter and nanoseconds, with `d` deadline, `l` lifespan, `e` lease;
+- manual liveliness: `m`.
+
+Another example is `bk5vd20000000m`.
 """
 
 import re
@@ -34,7 +40,7 @@ def write(qos: QoSProfile) -> str:
 
 
 def read(text: str) -> QoSProfile | None:
-    """None for a text that is no profile."""
+    """The profile of a text; None if the text is not a profile."""
     found = _TEXT.fullmatch(text)
     if found is None:
         return None

@@ -1,4 +1,4 @@
-"""The way in of one far publisher through zenoh, in order."""
+"""The route in of one far publisher through zenoh, in order."""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -17,11 +17,11 @@ __all__ = ["ZenohReader"]
 
 _READER_BYTES = 16 << 20
 _PUT_BYTES = 256
-"""What a put costs besides what is in it."""
+"""The cost of a put besides its contents."""
 
 
 class ZenohReader:
-    """The way in from one far publisher."""
+    """The route in from one far publisher."""
 
     def __init__(
         self,
@@ -45,18 +45,18 @@ class ZenohReader:
         self._assembler = Assembler(room)
         self._kept_key = keys.kept_key(bus, gid, own.run)
         self._kept_last = 0
-        """Number of the last message that was kept over there before this way began."""
+        """Number of the last message that the far side kept before this route began."""
         self._missing = Missing(session, self._kept_key, self._arrival, self._receive_missing)
         self._acks = Acks(session, keys.ack_key(bus, gid, own.run), self._arrival)
         self._arrived: list[Batch] = []
         self._is_closed = False
-        # What does not fit is asked for again.
+        # Parts without room are requested again.
         self._source = session.source(
             self._take, _READER_BYTES, lambda _: None, keeps_oldest=True, after=self._give
         )
         push = self._source.push
         key = keys.data_key(endpoint.topic, endpoint.type_name, endpoint.type_hash, bus, gid)
-        # The token last: the bridge that sees it may begin to send.
+        # Declare the token last: the bridge that sees it may start to send.
         self._subscriber = session.subscribe(
             key,
             lambda _, payload, attachment: push(
@@ -68,7 +68,7 @@ class ZenohReader:
 
     @property
     def lost(self) -> dict[str, int]:
-        """None: what does not fit here is asked for again."""
+        """Always empty: parts without room are requested again."""
         return {}
 
     def taken(self, size: int) -> None:
@@ -102,7 +102,7 @@ class ZenohReader:
             self._unpack(contents)
 
     def _unpack(self, contents: Sequence[Content]) -> None:
-        """The parts that may go on."""
+        """Unpack parts that may be passed on."""
         number = self._arrival.last - len(contents)
         for content in contents:
             number += 1
@@ -129,7 +129,7 @@ class ZenohReader:
             return
         if self._arrival.misses:
             self._missing.ask()
-        if self._acks.is_due:  # behind what it brought
+        if self._acks.is_due:  # after the messages of the part
             self._acks.send()
 
     def _receive_missing(self, number: int, payload: bytes, head: bytes | None) -> None:
@@ -146,7 +146,7 @@ class ZenohReader:
     def _break(self) -> None:
         self._on_broken(f"an answer about {self._topic} can't be read")
 
-    # --- what is kept over there
+    # --- messages kept on the far side
 
     def _ask_for_kept(self) -> None:
         if not self._is_closed:
@@ -164,7 +164,7 @@ class ZenohReader:
             self._break()
 
     def _take_kept(self, payload: bytes, head: bytes) -> bool:
-        """Whether that can be read."""
+        """Handle an answer with kept messages; returns whether it is readable."""
         base = records.read_pair(head[:16])
         if base is None:
             return False
@@ -182,6 +182,6 @@ class ZenohReader:
             if self._is_lossless:
                 self._acks.arrived(0, batch.payload_bytes)
         elif not self._assembler.size:
-            return False  # it would be asked for ever
+            return False  # otherwise it would be requested for ever
         self._ask_for_kept()
         return True

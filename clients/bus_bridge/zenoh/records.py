@@ -1,16 +1,16 @@
-"""Messages as they go through zenoh: several small ones in one part, a large one in several parts. Pure.
+"""The form of messages in zenoh: several small ones in one part, a large one in several parts. Pure.
 
-A part is what one put carries. It begins with a head, in the put's attachment: its kind, and its number in
+A part is the contents of one put. It begins with a head, in the put's attachment: its kind, and its number in
 the route, from 1. The kinds:
 
-- a batch: records back to back: number u64, source time i64 (wall clock, ns), size u32, payload;
-- a whole message: the head has its number and source time, the payload is as it is;
-- a piece of a large one: the head also has the message's size and where in it the piece begins, u64 each;
-- a probe, without payload and with the number of the part before it: how far are you?
+- a batch: records one after the other: number u64, source time i64 (wall clock, ns), size u32, payload;
+- a whole message: the head has its number and source time, the payload is unchanged;
+- a piece of a large message: the head also has the message's size and the piece's position, u64 each;
+- a probe, without payload and with the number of the part before it: it asks for the importer's progress.
 
-The answer to a probe is an ack. It has two u64: the number of the newest part that has arrived, and the
-number of the newest part whose messages were taken. A request for something kept also has two u64: it asks
-for the part behind this message's number, from that byte on. All little-endian.
+The answer to a probe is an ack with two u64: the number of the newest part that has arrived, and the number
+of the newest part with all its messages taken. A request for kept messages also has two u64. It asks for the
+part after the message with this number, from that byte on. All numbers are little-endian.
 """
 
 from collections.abc import Iterable
@@ -40,11 +40,12 @@ __all__ = [
 ]
 
 PART_BYTES = PACK_BYTES
-"""With its key and zenoh's own heads a part fits into one of zenoh's batches. These have 64 KiB, less what is
-no multiple of half a TCP segment: by loopback that leaves 48. A part that is cut costs a quarter more."""
+"""With its key and zenoh's own heads, a part fits into one of zenoh's batches. These have 64 KiB, rounded
+down to a multiple of half a TCP segment: on loopback, 48 KiB are left. A part that zenoh has to cut costs a
+quarter more."""
 WHOLE_BYTES = LONG_PACK_BYTES
-"""Up to here a message, or several, may go by one put, which zenoh cuts itself: pieces cost two copies more,
-and each put wakes every thread on its way."""
+"""Up to this size, one or several messages may use one put, which zenoh cuts itself. Pieces cost two more
+copies, and each put wakes every thread on its way."""
 MAX_MESSAGE_BYTES = 1 << 30
 MAX_NUMBER = (1 << 48) - 1
 """The highest number of a message: a million a second for nine years. Higher numbers are forged, and would
@@ -62,7 +63,7 @@ class Part(NamedTuple):
 
     payload: bytes
     number: int
-    """In its route, from 1."""
+    """Its number in the route, from 1."""
     head: bytes
 
 
@@ -77,16 +78,18 @@ class Piece(NamedTuple):
 
 
 class Probe(NamedTuple):
-    """No message."""
+    """A question for the importer's progress, without a message."""
 
 
 Content = Batch | Piece | Probe
 
 
 def pack(samples: Iterable[Sample], number: int, most: int = WHOLE_BYTES) -> list[Part]:
-    """The parts that carry `samples`; the first one has that number. One that zenoh has to cut has
-    `most` bytes at most, which is not below `PART_BYTES`."""
-    if samples.__class__ is Packed and samples.size <= most:  # a batch already
+    """The parts that carry `samples`; `number` is the number of the first part.
+
+    A part that zenoh has to cut has at most `most` bytes, which must not be below `PART_BYTES`.
+    """
+    if samples.__class__ is Packed and samples.size <= most:  # already a batch
         return [Part(samples.whole[samples.start :], number, _HEAD.pack(_BATCH_KIND, number))]
     found = list[Part]()
     record, parts, size = RECORD.pack, list[bytes](), 0
@@ -124,7 +127,7 @@ def probe(last: int) -> Part:
 
 
 def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
-    """A part's number and what it carries; None if it is broken, or not as `pack` makes it."""
+    """A part's number and contents; None if the part is broken, or not in the form of `pack`."""
     kind, size = (head[:1], len(head)) if head else (b"", 0)
     if head is None or size < _HEAD.size or len(payload) > WHOLE_BYTES:
         return None
@@ -148,14 +151,14 @@ def read_part(payload: bytes, head: bytes | None) -> tuple[int, Content] | None:
 
 
 class Room:
-    """Bytes that may still wait for others, of all ways in together: a far side may begin any number of
-    large messages, and end none."""
+    """Bytes that incomplete data may use in all routes in together. A far side may start any number of large
+    messages and complete none."""
 
     def __init__(self, size: int) -> None:
         self.left = size
 
     def take(self, size: int) -> bool:
-        """Whether there is so much; then it is taken."""
+        """Take `size` bytes if there is room; returns whether there was."""
         if size > self.left:
             return False
         self.left -= size
@@ -166,18 +169,19 @@ class Room:
 
 
 class Assembler:
-    """Puts pieces together, which come in order. One message at a time; a message that finds no `room` is
-    dropped."""
+    """Joins pieces, which come in order. It handles one message at a time, and drops a message without
+    `room`."""
 
     def __init__(self, room: Room) -> None:
         self._room = room
         self.size = 0
-        """Bytes that are there of a message that is not complete."""
+        """Number of bytes of an incomplete message."""
         self._number = 0
         self._pieces: list[bytes] = []
 
     def add(self, part: Piece) -> Sample | None:
-        """The message, with its last piece. A piece that goes on nowhere is dropped, with what is there."""
+        """Add a piece; returns the message after its last piece. If a piece does not continue the message,
+        both are dropped."""
         if part.offset == 0 or part.number != self._number or part.offset != self.size:
             self.clear()
             self._number = part.number
@@ -195,7 +199,7 @@ class Assembler:
         return Sample(whole, part.number, part.source_time_ns)
 
     def clear(self) -> None:
-        """Drop what is there of a message."""
+        """Drop an incomplete message."""
         self._room.give(self.size)
         self._pieces, self.size = [], 0
 
@@ -205,5 +209,5 @@ def write_pair(first: int, second: int) -> bytes:
 
 
 def read_pair(data: bytes | None) -> tuple[int, int] | None:
-    """None if `data` is no such pair."""
+    """Read two u64; None if `data` has another form."""
     return _PAIR.unpack(data) if data is not None and len(data) == _PAIR.size else None

@@ -1,8 +1,8 @@
 """zenoh's session: everything used of the package `zenoh`, including functions that it calls unstable.
 
-zenoh calls back in its own threads. A `Source` takes what it brings, and the event loop takes it out of
-there. Declarations wait for room in the link, so a thread of the bridge makes them, one by one and in order.
-Only `put` and `reply` are called on the loop: with congestion control DROP they hardly wait.
+zenoh calls back in its own threads. They put data into a `Source`, and the event loop takes it from there.
+Declarations wait for room in the link, so a thread of the bridge makes them, one by one and in order. The
+loop itself only calls `put` and `reply`: with congestion control DROP they hardly wait.
 """
 
 import asyncio
@@ -32,19 +32,19 @@ __all__ = ["Declared", "Link", "Outlet", "Query", "Session", "Source"]
 _T = TypeVar("_T")
 
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx))"
-"""Settings that zenoh reads from its environment, once. By default the thread that the system notifies of
-input wakes one of two others to read it. With this setting it reads itself on accepted links: Python could
-not run two at a time anyway."""
+"""Settings that zenoh reads once, from its environment. By default, the thread that the system notifies of
+input wakes one of two other threads to read it. With this setting it reads itself on accepted links: Python
+could not run two threads at a time anyway."""
 _LEASE_MS = 10_000
 _RETRY = {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2}
-_OPEN_MS = 4000  # then begin anew: TCP asks less and less often, and the cable may be back meanwhile
+_OPEN_MS = 4000  # then try again: TCP's pauses grow, and the cable may be back earlier
 _QUEUE_BATCHES = 16  # of 64 KiB, for each priority of each link: the most that zenoh has
 _WAIT_BEFORE_DROP_US = 1000
-_MAX_MESSAGE_BYTES = 4 << 20  # larger ones of busd's come in parts, and descriptions of types are smaller
+_MAX_MESSAGE_BYTES = 4 << 20  # busd sends larger messages in pieces, and descriptions of types are smaller
 _MAX_QUESTION_BYTES = 64
 _LEAST_DESCRIPTORS = 64
-_ROUTER_S = 0.5  # zenoh opens a client when a router is there: an error in what is asked comes sooner
-_AT_ONCE = 64  # that one source gives in a turn of the loop
+_ROUTER_S = 0.5  # zenoh opens a client only with a router; a short timeout reports errors in options sooner
+_AT_ONCE = 64  # items that one source passes on in a turn of the loop
 _PRIORITIES: dict[Priority, Any] = {
     "real_time": zenoh.Priority.REAL_TIME,
     "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
@@ -54,27 +54,28 @@ _PRIORITIES: dict[Priority, Any] = {
     "data_low": zenoh.Priority.DATA_LOW,
     "background": zenoh.Priority.BACKGROUND,
 }
-_OVERTAKING = zenoh.Priority.INTERACTIVE_HIGH  # what keeps routes going overtakes what waits on them
+_OVERTAKING = zenoh.Priority.INTERACTIVE_HIGH  # control messages overtake the data that waits for them
 
 
 class Link(NamedTuple):
     zenoh_id: str
-    """The id of the session at its other end."""
+    """The zenoh id of the session at the other end."""
     src: str
     dst: str
 
     @property
     def silent_host(self) -> str:
-        """The host at its other end, if a killed process there would not be noticed (QUIC); else ""."""
+        """The host at the other end, if the end of a killed process there would be noticed late (QUIC);
+        otherwise ""."""
         protocol, _, place = self.dst.partition("/")
         return place.rpartition(":")[0] if protocol == "quic" else ""
 
 
 class Source(Generic[_T]):
-    """Things from zenoh's threads, on their way to the loop: `push` in any thread, `take` on the loop.
+    """A queue from zenoh's threads to the loop: `push` in any thread, `take` on the loop.
 
-    `bound` is in the unit of the sizes given to `push`. At the limit the oldest, or with `keeps_oldest` the
-    new one, goes to `on_lost` (in zenoh's thread).
+    `bound` has the unit of the sizes given to `push`. At the limit, the oldest item goes to `on_lost` (in
+    zenoh's thread), or the new one with `keeps_oldest`.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class Source(Generic[_T]):
         self._keeps_oldest = keeps_oldest
         self._after = after
         self._things: deque[tuple[_T, int]] = deque()
-        self._put_in, self._taken_out = 0, 0  # each is written by one side only
+        self._put_in, self._taken_out = 0, 0  # only one side writes each of them
         self._discarded = 0
         self.is_due = False
         self.is_closed = False
@@ -115,7 +116,7 @@ class Source(Generic[_T]):
             self._inbox.wake(self)
 
     def drain(self) -> None:
-        self.is_due = False  # first: what is pushed from here on wakes again
+        self.is_due = False  # clear it first: a later push has to wake the loop again
         things, left = self._things, _AT_ONCE
         while left and not self.is_closed:
             try:
@@ -131,7 +132,7 @@ class Source(Generic[_T]):
             self.wake_again()
 
     def wake_again(self) -> None:
-        """Go on with what is left, in another turn."""
+        """Continue with the remaining items in another turn."""
         if self._things and not self.is_due:
             self.is_due = True
             self._inbox.wake(self)
@@ -142,7 +143,7 @@ class Source(Generic[_T]):
 
 
 class _Inbox:
-    """Wakes the loop once, however much comes until it looks. It has its own bell, because
+    """Wakes the loop once, however many items come before it runs. It uses its own eventfd, because
     `call_soon_threadsafe` takes 7 us longer."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, on_fault: Callable[[Exception], None]) -> None:
@@ -151,7 +152,7 @@ class _Inbox:
         self._due: deque[Source[Any]] = deque()
         self._is_awake = False
         self._bell: int | None = None
-        self._ringing = threading.Lock()  # or it is closed meanwhile, and its number is another file's
+        self._ringing = threading.Lock()  # else another file may have the number of a closed one
 
     def open(self) -> None:
         self._bell = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
@@ -166,7 +167,7 @@ class _Inbox:
                     os.eventfd_write(self._bell, 1)
 
     def close(self) -> None:
-        """Nothing wakes the loop any more."""
+        """Stop waking the loop."""
         with self._ringing:
             bell, self._bell = self._bell, None
         if bell is not None:
@@ -186,8 +187,8 @@ class _Inbox:
 
 
 class Declared:
-    """Something that a session has declared, or will declare in a moment; undeclared when it is no longer
-    referenced."""
+    """Something that a session declares, now or in a moment. It is undeclared when no reference to it is
+    left."""
 
     def __init__(self, session: "Session", declare: Callable[[], Any]) -> None:
         self._session = session
@@ -197,12 +198,12 @@ class Declared:
         session.do(self._make)
 
     def undeclare(self) -> None:
-        """Calling it once is enough. zenoh may still bring something afterwards."""
+        """Undeclare it; one call is enough. zenoh may still call back afterwards."""
         self._is_gone = True
         self._session.do(self._end)
 
     def renew(self) -> None:
-        """Declare it once more, and only then end what was there."""
+        """Declare it once more, and undeclare the former one after that."""
         self._session.do(self._make_again)
 
     def _make(self) -> None:
@@ -222,13 +223,13 @@ class Declared:
 
 
 class Outlet(Declared):
-    """A zenoh publisher. `on_ready` is called when it can be used."""
+    """A zenoh publisher. `on_ready` is called when it is usable."""
 
     def __init__(
         self, session: "Session", key: str, priority: Priority, on_ready: Callable[[], None]
     ) -> None:
         self.put: Any = None
-        """None until then."""
+        """None until it is usable."""
         self._on_ready = on_ready
         super().__init__(session, lambda: session.declare_publisher(key, priority))
 
@@ -244,7 +245,7 @@ class Outlet(Declared):
 
 
 class Query:
-    """Somebody asks. Answered on the loop, once."""
+    """A question of another bridge. Answer it once, on the loop."""
 
     def __init__(self, query: Any) -> None:
         self._query = query
@@ -253,23 +254,23 @@ class Query:
         self.payload: bytes = b"" if asked is None or len(asked) > _MAX_QUESTION_BYTES else asked.to_bytes()
 
     def reply(self, payload: bytes, attachment: bytes | None = None) -> None:
-        with suppress(zenoh.ZError):  # the asking side has gone
+        with suppress(zenoh.ZError):  # the other side has gone
             self._query.reply(self.key, payload, attachment=attachment)
         self.drop()
 
     def drop(self) -> None:
-        """No answer."""
+        """Send no answer."""
         self._query.drop()
 
 
 class Session:
-    """A session without scouting, with the links that `options` name and no other. With a router it is that
-    one's client, else a peer."""
+    """A session without scouting, only with the links in `options`. With a router it is the router's client,
+    otherwise a peer."""
 
     def __init__(self, options: ZenohOptions, on_fault: Callable[[Exception], None]) -> None:
-        """`on_fault` is called on the loop with an exception raised while something of zenoh's was handled: a
-        bug of ours."""
-        self.zenoh_id = f"f{secrets.token_hex(15)}"  # known before a router is there
+        """`on_fault` is called on the loop with an exception raised by our code in a callback: a bug in the
+        bridge."""
+        self.zenoh_id = f"f{secrets.token_hex(15)}"  # known before there is a router
         self._config = _config(options, self.zenoh_id)
         self._on_fault = on_fault
         self._options = options
@@ -279,20 +280,21 @@ class Session:
         self._zenoh: Any = None
         self._links: dict[tuple[str, str, str], Link] = {}
         self.link_ends = 0
-        """How often a link has gone."""
+        """Number of links that have ended."""
 
     async def open(self) -> None:
-        """If there is no router yet, the session starts without one; declarations wait for it.
+        """Open the session. If there is no router yet, the session starts without one; declarations wait for
+        it.
 
         Raises BridgeError. Cancellation: closed.
         """
         descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        if 0 <= descriptors < _LEAST_DESCRIPTORS:  # zenoh aborts a process that has too few
+        if 0 <= descriptors < _LEAST_DESCRIPTORS:  # zenoh aborts a process with too few descriptors
             raise BridgeError(
                 f"this program may open {descriptors} files (ulimit -n); zenoh needs {_LEAST_DESCRIPTORS}"
             )
         os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
-        keep_freed_memory()  # zenoh takes and gives back much with each message
+        keep_freed_memory()  # zenoh allocates and frees much memory with each message
         opened: asyncio.Future[None] = self._loop.create_future()
         self._inbox.open()
         try:
@@ -313,7 +315,7 @@ class Session:
             raise
 
     async def close(self) -> None:
-        """Everything declared has gone then. Cancellation: what is left of it is done in its thread."""
+        """Close the session and everything declared in it. Cancellation: its thread completes the rest."""
         self._inbox.close()
         closed: asyncio.Future[None] = self._loop.create_future()
         self._jobs.put(self._close)
@@ -327,7 +329,7 @@ class Session:
         return Declared(self, lambda: self._zenoh.liveliness().declare_token(key))
 
     def watch_tokens(self, keys: str, source: Source[tuple[str, bool]]) -> Declared:
-        """`source` gets each token, and whether it has come."""
+        """Watch tokens: `source` gets each token, and whether it has come or gone."""
 
         def see(sample: Any) -> None:
             source.push((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
@@ -338,9 +340,10 @@ class Session:
         )
 
     def subscribe(self, key: str, push: Callable[[Any, bytes, bytes | None], None]) -> Declared:
-        """`push` is called in zenoh's thread with each put's key (str() of it is one), payload and
-        attachment."""
-        # Else Python makes its state of zenoh's thread anew for each part, which costs a seventh more in all.
+        """Subscribe: zenoh's thread calls `push` with each put's key (an object; str() gives the text),
+        payload and attachment."""
+        # Otherwise Python makes a new thread state for zenoh's thread for each part, which costs a seventh
+        # more in all.
         keep_thread = shm.native.keep_thread if shm.has_core() else None
 
         def see(sample: Any) -> None:
@@ -356,7 +359,7 @@ class Session:
         return Declared(self, lambda: self._zenoh.declare_subscriber(key, _direct(see)))
 
     def answer(self, keys: str, source: Source[Query]) -> Declared:
-        """`source` gets whoever asks for one of `keys`."""
+        """Answer questions for `keys`: `source` gets each of them."""
         return Declared(
             self,
             lambda: self._zenoh.declare_queryable(keys, _direct(lambda query: source.push(Query(query)))),
@@ -370,14 +373,14 @@ class Session:
             key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=_PRIORITIES[priority],
-            express=True,  # messages that go together are packed already: to wait for more costs some 70 us
+            express=True,  # batches are packed already: to wait for more messages costs about 70 us
             allowed_destination=zenoh.Locality.REMOTE,
         )
 
     # --- messages
 
     def put(self, key: str, payload: bytes) -> None:
-        """Something small, which may be lost."""
+        """Send a small payload, which may be lost."""
         with suppress(zenoh.ZError):
             self._zenoh.put(
                 key,
@@ -395,7 +398,8 @@ class Session:
         timeout_s: float,
         on_answer: Callable[[bytes | None, bytes | None], None],
     ) -> None:
-        """The payload and the attachment of the first answer; None if there is none. Once, on the loop."""
+        """Ask once, on the loop. The result is the payload and the attachment of the first answer; None
+        without an answer."""
         answers: list[tuple[bytes, bytes | None]] = []
 
         def on_reply(reply: Any) -> None:
@@ -415,7 +419,7 @@ class Session:
                     Callback(on_reply, end, indirect=False),
                     payload=payload,
                     timeout=timeout_s,
-                    priority=_OVERTAKING,  # of the answer, too
+                    priority=_OVERTAKING,  # also the priority of the answer
                     congestion_control=zenoh.CongestionControl.DROP,
                     allowed_destination=zenoh.Locality.REMOTE,
                     consolidation=zenoh.ConsolidationMode.NONE,
@@ -428,11 +432,11 @@ class Session:
     # --- links
 
     def links(self) -> list[Link]:
-        """Those that are up."""
+        """The present links."""
         return list(self._links.values())
 
     def routers(self) -> set[str]:
-        """The zenoh ids of those at their other ends that are routers."""
+        """The zenoh ids of routers at the other ends of links."""
         return set() if self._zenoh is None else {str(one) for one in self._zenoh.info.routers_zid()}
 
     def _see_link(self, event: Any) -> None:  # in zenoh's thread
@@ -459,12 +463,12 @@ class Session:
         return Source(self._inbox, take, bound, on_lost, keeps_oldest=keeps_oldest, after=after)
 
     def call(self, what: Callable[..., None], *arguments: Any) -> None:
-        """On the loop, soon; from any thread."""
-        with suppress(RuntimeError):  # the loop has been closed
+        """Call `what` on the loop, soon; may be used in any thread."""
+        with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(what, *arguments)
 
     def do(self, job: Callable[[], None]) -> None:
-        """In the thread for declarations, after all before it."""
+        """Run `job` in the thread for declarations, after all earlier jobs."""
         self._jobs.put(job)
 
     def _work(self) -> None:
@@ -472,7 +476,7 @@ class Session:
             try:
                 job()
             except zenoh.ZError:
-                pass  # the session has been closed
+                pass  # the session is closed
             except Exception as error:
                 self.call(self._on_fault, error)
 
@@ -491,7 +495,7 @@ class Session:
 
 
 def _direct(callback: Callable[[Any], None]) -> Any:
-    # In zenoh's own thread: with `indirect` there would be one thread for each subscriber.
+    # Call back in zenoh's own thread: with `indirect`, each subscriber would have a separate thread.
     return Callback(callback, indirect=False)
 
 

@@ -1,9 +1,9 @@
-"""Parts that a publisher's way out keeps: those under way, and its history for late joiners. Pure.
+"""Parts that a publisher's route out keeps: parts on their way, and its history for late joiners. Pure.
 
-zenoh drops parts if its queues are full. So everything stays here until each importer's bridge has got it; an
-importer that misses something asks for it. How many bytes may be under way shrinks when that happens, and
-grows again, as TCP's window does. A lossless route also waits until each importer's bus has taken its
-messages, and never has more than `WINDOW_BYTES` under way. An importer that has gone is waited for no more.
+zenoh drops parts if its queues are full. So all parts stay here until each importer's bridge has received
+them. An importer asks for missing parts. Then the number of bytes that may be on their way shrinks; it grows
+again later, like TCP's window. A lossless route also waits until each importer's bus has taken its messages,
+and never has more than `WINDOW_BYTES` on their way. The route does not wait for an importer that has gone.
 """
 
 from bisect import bisect_right
@@ -19,8 +19,8 @@ WINDOW_BYTES = 4 << 20
 HISTORY_BYTES = 32 << 20
 _FIRST_SPAN = 512 << 10
 _LEAST_SPAN = 2 * PART_BYTES
-_STEP = 32 << 10  # by which the span grows when so much has arrived as it has
-_PART = 64  # bytes that a part costs besides its payload
+_STEP = 32 << 10  # growth of the span each time that a whole span has arrived
+_PART = 64  # cost of a part in bytes, besides its payload
 
 
 class _Importer:
@@ -29,7 +29,7 @@ class _Importer:
 
 
 class Window:
-    """The parts of a route that are on their way; if it is `lossless`, until importers have taken them."""
+    """The parts of a route on their way; of a `lossless` route, until importers have taken them."""
 
     def __init__(self, *, lossless: bool) -> None:
         self.last = 0
@@ -37,36 +37,37 @@ class Window:
         self._lossless = lossless
         self._flying = _Flying()
         self._travelling = 0
-        """Bytes that some importer's bridge has not got yet."""
+        """Bytes that at least one importer's bridge has not received yet."""
         self._importers: dict[str, _Importer] = {}
         self._span = _FIRST_SPAN
         """Bytes that may be between the bridges."""
         self._threshold = WINDOW_BYTES
-        """Up to this span it grows by everything that arrives, as in TCP's slow start; above it, step by
+        """Below this span, the span grows by all bytes that arrive, as in TCP's slow start; above it, step by
         step."""
         self._shrunk_at = 0
         self._unasked = 0
 
     @property
     def in_flight(self) -> int:
-        """Bytes that some importer has not got yet, or of a lossless route its bus has not taken."""
+        """Bytes that at least one importer has not received yet. Of a lossless route: that its bus has not
+        taken yet."""
         return self._flying.size
 
     @property
     def room(self) -> int:
-        """Bytes that may go now; 0 or less: none. A single part may go as long as that is above 0."""
+        """Bytes that may be sent now; 0 or less: none. A single part may be larger if this is above 0."""
         room = self._span - self._travelling
         return min(room, WINDOW_BYTES - self._flying.size) if self._lossless else room
 
     @property
     def part_bytes(self) -> int:
-        """How large a part may be now. On a slow link parts are small: a dropped part is sent again as a
-        whole, and others wait for it."""
+        """The size of a part now. On a slow link parts are small, because a dropped part is sent again as a
+        whole and delays other parts."""
         return max(2 * PART_BYTES, min(WHOLE_BYTES, self._span // 4))
 
     def add(self, part: Part) -> bool:
-        """It is on its way. Returns whether the importers are to be asked how far they are: four times in a
-        span."""
+        """Add a part that is sent now. Returns whether to ask the importers for their progress: four times in
+        a span."""
         self.last = part.number
         if self._importers:
             size = len(part.payload) + _PART
@@ -81,7 +82,7 @@ class Window:
     # --- importers
 
     def join(self, importer: str) -> None:
-        """It takes what comes from now on."""
+        """Add an importer, which takes parts from now on."""
         self._importers[importer] = _Importer(self.last)
 
     def leave(self, importer: str) -> None:
@@ -90,13 +91,16 @@ class Window:
             self._measure()
 
     def joined(self, importer: str) -> int | None:
-        """The number of the last part before it came; None if it is no importer."""
+        """The number of the last part before an importer joined; None if it is not an importer."""
         known = self._importers.get(importer)
         return None if known is None else known.joined
 
     def acknowledge(self, importer: str, arrived: int, taken: int) -> bool:
-        """Its bridge has got everything up to `arrived`, and its bus has taken it up to `taken`. Whether that
-        was news. Numbers that were never sent count as the newest."""
+        """Handle an ack: the importer's bridge has all parts up to `arrived`, and its bus has taken them up
+        to `taken`.
+
+        Returns whether that was news. Numbers that were never sent count as the newest.
+        """
         known = self._importers.get(importer)
         if known is None:
             return False
@@ -111,7 +115,7 @@ class Window:
         return True
 
     def find(self, importer: str, after: int) -> Part | None:
-        """The part behind number `after`, if it is kept."""
+        """The part after the number `after`, if it is kept."""
         known = self._importers.get(importer)
         if known is None:
             return None
@@ -120,7 +124,7 @@ class Window:
         return self._flying.after(max(after, known.joined))
 
     def _measure(self) -> int:
-        """Returns how many bytes travel now."""
+        """Update the counters; returns the number of bytes on their way."""
         least = min((one.arrived for one in self._importers.values()), default=self.last)
         self._travelling = self._flying.size_after(least)
         return self._travelling
@@ -132,7 +136,7 @@ class Window:
             self._span = min(self._span + gone * _STEP // self._span, WINDOW_BYTES)
 
     def _shrink(self) -> None:
-        """Something was dropped: send less at a time. Once for all parts that were under way."""
+        """Shrink the span after a dropped part: once for all parts that were on their way."""
         if min((one.arrived for one in self._importers.values()), default=0) >= self._shrunk_at:
             self._shrunk_at = self.last
             self._span = self._threshold = max(self._span // 2, _LEAST_SPAN)
@@ -144,14 +148,14 @@ class Window:
 
 
 class _Flying:
-    """Parts in the order of their numbers, and how many bytes there are after one of them."""
+    """Parts in the order of their numbers, and the number of bytes after a part."""
 
     def __init__(self) -> None:
         self.size = 0
         self._parts: list[Part] = []
         self._ends: list[int] = []
         self._numbers: list[int] = []
-        self._start = 0  # those before have been dropped
+        self._start = 0  # earlier parts have been dropped
         self._end = 0
 
     def add(self, part: Part, size: int) -> None:
@@ -166,7 +170,7 @@ class _Flying:
         return self.size if index == self._start else self._end - self._ends[index - 1]
 
     def drop(self, number: int) -> None:
-        """Those up to `number`."""
+        """Drop the parts up to `number`."""
         index = self._index(number)
         if index == len(self._parts):
             self._parts, self._ends, self._numbers, self._start, self.size = [], [], [], 0, 0
@@ -191,8 +195,8 @@ _GONE = Part(b"", 0, b"")
 
 
 class History:
-    """The last messages of a transient local publisher: `depth` of them, `HISTORY_BYTES` at most, and one
-    always."""
+    """The last messages of a transient local publisher: at most `depth`, and at most `HISTORY_BYTES`, but
+    always one."""
 
     def __init__(self, depth: int) -> None:
         self._depth = depth
@@ -207,8 +211,8 @@ class History:
             self._bytes -= len(kept.popleft().payload)
 
     def find(self, after: int, offset: int) -> Part | None:
-        """The part behind the message with the number `after`: with messages, or with the piece at byte
-        `offset` of the next one. None: nothing."""
+        """The part after the message with the number `after`: whole messages, or the piece at byte `offset`
+        of the next message. None if there is nothing."""
         found, size = list[Sample](), 0
         for sample in self._samples:
             if sample.number <= after:

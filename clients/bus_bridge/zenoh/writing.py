@@ -1,4 +1,4 @@
-"""The way out of one publisher through zenoh, with what is kept for importers."""
+"""The route out of one publisher through zenoh, with the parts kept for importers."""
 
 import asyncio
 from collections import deque
@@ -26,21 +26,21 @@ _LEAVE_S = 2.0
 
 
 class WriterState(Enum):
-    """Whether the publisher is there."""
+    """Whether the publisher exists."""
 
     OPEN = "open"
     LEAVING = "leaving"
-    """The publisher has gone, but importers still get messages of it. Its token stays until then."""
+    """The publisher has gone, but importers still receive its messages. Its token stays until then."""
     CLOSED = "closed"
 
 
 class WriterEvent(Enum):
-    """What happens to it."""
+    """Events that change the state."""
 
     LEAVE = "leave"
-    """The publisher goes."""
+    """The publisher has gone."""
     RETURN = "return"
-    """The publisher is there again."""
+    """The publisher is back."""
     END = "end"
     """All importers have all messages, or have taken too long; or the engine closes."""
 
@@ -50,15 +50,16 @@ TRANSITIONS: Mapping[WriterState, Mapping[WriterEvent, WriterState]] = {
     WriterState.LEAVING: {WriterEvent.RETURN: WriterState.OPEN, WriterEvent.END: WriterState.CLOSED},
     WriterState.CLOSED: {},
 }
-"""The next state, by state and event. An event that is not in the row of a state must not happen in it."""
+"""The next state, by state and event. An event that is missing in the row of a state must not happen in
+it."""
 
 
 class WriterError(Exception):
-    """An event that can't happen in its state: a bug of the bridge."""
+    """An event that is not possible in the current state: a bug in the bridge."""
 
 
 class ZenohWriter:
-    """The way out of one publisher of this bus. Only `on` changes the state."""
+    """The route out of one publisher of this bus. Only `on` changes the state."""
 
     def __init__(
         self,
@@ -84,21 +85,21 @@ class ZenohWriter:
         self._probing = Probing(self._window, self._probe, self._is_stuck)
         self._number = 0
         self._rest: deque[Part] = deque()
-        """Parts of messages that have been written, for which there was no room yet."""
+        """Parts of written messages that wait for room."""
         self._is_held = False
-        """The caller keeps further messages, because there was no room for them."""
+        """Whether the caller keeps further messages, because there was no room for them."""
         self._interests: frozenset[Interest] = frozenset()
         self._outlet: Outlet | None = None
         self._lost: dict[str, int] = {}
         self._behind: set[str] = set()
-        """While LEAVING: importers that don't have all messages yet."""
+        """In the state LEAVING: importers that don't have all messages yet."""
         self._patience: asyncio.TimerHandle | None = None
-        """While LEAVING: ends it if importers take too long."""
+        """In the state LEAVING: the timer that ends it if importers take too long."""
 
     @property
     def is_wanted(self) -> bool:
         if self._history is not None:
-            return True  # late joiners want what it keeps
+            return True  # late joiners need the kept messages
         return bool(self._interests) and self._outlet is not None and self._outlet.put is not None
 
     @property
@@ -106,16 +107,16 @@ class ZenohWriter:
         return self._lost
 
     def write(self, batch: Batch) -> int:
-        """As `Writer.write`. What a best effort publisher sends beyond the link's speed is lost here."""
+        """As `Writer.write`. Drops messages of a best-effort publisher that are too fast for the link."""
         count = gone = batch.count
         if self._interests:
-            if batch.__class__ is Packed:  # mostly one part
+            if batch.__class__ is Packed:  # the usual case: one part
                 gone = 0 if self._rest or self._window.room <= 0 else count
             else:
                 gone = self._fitting(batch)
             if gone:
                 fitting = batch if gone == count else Loose(list(batch)[:gone])
-                # The window never bounds parts of this size.
+                # The window never limits parts of this size.
                 most = self._window.part_bytes if batch.payload_bytes > PART_BYTES else 2 * PART_BYTES
                 self._rest += records.pack(fitting, self._number + 1, most)
                 self._number = self._rest[-1].number
@@ -128,7 +129,7 @@ class ZenohWriter:
         return gone
 
     def close(self) -> None:
-        """As `Writer.close`. Its token stays until the importers have got what was written."""
+        """As `Writer.close`. Its token stays until the importers have received all written messages."""
         if self.state is not WriterState.OPEN:
             return
         self.on(WriterEvent.LEAVE)
@@ -142,7 +143,7 @@ class ZenohWriter:
     # --- for the engine
 
     def on(self, event: WriterEvent) -> None:
-        """`event` happens. Raises WriterError if it can't happen in this state."""
+        """Handle `event`. Raises WriterError if it is not possible in this state."""
         state = TRANSITIONS[self.state].get(event)
         if state is None:
             way = f"the way out of a publisher on '{self._endpoint.topic}'"
@@ -150,8 +151,11 @@ class ZenohWriter:
         self.state = state
 
     def come_back(self, endpoint: LocalEndpoint, on_change: Callable[[], None]) -> bool:
-        """The publisher is there again before all has arrived that it said when it went. Returns whether it
-        is unchanged. Then importers go on: they would not see that a token went and came at once."""
+        """Continue for a publisher that is back before its last messages have arrived. Returns whether it is
+        unchanged.
+
+        If so, importers go on: they would not notice a token that goes and comes back at once.
+        """
         if endpoint != self._endpoint:
             return False
         self.on(WriterEvent.RETURN)
@@ -163,7 +167,7 @@ class ZenohWriter:
         return True
 
     def end(self) -> None:
-        """Gone, whatever has arrived."""
+        """End at once, whether messages have arrived or not."""
         if self.state is WriterState.CLOSED:
             return
         self.on(WriterEvent.END)
@@ -176,7 +180,7 @@ class ZenohWriter:
         self._on_close()
 
     def see_interests(self, interests: frozenset[Interest]) -> None:
-        """Who takes what it sends has changed."""
+        """Handle a change of the buses that take its messages."""
         for one in interests - self._interests:
             self._window.join(one.run)
         for one in self._interests - interests:
@@ -195,7 +199,7 @@ class ZenohWriter:
             self._on_change()
 
     def see_ack(self, importer: str, arrived: int, taken: int) -> None:
-        """How far an importer is."""
+        """Handle an importer's ack."""
         is_news = self._window.acknowledge(importer, arrived, taken)
         if is_news:
             self._go_on()
@@ -209,7 +213,8 @@ class ZenohWriter:
             self._end_if_arrived()
 
     def reply(self, query: Query, importer: str) -> None:
-        """An importer lacks a part, or does not know yet where the route begins and which parts are kept."""
+        """Answer an importer that misses a part, or asks for the first part of the route and the kept
+        parts."""
         base, asked = self._window.joined(importer), records.read_pair(query.payload[1:])
         if base is None or asked is None:
             query.drop()
@@ -222,13 +227,13 @@ class ZenohWriter:
             query.reply(*((b"", begin) if kept is None else (kept.payload, begin + kept.head)))
 
     def poll(self) -> None:
-        """To be called about once a second."""
+        """Check the progress of importers. Call this about once a second."""
         self._probing.scan()
 
-    # --- inside
+    # --- internal
 
     def _fitting(self, batch: Batch) -> int:
-        """How many of these messages may be written now."""
+        """The number of these messages that may be written now."""
         room = 0 if self._rest else self._window.room
         for index, sample in enumerate(batch):
             if room <= 0:
@@ -237,7 +242,7 @@ class ZenohWriter:
         return batch.count
 
     def _refuse(self, count: int) -> None:
-        """There is no room for `count` of the messages that were to be written."""
+        """Handle `count` messages without room."""
         if self._is_reliable:
             self._is_held = True
             self._probing.begin()
@@ -245,7 +250,7 @@ class ZenohWriter:
             self._lost[DropReason.LINK_FULL] = self._lost.get(DropReason.LINK_FULL, 0) + count
 
     def _pump(self) -> None:
-        """Put what waits for room, as far as there is some."""
+        """Put waiting parts while there is room."""
         outlet, window, rest = self._outlet, self._window, self._rest
         if not rest or outlet is None or outlet.put is None:
             return
@@ -254,7 +259,7 @@ class ZenohWriter:
             part = rest.popleft()
             try:
                 put(part.payload, attachment=part.head)
-            finally:  # behind it: meanwhile zenoh's threads have begun
+            finally:  # after the put, so that zenoh sends meanwhile
                 must_ask = window.add(part) or must_ask
         if must_ask:
             self._probe()
@@ -265,7 +270,7 @@ class ZenohWriter:
         return self.state is not WriterState.CLOSED and (bool(self._rest) or self._is_held)
 
     def _go_on(self) -> None:
-        """There may be room again: for what waits here, then for the caller."""
+        """Continue because there may be room again: first for waiting parts, then for the caller."""
         self._pump()
         if self._is_held and not self._rest and self._window.room > 0:
             self._is_held = False
