@@ -89,8 +89,9 @@ def test_at_its_end_threads_come_first_then_what_was_registered(
     source = (
         "import atexit, threading, time\natexit.register(print, 'registered')\n"
         "class Kept:\n    def __del__(self): print('taken apart')\n"
-        "kept = Kept()\ndef late():\n    time.sleep(0.05)\n    print('thread')\n"
-        "threading.Thread(target=late).start()\nprint('main')"
+        "kept = Kept()\nsaid = threading.Event()\n"
+        "def late():\n    said.wait()\n    time.sleep(0.05)\n    print('thread')\n"
+        "threading.Thread(target=late).start()\nprint('main')\nsaid.set()"
     )
     assert run(source, is_finalized=is_finalized).wait(60) == 0
     lines = (tmp_path / "stdout").read_text().splitlines()
