@@ -52,10 +52,10 @@ _EPILOG = """\
 socket path, in order of precedence:
   --socket PATH, $BUSD_SOCKET, $XDG_RUNTIME_DIR/busd/<domain>.sock, /tmp/busd-<uid>/<domain>.sock
 
-You need not start busd: the first program that opens a node does, in the background, and that busd leaves
-when it has been idle for a while. Start it yourself to see its log or to give it a configuration.
+You need not start busd: the first program that opens a node starts one in the background, which exits once
+it has been idle for a while. Start it yourself to see its log or to give it a configuration.
 
-signals: SIGTERM or Ctrl-C ends it in order (a second one at once), SIGHUP reads FILE again
+signals: SIGTERM or Ctrl-C stops busd in order (a second one at once), SIGHUP reads FILE again
 exit status: 0 stopped, 1 could not start, 3 another busd is running there
 see also: bus daemon status, bus doctor, docs/configuration.md, docs/operation.md
 """
@@ -107,12 +107,14 @@ def _parser() -> argparse.ArgumentParser:
         "--domain",
         type=int,
         metavar="N",
-        help="a bus of its own on this machine (default: $BUSD_DOMAIN, else 0)",
+        help="a separate bus on this machine (default: $BUSD_DOMAIN, else 0)",
     )
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="limits, topic and access rules (busd.toml)"
     )
-    parser.add_argument("--log-level", choices=LOG_LEVELS, help="how much to say on stderr (default: info)")
+    parser.add_argument(
+        "--log-level", choices=LOG_LEVELS, help="lowest level of log lines on stderr (default: info)"
+    )
     parser.add_argument(
         "--log-format",
         choices=LOG_FORMATS,

@@ -22,16 +22,16 @@ _THOUSANDS: Final = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9}
 _POWERS: Final = {"K": 1 << 10, "KIB": 1 << 10, "M": 1 << 20, "MIB": 1 << 20, "G": 1 << 30, "GIB": 1 << 30}
 _UNITS: Final = _THOUSANDS | _POWERS
 _METHOD: Final = """\
-How it is measured: each publisher and subscriber is a separate process. A message has the time of
-CLOCK_MONOTONIC right before it was made; the subscriber's callback compares that with its clock first.
-Messages of the warm-up do not count. With a fixed rate, the schedule is fixed too: a delayed publisher
-sends all overdue messages at once. The output has the age since a message was sent and since it was due,
-so that a delay counts for all messages that it delayed (no coordinated omission). At full speed there is no
-schedule; a message is stamped at most once a millisecond, and its age is mostly the time in queues.
-Percentiles are measured values (nearest rank). Rates are from the first message published to the last one
-taken. Every message is accounted for: delivered, or lost for the reason shown. Without --qos options all
-endpoints are reliable and keep all, which loses no message and makes the publisher wait; if a message is
-still lost, the exit status is 1."""
+How it is measured: each publisher and subscriber is a separate process. A message has the time right
+before it was made, of CLOCK_MONOTONIC, which all processes share; the subscriber's callback compares that
+with the clock first. Messages of the warm-up do not count. With a fixed rate, the schedule is fixed too:
+a delayed publisher sends all overdue messages at once. The output has the age since a message was sent
+and since it was due, so that a delay counts for all messages that it delayed (no coordinated omission).
+At full speed there is no schedule; a message is stamped at most once a millisecond, and its age is mostly
+the time in queues. Percentiles are measured values (nearest rank). Rates are from the first message
+published to the last one taken. Every message is accounted for: delivered, or lost for the reason shown.
+Without --qos options all endpoints are reliable and keep all, which loses no message and makes the
+publisher wait; if a message is still lost, the exit status is 1."""
 
 
 def add_bench_arguments(parser: ArgumentParser, *, subscribers: int, rate: float) -> None:

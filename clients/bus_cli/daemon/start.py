@@ -17,9 +17,9 @@ from bus_cli.query import NotRunning, Query
 def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--config", metavar="FILE", help="limits and topic rules (see busd --help)")
     parser.add_argument(
-        "--log-level", metavar="LEVEL", help="how much busd writes into its log (see busd --help)"
+        "--log-level", metavar="LEVEL", help="lowest level of lines in busd's log (see busd --help)"
     )
-    parser.add_argument("--log-format", metavar="FORMAT", help="how busd writes it (see busd --help)")
+    parser.add_argument("--log-format", metavar="FORMAT", help="format of busd's log (see busd --help)")
 
 
 def main(args: Namespace) -> int:
