@@ -44,7 +44,7 @@ async def test_what_was_not_made_is_told(node: bus.Node, name: str) -> None:
     line = MADE[name].__code__.co_firstlineno
     assert warned_at(lambda: MADE[name](node)) == (f"coroutine '{name}' was never awaited", line, __file__)
     assert node._rosout is not None
-    of_the_log = node._rosout._publisher  # None until it is made
+    of_the_log: Any = node._rosout._publisher  # None until it is made
     assert node._endpoints._all in ([], [of_the_log and core_of(of_the_log)])
 
 
