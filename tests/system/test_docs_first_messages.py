@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from bus import shm
 from pages import ROOT, Start
 from ports import free_port
 from tutorials import Tutorial
@@ -21,6 +22,7 @@ def can_run(section: str) -> bool:
 @pytest.mark.usefixtures("daemon")
 def test_all_that_is_shown(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    page = PAGE if shm.is_available() else PAGE.replace("route: shm", "route: socket")
     typed = {"bus web": f"bus web --listen 127.0.0.1:{free_port()}"}
     meanwhile = {"bus bag record": "bus topic echo --once /temperature"}
-    Tutorial(PAGE, tmp_path, start, is_wanted=can_run, typed=typed, meanwhile=meanwhile).run()
+    Tutorial(page, tmp_path, start, is_wanted=can_run, typed=typed, meanwhile=meanwhile).run()
