@@ -1,4 +1,4 @@
-"""What docs/camera.md shows is typed in its order, in one folder; what it prints has that shape."""
+"""The commands of docs/camera.md are typed in their order, in one folder. Their outputs have the shown shape."""
 
 import shutil
 import subprocess
@@ -18,7 +18,7 @@ EXACT = ("area: 1600", "area: 3200", "largest: 3200", "Integer value is: 100")
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The user's: with the project's folder, its environment, and nothing else."""
+    """The user's home, with the folder of the project."""
     home = tmp_path / "home"
     project = home / "camera"
     project.mkdir(parents=True)
@@ -33,7 +33,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_all_that_is_shown(daemon: Daemon, home: Path, start: Start, tmp_path: Path) -> None:
     pytest.importorskip("numpy")
     (tmp_path / "busd").mkdir(mode=0o700)
-    (tmp_path / "busd" / "0.sock").symlink_to(daemon.path)  # a busd runs when the units are made
+    (tmp_path / "busd" / "0.sock").symlink_to(daemon.path)  # the command finds a running busd
     typed = {"python -m pytest": "python -m pytest -p no:cacheprovider"}
     text = PAGE.replace(HOME, str(home))
     Tutorial(text, home / "camera", start, exact=EXACT, typed=typed).run()
@@ -42,7 +42,7 @@ def test_all_that_is_shown(daemon: Daemon, home: Path, start: Start, tmp_path: P
 
 
 def verify(home: Path) -> None:
-    """The unit of the page, beside those of busd."""
+    """systemd accepts the unit of the page, together with the units of busd."""
     python = home / "camera" / ".venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
     python.symlink_to(sys.executable)

@@ -1,4 +1,7 @@
-"""What docs/first-messages.md shows is typed in its order, in one folder; what it prints has that shape."""
+"""The commands of docs/first-messages.md are typed in their order, in one folder.
+
+Their outputs have the shown shape.
+"""
 
 from importlib.util import find_spec
 from pathlib import Path
