@@ -1,4 +1,7 @@
-"""The commands of docs/camera.md are typed in their order, in one folder. Their outputs have the shown shape."""
+"""The commands of docs/camera.md are typed in their order, in one folder.
+
+Their outputs have the shown shape.
+"""
 
 import shutil
 import subprocess
