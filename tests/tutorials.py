@@ -41,8 +41,8 @@ class Tutorial:
     """A page, the folder in which its reader works, and the programs that run.
 
     `is_wanted` chooses sections. In lines with one of the `exact` texts, numbers are compared, too. `typed`
-    replaces beginnings of commands. `meanwhile` maps the beginning of a command to another command, which runs
-    before the first is interrupted.
+    replaces beginnings of commands. `meanwhile` maps the beginning of a command to another command, which
+    runs before the first is interrupted.
     """
 
     def __init__(
