@@ -148,6 +148,8 @@ def test_what_can_not_be(server: None) -> None:
     unknown = bus("action", "send_goal", "nosuch", "demo/Nonsense", "{}")
     assert (unknown.out, unknown.code) == ("", 1)
     assert unknown.err.startswith(f"{INVALID}: unknown interface 'demo/action/Nonsense'")
+    wrong = bus("action", "send_goal", "fibonaci", "demo/Nonsense", "{}")
+    assert wrong == Result("", "no server for '/fibonaci'; did you mean '/fibonacci'?\n", 1)
     with start("action", "send_goal", "fibonaci", TYPE, "{}") as sending:
         assert sending.line() == "Waiting for an action server to become available..."
         assert sending.error_line() == "no server for '/fibonaci'; did you mean '/fibonacci'?"

@@ -66,7 +66,13 @@ async def find_action_type(node: "Node", graph: "Graph", action: str, name: str)
         known = find_action(name)
     except ConfigurationError as error:
         if not served:
-            raise CommandError(f"The passed action type is invalid: {error}") from None
+            from bus_cli.suggestions import near_action
+
+            # The type may be known to the bus alone, if the action's name has a slip.
+            near = near_action(action, graph)
+            raise CommandError(
+                f"no server for '{action}'{near}" if near else f"The passed action type is invalid: {error}"
+            ) from None
     hash_here = known and type_support(action_support(known).feedback_message).hash
     if known is not None and served.get(name) in (None, hash_here):
         return known
