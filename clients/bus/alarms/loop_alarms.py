@@ -15,22 +15,22 @@ __all__ = ["Alarms"]
 
 
 class Alarms:
-    """Got with `acquire`, given back with `release`; all users of an event loop share one.
+    """The alarms of an event loop, shared by all users; `acquire` returns them, `release` gives them back.
 
-    To be used on that event loop only, as `loop.call_later`.
+    Must be used only on that event loop, like `loop.call_later`.
     """
 
     _all: ClassVar["WeakValueDictionary[int, Alarms]"] = WeakValueDictionary()
-    """By the id of the loop, which each holds: a look-up is safe while other threads add theirs."""
+    """By the id of the loop, to which each refers. A look-up is safe while other threads add objects."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._users = 0
         self._schedule = Schedule()
         self._set_ns = NEVER_NS
-        """The time to which the wake-up is set: of the earliest alarm, or of a canceled one before it."""
+        """The time of the wake-up: that of the earliest alarm, or of a canceled alarm before it."""
         self._wake_up: WakeUp | None = make_wake_up(loop, self._ring)
-        """None once it is closed."""
+        """None after the close."""
 
     @classmethod
     def acquire(cls, loop: asyncio.AbstractEventLoop) -> "Alarms":
@@ -42,17 +42,17 @@ class Alarms:
         return alarms
 
     def release(self) -> None:
-        """One user fewer. The last one closes the alarms; no call comes any more."""
+        """Give the alarms back. The last user closes them; then there are no more calls."""
         self._users -= 1
         if not self._users and self._wake_up is not None:
             self._wake_up.close()
             self._wake_up = None
 
     def add(self, due_ns: int, callback: Callable[[], object]) -> Alarm:
-        """Call `callback()` once the monotonic clock shows `due_ns`, on the event loop, never at once.
+        """Call `callback()` when the monotonic clock reaches `due_ns`, on the event loop, never at once.
 
         It gets the caller's context variables, as with `loop.call_later`. Its exceptions are handled like
-        those of any callback of the loop.
+        exceptions of any callback of the loop.
         """
         alarm = self._schedule.add(due_ns, callback, copy_context())
         if due_ns < self._set_ns:
@@ -60,7 +60,7 @@ class Alarms:
         return alarm
 
     def _ring(self) -> None:
-        self._set_ns = 0  # `add` need not set the wake-up: the end of this turn does
+        self._set_ns = 0  # `add` need not set the wake-up: the end of this turn does that
         try:
             for callback, context in self._schedule.due(monotonic_ns()):
                 context.run(callback)
@@ -73,7 +73,7 @@ class Alarms:
             self._wake_up.set(due_ns)
 
     def _abandon(self) -> None:
-        """In the child of a fork: the kernel's timer is the parent's, too."""
+        """Give up the timer in the child of a fork, because it is the parent's, too."""
         wake_up, self._wake_up = self._wake_up, None
         if wake_up is not None:
             wake_up.abandon()

@@ -8,7 +8,7 @@ __all__ = ["NEVER_NS", "Alarm", "Schedule"]
 
 NEVER_NS = 1 << 63
 _FEW = 100
-"""So many canceled alarms may stay in the heap in any case."""
+"""Number of canceled alarms that may always stay in the heap."""
 
 
 class Alarm:
@@ -24,7 +24,7 @@ class Alarm:
         """The context variables for the call."""
 
     def cancel(self) -> None:
-        """Do not call. Without effect if the alarm is canceled already, or was called."""
+        """Cancel the call. No effect if the alarm is canceled already, or was called."""
         if self.callback is not None:
             self._schedule.take_callback(self)
 
@@ -44,16 +44,16 @@ class Schedule:
 
     @property
     def earliest_ns(self) -> int:
-        """When the next alarm is due; NEVER_NS without one."""
+        """The time of the next alarm; NEVER_NS without one."""
         heap = self._heap
         while heap and heap[0][2].callback is None:
             heappop(heap)
         return heap[0][0] if heap else NEVER_NS
 
     def add(self, due_ns: int, callback: Callable[[], object], context: Context) -> Alarm:
-        """An alarm that `due` returns from `due_ns` on.
+        """Add an alarm that `due` returns from `due_ns` on.
 
-        If that is past, it comes after the alarms that are due already, so it delays none of them.
+        If that time is past, the alarm comes after those already due, so it delays none of them.
         """
         if len(self._heap) > 2 * self.pending + _FEW:
             self._heap[:] = [entry for entry in self._heap if entry[2].callback is not None]
@@ -65,9 +65,9 @@ class Schedule:
         return alarm
 
     def due(self, now_ns: int) -> Iterator[tuple[Callable[[], object], Context]]:
-        """The calls that are due at `now_ns`, earliest first; each is removed when it is returned.
+        """The calls due at `now_ns`, earliest first; each is removed when it is returned.
 
-        Alarms added meanwhile are left for the next time, even if they are due.
+        Alarms added meanwhile must wait for the next time, even if they are due.
         """
         heap, end = self._heap, self._next_number
         self._now_ns = now_ns
@@ -77,7 +77,7 @@ class Schedule:
                 yield self.take_callback(alarm), alarm.context
 
     def take_callback(self, alarm: Alarm) -> Callable[[], object]:
-        """For `Alarm.cancel` and `due`: this pending alarm is pending no more."""
+        """Take the callback of a pending alarm, which is no longer pending. For `Alarm.cancel` and `due`."""
         callback = alarm.callback
         assert callback is not None
         alarm.callback = None

@@ -1,4 +1,4 @@
-"""Waking an event loop at a time: by a timer of the kernel, or by the event loop's own timers without one."""
+"""Wakes an event loop at a time: by a timer of the kernel, or by the event loop's own timers without one."""
 
 import asyncio
 import sys
@@ -16,22 +16,23 @@ _NS_PER_S = 1_000_000_000
 
 
 class WakeUp(Protocol):
-    """Calls `ring` on the event loop at the time that was set last, and again until it is set anew."""
+    """Calls `ring` on the event loop at the time set last, and repeats that until another time is set."""
 
     def set(self, due_ns: int) -> None:
-        """Ring once the monotonic clock shows `due_ns`; NEVER_NS: do not ring."""
+        """Ring when the monotonic clock reaches `due_ns`; NEVER_NS: do not ring."""
 
     def close(self) -> None:
-        """Do not ring any more."""
+        """Stop ringing."""
 
     def abandon(self) -> None:
-        """In the child of a fork: as `close`, without an effect on the parent or use of the event loop."""
+        """As `close`, in the child of a fork: has no effect on the parent, and does not use the event
+        loop."""
 
 
 class KernelWakeUp:
-    """By a timerfd: accurate to some ten microseconds, and the process sleeps until then.
+    """A wake-up by a timerfd: accurate to some ten microseconds, and the process sleeps until then.
 
-    The descriptor is readable from its time on. It is not read: setting it anew clears that, too.
+    The descriptor is readable from its time on. It is never read, because setting it again clears that, too.
 
     Raises OSError if the process has no descriptor left.
     """
@@ -43,7 +44,7 @@ class KernelWakeUp:
         loop.add_reader(self._descriptor.number, ring)
 
     def set(self, due_ns: int) -> None:
-        # For the kernel, 0 is "never".
+        # For the kernel, 0 means "never".
         self._settime(self._descriptor.number, 0 if due_ns >= NEVER_NS else max(1, due_ns))
 
     def close(self) -> None:
@@ -56,7 +57,8 @@ class KernelWakeUp:
 
 
 class LoopWakeUp:
-    """By the event loop's own timers: accurate to a millisecond, and uvloop polls for the last one."""
+    """A wake-up by the event loop's own timers: accurate to a millisecond, and uvloop polls for the last
+    one."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, ring: Callable[[], object]) -> None:
         self._loop = loop
@@ -79,7 +81,7 @@ class LoopWakeUp:
 
 
 def make_wake_up(loop: asyncio.AbstractEventLoop, ring: Callable[[], object]) -> WakeUp:
-    """The best that this Python, this build and the limit of open files allow."""
+    """Make the best wake-up that this Python, this build and the limit of open files allow."""
     if has_kernel_timer():
         try:
             return KernelWakeUp(loop, ring)
@@ -89,12 +91,12 @@ def make_wake_up(loop: asyncio.AbstractEventLoop, ring: Callable[[], object]) ->
 
 
 def has_kernel_timer() -> bool:
-    """Whether this Python (from 3.13 on) or the native core can make one."""
+    """Whether this Python (from 3.13 on) or the native core can make a kernel timer."""
     return sys.platform == "linux" and (sys.version_info >= (3, 13) or shm.has_core())
 
 
 def _system_calls() -> tuple[Callable[[], int], Callable[[int, int], object]]:
-    """What makes a timerfd, and what sets one to a time of the monotonic clock."""
+    """Two functions: one makes a timerfd, the other sets it to a time of the monotonic clock."""
     if sys.version_info >= (3, 13):
         import os
 

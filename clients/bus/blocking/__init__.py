@@ -4,9 +4,9 @@
 
 Invariants:
 
-- There is no thread. Between two calls nothing runs; what arrives waits in the rings and in the socket.
-- After a wake-up the message comes first, everything else of the loop later.
-- Ctrl-C ends a waiting call, after the step that is being done just then.
+- There is no thread. Between two calls nothing runs; new messages wait in the rings and in the socket.
+- After a wake-up the message comes first, all other work of the loop later.
+- Ctrl-C ends a waiting call, after the present step.
 - Each object here wraps one of the library (`bus.Node`, Publisher, Subscription) and adds no semantics.
 
 Read first: `node.py`. Tests: `tests/unit/bus/blocking/`, `tests/system/test_blocking.py`,

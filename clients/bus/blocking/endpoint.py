@@ -1,6 +1,6 @@
 """The publisher and the subscription of a node for scripts: each call waits until it is done.
 
-Owns when the loop gets its turns around a message: the message comes first, then what else there is to do.
+Owns the loop's turns around a message: the message comes first, all other work later.
 """
 
 from collections.abc import Iterator
@@ -26,17 +26,17 @@ from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
 M = TypeVar("M", bound=msgspec.Struct)
 
 _SEND_NS = 1_000_000_000
-"""A message waits at most this long for the socket to take it."""
+"""Longest wait of a message until the socket accepts it."""
 
 _READY_NS = 1_000_000_000
-"""A message waits at most this long until new subscriptions can be woken."""
+"""Longest wait of a message until new subscriptions can be woken."""
 
 _RETURN_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
-"""While busd is away a message waits so long for it, and during the pause after that none does."""
+"""Longest wait of a message for a busd that is away, and the pause after that, in which no message waits."""
 
 
 class _BlockingEndpoint:
-    """What the two have in common."""
+    """The common part of publisher and subscription."""
 
     _native: Publisher[Any] | Subscription[Any]
     _core: EndpointCore[Any]
@@ -85,7 +85,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         topic: str,
         qos: QoS,
     ) -> "BlockingPublisher[M]":
-        """For BlockingNode."""
+        """Make a publisher for BlockingNode."""
         self = cls(foreground)
         events = PublisherEvents(matched=self._matched)
         self._native = await node.create_publisher(message_type, topic, qos, events=events)
@@ -109,7 +109,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
                 self._send()
         if self._loop.is_interrupted:
             self._loop.check()
-        # A reader waits for the message: whatever else there is to do comes after it.
+        # A reader waits for the message, so all other work comes after it.
         if self._foreground.is_free():
             self._foreground.attend_often()
             if self._has_new_matches or not core.id:
@@ -144,7 +144,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         return self._core.refusal is None
 
     def _warn_if_unreceived(self) -> None:
-        """A script that ends before anybody listens must not look as if it had been heard."""
+        """Warn if the script ends before any subscription has received its messages."""
         core = self._core
         if core.matches.total or core.qos.durability is not Durability.VOLATILE or core.refusal is not None:
             return
@@ -167,18 +167,17 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         self._has_new_matches |= change.current_count_change > 0
 
     def _send(self) -> None:
-        """Under the guard: send now what waits for the end of the turn, and wait until a long message has
-        left."""
+        """Under the guard: send gathered samples now, and wait until a long message has left."""
         link = self._core.link
         link.hand_over()
         if link.is_writing and self._foreground.is_free():
             self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
 
     def _reach(self) -> None:
-        """Give busd time to come back, and new subscriptions to say how they are woken, which wakes them.
+        """Give busd time to come back, and new subscriptions time to attach, which wakes them.
 
-        A script that sleeps after each message runs the loop at no other time. The bounds keep it from being
-        held up with every message.
+        A script that sleeps after each message does not run the loop at other times. The bounds prevent a
+        delay of every message.
         """
         core, wait = self._core, self._foreground.wait
         now_ns = monotonic_ns()
@@ -275,11 +274,11 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
     # --- inside
 
     def _found(self, timeout: float | None, *, with_info: bool) -> Iterator[Any]:
-        """The messages as they come, `with_info` as in `Taken`; ends where none has come for `timeout`
+        """The messages as they come, `with_info` as in `Taken`; ends when none has come for `timeout`
         seconds.
 
-        Where the loop has nothing to do, this waits in one native call, without the loop: right after a sleep
-        each step of Python is slow.
+        If the loop has nothing to do, this waits in one native call without the loop, because each step of
+        Python is slow right after a sleep.
         """
         foreground, loop, guard, arrival = self._foreground, self._loop, self._guard, self._arrival
         core, receiver = self._core, self._receiver

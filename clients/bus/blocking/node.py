@@ -1,4 +1,4 @@
-"""Nodes for scripts: every call waits until it is done, and no event loop is in the way.
+"""Nodes for scripts: every call waits until it is done, and the program needs no event loop.
 
     with bus.connect("talker") as node:
         node.publish("topic", String(data="hi"))
@@ -66,7 +66,10 @@ class BlockingNode:
         return f"<Blocking{repr(self._node)[1:]}"
 
     def __del__(self, _link_of: Callable[[Node], Link | None] = link_of) -> None:
-        """Nothing can close the node any more: warn. Its endpoints keep it open while they are in use."""
+        """Warn, because no code can close the node any more.
+
+        Its endpoints keep it open while they are in use.
+        """
         if self.__dict__.get("_is_closed", True) or self._foreground.failure is not None:
             return
         self._reminder.must_be_closed = False
@@ -76,7 +79,7 @@ class BlockingNode:
             link = _link_of(self._node)  # a default, because a module's names may be gone at the end
             if link is not None and not sys.is_finalizing() and self._foreground.may_attend():
                 with self._foreground.loop.guard:
-                    link.report_now()  # else reports that are due keep the node from the collector
+                    link.report_now()  # else due reports keep the node alive
 
     def __enter__(self) -> Self:
         return self
@@ -236,7 +239,7 @@ class BlockingNode:
             self._foreground.check()
         self._is_closed = True
         try:
-            if self._foreground.failure is None:  # else the parent of this fork leaves
+            if self._foreground.failure is None:  # else this is a fork, and only the parent leaves
                 for publisher in self._made:
                     publisher._warn_if_unreceived()
                 self._foreground.run(self._node.close)
@@ -290,7 +293,7 @@ def connect(
             name, namespace=namespace, arguments=arguments, socket=socket, domain=domain, rosout=rosout
         )
         foreground = Foreground.acquire(f"async with bus.Node({name!r}) as node")
-    except KeyboardInterrupt:  # before the handler of Foreground, which keeps silent
+    except KeyboardInterrupt:  # raised before Foreground's handler, which prints nothing
         if not hasattr(sys, "ps1"):
             say_nothing_of_signals()
         raise

@@ -1,4 +1,4 @@
-"""The inside of publishers and subscriptions: what the link and delivery work with.
+"""The internal part of publishers and subscriptions, used by the link and delivery.
 
     user's object (`bus.publisher`, `bus.subscription`)   methods for users
         |  holds
@@ -14,7 +14,7 @@ Invariants:
 - A core does not know the user's object. References go down only.
 - `gid` names an endpoint for its whole life. `id` is busd's number: 0 while busd does not know the endpoint,
   and another one after each reconnection.
-- Control messages about an endpoint arrive in its core's `handle`. A new message from busd needs a case
+- Control messages about an endpoint arrive in its core's `handle`. A new message from busd needs a branch
   there.
 - Modules that few endpoints need (`deadline.py`, `incompatible.py`) are imported late: the start of a program
   pays for each import.

@@ -1,4 +1,5 @@
-"""Acknowledges what a subscription takes from lossless publishers: many at once, few a little later."""
+"""Acknowledges samples that a subscription takes from lossless publishers: many at once, few a little
+later."""
 
 import asyncio
 from typing import Any, Protocol
@@ -16,7 +17,7 @@ _DELAY_S = 0.02
 
 
 class _Subscription(Owner, Protocol):
-    """The subscription, as its acknowledgements see it."""
+    """The interface of the subscription for its acknowledgements."""
 
     link: Link
     matches: Matches
@@ -25,21 +26,21 @@ class _Subscription(Owner, Protocol):
 
 
 class Acknowledging:
-    """Acknowledges for `core`. Publishers that it holds back get no acknowledgement, and so no more room."""
+    """Acknowledges for `core`. Held-back publishers get no acknowledgement, and so no more room."""
 
     def __init__(self, core: _Subscription) -> None:
         self._core = core
         self._bytes = self._samples = 1
-        """So much is acknowledged at once."""
+        """Bytes and samples that are acknowledged at once."""
         self._timer: asyncio.TimerHandle | None = None
 
     def set_window(self, answer: m.Created) -> None:
-        """The broker has said how much a publisher may send ahead."""
+        """Set the thresholds from the broker's window for publishers."""
         self._bytes = answer.window_bytes // 8
         self._samples = answer.window_samples // 8
 
     def on_taken(self, proxy: PublisherProxy) -> None:
-        """Samples of a lossless publisher were taken: acknowledge many now, few a little later."""
+        """After samples of a lossless publisher were taken: acknowledge many now, few a little later."""
         samples = proxy.taken_seq - proxy.acked_seq
         if proxy.shown_gid in self._core.held_back:
             return
@@ -49,7 +50,7 @@ class Acknowledging:
             self._timer = self._core.link.later(_DELAY_S, self._send_all)
 
     def catch_up(self, publisher_gid: bytes) -> None:
-        """A publisher is no longer held back: acknowledge what was taken meanwhile."""
+        """Acknowledge samples taken meanwhile from a publisher that is no longer held back."""
         for proxy in self._core.receiver.tracker.values():
             if proxy.shown_gid == publisher_gid and proxy.taken_seq > proxy.acked_seq:
                 self.on_taken(proxy)
@@ -67,7 +68,7 @@ class Acknowledging:
     def _send(self, proxy: PublisherProxy) -> None:
         core = self._core
         proxy.acked_seq, proxy.unacked_bytes = proxy.taken_seq, 0
-        # A publisher that has gone, or that an earlier broker knew, needs none.
+        # A departed publisher, or one of an earlier broker, needs no acknowledgement.
         if proxy.number in core.matches and core.receiver.tracker.get(proxy.number) is proxy:
             ack = m.Ack(subscription=core.id, source=proxy.number, seq=proxy.taken_seq)
             core.link.send_about(core, ack)

@@ -1,7 +1,7 @@
 """The internal part of a publisher or subscription, used by its link and delivery.
 
-Owns its number at the broker, its matches, its control messages and its end. The user's object holds this
-one, and this one knows nothing of the user's.
+Owns its number at the broker, its matches, its control messages and its end. The user's object refers to the
+core, and the core does not know the user's object.
 """
 
 import os
@@ -45,29 +45,29 @@ os.register_at_fork(after_in_child=_forget_prefix)
 
 
 def new_gid() -> bytes:
-    """16 bytes that no other endpoint has, on this machine or in another run."""
+    """Make 16 bytes that no other endpoint has, on this machine or in another run."""
     return _process_prefix + next(_gid_numbers).to_bytes(4, "big")
 
 
 class NodeContext(msgspec.Struct, frozen=True):
-    """What endpoints, services and clients know of the node that makes them."""
+    """The data of a node for its endpoints, services and clients."""
 
     link: Link
     name: str
     """The node's full name."""
     logger: Logger
     on_error: Callable[[BaseException], None]
-    """Called with what a callback raises."""
+    """Called with the exception of a callback."""
 
 
 class EndpointCore(Generic[M]):
-    """Base of PublisherCore and SubscriptionCore. `gid`: that of the endpoint for which this one stands."""
+    """Base of PublisherCore and SubscriptionCore. `gid`: the gid of the endpoint that this one represents."""
 
     kind = ""
     consequence = ""
     """The consequence of an incompatible type for the messages, in a warning."""
     lease_s: float | None = None
-    """Within what time the broker wants a sign of life, or None if it wants none."""
+    """Time within which the broker needs a sign of life, or None if it needs none."""
 
     def __init__(
         self,
@@ -90,9 +90,10 @@ class EndpointCore(Generic[M]):
         self.on_error = node.on_error
         self.events: Any = events
         self.id = 0
-        """The broker's number, another one after a reconnection. 0: it does not know the endpoint now."""
+        """The broker's number, another one after a reconnection. 0: the broker does not know the endpoint
+        now."""
         self.refusal: BusError | None = None
-        """Why it cannot be used any more."""
+        """The error for all uses after the end."""
         self.matches = Matches()
         self.deadline: DeadlineWatch | None = None
         self._missed_deadlines = 0
@@ -125,7 +126,7 @@ class EndpointCore(Generic[M]):
         await self.matches.wait(number, self.count_ready)
 
     def count_ready(self) -> int:
-        """Matches by which a message would arrive at once."""
+        """The number of matches over which a message would arrive at once."""
         return len(self.matches)
 
     async def close(self) -> None:
@@ -144,7 +145,7 @@ class EndpointCore(Generic[M]):
                 self.end(ConnectionClosed(f"this {what} is closed"))
 
     async def drain(self) -> None:
-        """Wait until nothing is left to be handed over."""
+        """Wait until everything was handed over."""
 
     # --- for the link
 
@@ -154,38 +155,38 @@ class EndpointCore(Generic[M]):
 
     @property
     def shared(self) -> tuple[Descriptor, ...]:
-        """Descriptors that go with the declaration."""
+        """Descriptors to send with the declaration."""
         return ()
 
     def declared(self, answer: m.Created) -> None:
-        """The broker knows this endpoint now, for the first time or again."""
+        """Note that the broker knows this endpoint now, for the first time or again."""
         self.id = answer.id
         if self.besides is not None:
             self.link.report(self)
 
     def disconnected(self) -> None:
-        """The broker is gone: so are the matches, until it is back."""
+        """Note that the broker is gone, with all matches, until it is back."""
         for other in (*self.matches, *self.matches.taps):
             self.remove_match(other)
 
     def hand_over(self) -> None:
-        """Turn what was gathered into a run (a publisher's part)."""
+        """End and send the open run (only publishers)."""
 
     receive_lone: Callable[[Run], bool] = staticmethod(lambda run: False)
-    """Deliver a run that came alone, by the quick way; False if nothing was done."""
+    """Delivers the only run of a read, by the quick way; False if nothing was done."""
 
     def receive_run(self, run: Run) -> None:
-        """A run has come (a subscription's part)."""
+        """Take a received run (only subscriptions)."""
 
     def wake(self) -> None:
-        """All that was read has been handed out (a subscription's part)."""
+        """Deliver, after all data of a read was distributed (only subscriptions)."""
 
     def totals(self) -> m.Report:
         """The counters, for the graph."""
         raise NotImplementedError
 
     def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """A control message from the broker about this endpoint, and its descriptors."""
+        """Handle a control message from the broker about this endpoint, and its descriptors."""
         match message:
             case m.Matched():
                 self.add_match(message)
@@ -201,8 +202,8 @@ class EndpointCore(Generic[M]):
                 self._incompatible.add(message)
 
     def end(self, reason: BusError) -> None:
-        """The endpoint can't be used any more; calls that wait raise `reason`."""
-        self.refusal = reason.with_traceback(None)  # its frames would hold descriptors open
+        """End the endpoint; waiting calls raise `reason`."""
+        self.refusal = reason.with_traceback(None)  # its frames would keep descriptors open
         if self.deadline is not None:
             self.deadline.end()
         if self._incompatible is not None:
@@ -210,7 +211,7 @@ class EndpointCore(Generic[M]):
         self.matches.end(reason)
 
     def abandon(self, reason: BusError) -> None:
-        """In the child of a fork: not to be used any more; nothing of the parent's loop is touched."""
+        """End in the child of a fork, without touching the parent's loop."""
         self.refusal = reason
 
     # --- for the two kinds
@@ -240,15 +241,15 @@ class EndpointCore(Generic[M]):
                 self.on_error(error)
 
     def describe_incompatible_qos(self) -> str:
-        """For a warning: the discovery, and its consequence for the messages."""
+        """The text of a warning: the incompatible endpoint, and the consequence for messages."""
         raise NotImplementedError
 
     def newest_ns(self) -> int:
-        """When the newest message came or left, as far as the deadline was not noted."""
+        """Time of the newest message that the deadline watch has not been given."""
         raise NotImplementedError
 
     def watch_deadline(self) -> None:
-        """Start to watch for gaps longer than the QoS deadline, which there is."""
+        """Start to watch for gaps longer than the QoS deadline, which must be set."""
         if self.deadline is None:
             from bus.endpoint.deadline import DeadlineWatch
 
@@ -257,7 +258,7 @@ class EndpointCore(Generic[M]):
             )
 
     def with_besides(self, report: m.Report, besides: m.Report) -> m.Report:
-        """The sums of both."""
+        """The sums of both reports."""
         return msgspec.structs.replace(
             report,
             samples=report.samples + besides.samples,
@@ -275,5 +276,5 @@ class EndpointCore(Generic[M]):
 
 
 def summed(one: Mapping[str, int], other: Mapping[str, int]) -> dict[str, int]:
-    """By reason."""
+    """The sums of both, by reason."""
     return {reason: one.get(reason, 0) + other.get(reason, 0) for reason in (*one, *other)}

@@ -17,7 +17,7 @@ class Later(Protocol):
 class DeadlineWatch:
     """Calls `on_missed` after each `deadline_ns` without a message, from now on until `end`.
 
-    `newest_ns` gives the time of the newest message that the watch was not given as `last_ns`.
+    `newest_ns` returns the time of the newest message that was not set as `last_ns`.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class DeadlineWatch:
         on_missed: Callable[[], object],
     ) -> None:
         self.last_ns = monotonic_ns()
-        """When the last message came or left."""
+        """Time of the last message."""
         self._loop = loop
         self._deadline_ns = deadline_ns
         self._newest_ns = newest_ns

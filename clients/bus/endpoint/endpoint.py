@@ -1,4 +1,4 @@
-"""The public methods that publishers and subscriptions share."""
+"""The common public methods of publishers and subscriptions."""
 
 from collections.abc import Mapping
 from typing import Generic, Protocol, TypeVar
@@ -71,7 +71,7 @@ class Endpoint(Generic[M]):
         await self._core.close()
 
     def _counts(self) -> str:
-        """For `repr`, at any time and from any thread."""
+        """Counts for `repr`, at any time and from any thread."""
         raise NotImplementedError
 
 

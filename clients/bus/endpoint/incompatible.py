@@ -1,6 +1,6 @@
 """Endpoints on the topic that an endpoint does not match: their number, an event or a warning for each.
 
-If the types differ, this asks the broker for the other description, to say where they differ.
+If the types differ, this requests the other description from the broker, to describe the difference.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ __all__ = ["IncompatibleEndpoints"]
 
 
 class _Endpoint(Protocol):
-    """The endpoint that does not match them."""
+    """The endpoint that does not match the others."""
 
     kind: str
     consequence: str
@@ -38,7 +38,7 @@ class _Endpoint(Protocol):
 
 
 class IncompatibleEndpoints:
-    """Those that `core` was told of."""
+    """The incompatible endpoints reported to `core`."""
 
     def __init__(self, core: _Endpoint) -> None:
         self._core = core
@@ -47,19 +47,19 @@ class IncompatibleEndpoints:
         self._explaining: set[asyncio.Task[None]] = set()
 
     def add(self, message: m.Incompatible) -> None:
-        """The broker reports one."""
+        """Add an incompatible endpoint, reported by the broker."""
         if message.type_hash and is_worth_asking():
             self._explaining.add(self._core.link.loop.create_task(self._explain(message)))
         else:
             self._report(message)
 
     def end(self) -> None:
-        """The endpoint is closed."""
+        """End, because the endpoint is closed."""
         for task in self._explaining:
             task.cancel()
 
     async def _explain(self, message: m.Incompatible) -> None:
-        """Describe where the two definitions of the type differ."""
+        """Describe the difference between the two definitions of the type."""
         from bus.types.diff import difference
 
         core, task = self._core, asyncio.current_task()
@@ -68,7 +68,7 @@ class IncompatibleEndpoints:
             other = await core.link.description(core.support.name, message.type_hash)
             found = difference(own, other) if core.kind == "publisher" else difference(other, own)
         except (BusError, TimeoutError):
-            found = None  # the other has left already: then the hashes must do
+            found = None  # the other endpoint has left: the hashes must be enough
         finally:
             assert task is not None
             self._explaining.discard(task)
@@ -79,7 +79,7 @@ class IncompatibleEndpoints:
 
     def _report(self, message: m.Incompatible) -> None:
         core = self._core
-        if message.policy == ACCESS:  # no event of ROS 2's: the other is not there
+        if message.policy == ACCESS:  # without an event: in ROS 2 the other endpoint would not exist
             text = f"node {message.node} was denied access to '{core.topic_name}': {message.text}"
             warn(core.logger, text)
             return

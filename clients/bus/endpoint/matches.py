@@ -30,12 +30,12 @@ class Match(msgspec.Struct, frozen=True):
 
 
 class Matches(dict[int, Match]):
-    """The matches by the broker's number of the other endpoint. `taps` are in no count and in no event."""
+    """The matches, by the broker's number of the other endpoint. No count and no event includes `taps`."""
 
     def __init__(self) -> None:
         self.taps: dict[int, Match] = {}
         self.total = 0
-        """All matches that there have been."""
+        """Number of all matches until now."""
         self._waiters: list[tuple[int, asyncio.Future[None]]] = []
 
     def find(self, other: int) -> Match | None:
@@ -43,13 +43,13 @@ class Matches(dict[int, Match]):
         return self.get(other) or self.taps.get(other)
 
     def reroute(self, other: int, route: str) -> None:
-        """The broker has chosen another route for a match."""
+        """Change a match to another route, chosen by the broker."""
         for table in (self, self.taps):
             if other in table:
                 table[other] = msgspec.structs.replace(table[other], route=route)
 
     async def wait(self, number: int, count_ready: Callable[[], int]) -> None:
-        """Wait until `count_ready` gives `number`. Raises what `end` was given."""
+        """Wait until `count_ready` returns at least `number`. Raises the error of `end`."""
         if count_ready() >= number:
             return
         waiter = asyncio.get_running_loop().create_future()
@@ -62,13 +62,13 @@ class Matches(dict[int, Match]):
                 self._waiters.remove(entry)
 
     def release(self, count_ready: Callable[[], int]) -> None:
-        """More matches may be ready: end the waits that have enough."""
+        """End waits with enough matches, after more have become ready."""
         for number, waiter in self._waiters:
             if count_ready() >= number and not waiter.done():
                 waiter.set_result(None)
 
     def end(self, reason: BusError) -> None:
-        """The endpoint is closed: waits raise `reason`."""
+        """End, because the endpoint is closed: waits raise `reason`."""
         for _, waiter in self._waiters:
             if not waiter.done():
                 waiter.set_exception(reason)

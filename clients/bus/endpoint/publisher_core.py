@@ -1,4 +1,4 @@
-"""The part of a publisher that users do not see: its sender, and the news about its matches."""
+"""The internal part of a publisher: its sender, and messages about its matches."""
 
 import asyncio
 import contextlib
@@ -55,7 +55,7 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
 
 
 class PublisherCore(EndpointCore[M]):
-    """`sends` is the native core's part of `Publisher.send`, if there is one."""
+    """The core of one publisher. `sends` is the native core's part of `Publisher.send`, if there is one."""
 
     kind = "publisher"
     consequence = "no messages will be sent to it"
@@ -84,8 +84,8 @@ class PublisherCore(EndpointCore[M]):
         ring = None if by_socket else ShmSender.make(node.link, self, node.logger)
         self.sender = Sender(node.link, self, node.logger, ring, sends)
         self.long_fields = support.bytes_fields
-        """The fields that are copied apart from the rest of the message if they are long."""
-        if ring is not None:  # by socket they would be copied once more, to join the rest
+        """The fields that are copied separately from the rest of the message if they are long."""
+        if ring is not None:  # for the socket, a second copy would join them with the rest
             self.long_fields += support.text_fields
         if qos.deadline is not None:
             self.watch_deadline()
@@ -107,12 +107,13 @@ class PublisherCore(EndpointCore[M]):
         return len(self.matches) - self.sender.count_expected(self.matches.taps)
 
     def least_depth(self) -> int:
-        """What a subscription keeps at least; 0 if no subscription keeps the last only."""
+        """The smallest depth of the subscriptions; 0 if all of them keep all."""
         depths = [one.qos.depth for one in self.matches.values() if one.qos.history is History.KEEP_LAST]
         return 0 if self.qos.is_lossless else min(depths, default=0)
 
     async def drain(self) -> None:
-        """Before the end: hand over what can be handed over in a bounded time; the log tells of the rest."""
+        """Before the end: hand over as much as possible in a bounded time, and log the number of lost
+        messages."""
         with contextlib.suppress(TimeoutError, ConnectionClosed):
             async with asyncio.timeout(_DRAIN_S if self.id else 0):
                 await self.sender.flush()
@@ -152,7 +153,7 @@ class PublisherCore(EndpointCore[M]):
         self.sender.declared(answer)
 
     def disconnected(self) -> None:
-        self.id = 0  # before the matches go: readers of our ring read on
+        self.id = 0  # before the matches are removed: readers of our ring continue
         super().disconnected()
         self.sender.disconnected()
 

@@ -1,4 +1,4 @@
-"""The part of a subscription that users do not see: its receiver, and the news about its matches."""
+"""The internal part of a subscription: its receiver, and messages about its matches."""
 
 from collections.abc import Callable, Coroutine
 from functools import partial
@@ -72,7 +72,10 @@ class MessageInfo(NamedTuple):
 
 
 class SubscriptionCore(EndpointCore[M]):
-    """`decode` makes a message of its bytes, `callback` gets each; see `Node.create_subscription`."""
+    """The core of one subscription. `decode` makes messages of bytes, `callback` gets each message.
+
+    See `Node.create_subscription`.
+    """
 
     kind = "subscription"
     shared = ()
@@ -117,9 +120,9 @@ class SubscriptionCore(EndpointCore[M]):
         self._arrivals: Arrivals[M] | None = None  # since a task waited for the first time
         self.on_arrival: Callable[[], object] | None = None
         self.on_end: Callable[[BusError], object] | None = None
-        """Called once it can't be used any more, whatever the cause."""
+        """Called when the subscription can't be used any more, for any reason."""
         self.on_lost: Callable[[bytes], object] | None = None
-        """Called with a publisher's gid if its process ended, or was cut off, without leaving."""
+        """Called with a publisher's gid if its process ended, or was disconnected, without leaving."""
         self.rings: ShmReceiver | None = None
         if link.shm_context is not None and self._role != "mirror":
             self.rings = ShmReceiver(link, link.shm_context, self, self._miss)
@@ -189,7 +192,7 @@ class SubscriptionCore(EndpointCore[M]):
             self._arrivals.stop_giving()
 
     def info(self, taken: Taken[M]) -> MessageInfo:
-        """The information that users get besides a message."""
+        """The information that users get in addition to a message."""
         _, stamp_ns, seq, proxy, received_ns = taken
         offset_ns = self.link.wall_offset_ns
         return MessageInfo(
@@ -203,14 +206,17 @@ class SubscriptionCore(EndpointCore[M]):
     # --- for the link
 
     def receive_run(self, run: Run) -> None:
-        """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
+        """Queue a received run until `wake`.
+
+        Exception: it is delivered at once if a callback would lose it.
+        """
         if self.receiver.put(run):
             if self.dispatcher is not None and not self.dispatcher.is_async:
                 self.dispatcher.dispatch()
             self.receiver.trim()
 
     def wake(self) -> None:
-        """All that has come is in the queue or in a ring: deliver it."""
+        """Deliver all received samples, which are in the queue or in a ring."""
         if self.refusal is not None:
             return
         if self.dispatcher is not None and not self.dispatcher.is_async:
@@ -230,7 +236,7 @@ class SubscriptionCore(EndpointCore[M]):
 
     def declaration(self, request: int, node: int) -> m.Message:
         takes = None
-        if self.qos.durability is Durability.BEST_AVAILABLE:  # which an older busd does not know
+        if self.qos.durability is Durability.BEST_AVAILABLE:  # unknown to an older busd
             takes = msgspec.structs.replace(self.qos, durability=Durability.VOLATILE)
         return m.CreateSubscription(
             request=request,
@@ -251,7 +257,7 @@ class SubscriptionCore(EndpointCore[M]):
         self.receiver.set_depth(answer.depth)
         if self.acks is not None:
             self.acks.set_window(answer)
-        if self.matches.total:  # a new broker has its counters yet to learn
+        if self.matches.total:  # a new broker doesn't have the counters yet
             self.link.report(self)
         if self.qos.deadline is not None and self._role != "mirror":
             self.watch_deadline()
@@ -323,7 +329,7 @@ class SubscriptionCore(EndpointCore[M]):
     def totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
         receiver = self.receiver
-        queued = receiver.queued  # looks at the rings
+        queued = receiver.queued  # checks the rings
         if self.rings is not None:
             self.rings.reader.is_report_due = False
             self.rings.sweep()
@@ -332,7 +338,7 @@ class SubscriptionCore(EndpointCore[M]):
             endpoint=self.id,
             samples=receiver.delivered,
             bytes=receiver.bytes,
-            queued=min(queued, MAX_COUNT),  # a ring may lie
+            queued=min(queued, MAX_COUNT),  # a ring's numbers may be false
             dropped=self.counters.dropped_here,
             expected=self.counters.expected_here,
             repeated=receiver.tracker.repeated,
@@ -367,7 +373,7 @@ class SubscriptionCore(EndpointCore[M]):
     # --- inside
 
     def _miss(self, count: int) -> None:
-        """A publisher had gone on in another ring, which is gone with it."""
+        """Count samples in an unread ring of a departed publisher."""
         self.receiver.tracker.lose(count)
         self.link.report(self)
         self._report_lost()
@@ -375,16 +381,16 @@ class SubscriptionCore(EndpointCore[M]):
     def _leave_ring(self, proxy: PublisherProxy, rings: ShmReceiver) -> None:
         try:
             self._drain_rings()
-        finally:  # whatever is missing, the publisher sends
+        finally:  # the publisher sends all missing samples
             proxy.is_rerouted = rings.leave(proxy.gid)
             received_seq = max(0, min(rings.received_seq(proxy.gid, proxy.received_seq) or 0, MAX_COUNT))
             left = m.LeaveRing(subscription=self.id, source=proxy.number, seq=received_seq)
             self.link.send_about(self, left)
 
     def _drain_rings(self) -> None:
-        """What waits in the rings is brought in order with what comes by socket."""
+        """Move waiting samples of the rings to the queue, in order with samples by socket."""
         self.receiver.drain_rings()
-        self.link.report(self)  # else perhaps nothing ever has it reported
+        self.link.report(self)  # else nothing may ever report it
         self.link.soon(self.wake)  # a publisher that refuses to share memory has rung no doorbell
 
     def remove_match(self, other: int, *, is_lost: bool = False) -> None:
@@ -420,5 +426,5 @@ class SubscriptionCore(EndpointCore[M]):
         )
 
     def newest_ns(self) -> int:
-        # What the program takes before the loop hears the doorbell does not pass through `wake`.
-        return min(self.receiver.stamp_ns, monotonic_ns())  # a stamp may lie
+        # Samples that the program takes before the loop sees the doorbell don't pass through `wake`.
+        return min(self.receiver.stamp_ns, monotonic_ns())  # a stamp may be false

@@ -1,4 +1,4 @@
-"""The node, with everything that it opens and logs.
+"""The node, its open endpoints and its log.
 
     `node.py` (Node) --+-- `endpoints.py`    publishers and subscriptions that are open; their end
                        +-- `graph_host.py`   methods about the graph (a base class)

@@ -1,7 +1,7 @@
 """The publishers and subscriptions of one node, including those in its services and clients.
 
-Owns: how they are declared, kept while they are open, counted, and closed with the node. Must not know: what
-they are made of, or for.
+Owns: their declaration, the list of open ones, their counts, and their end with the node. Must not know:
+their parts and their purpose.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ class NodeStatistics(msgspec.Struct, frozen=True):
 
 
 class NodeEndpoints:
-    """The publishers and subscriptions that `node` has open."""
+    """The open publishers and subscriptions of `node`."""
 
     def __init__(self, node: LinkNode) -> None:
         self._node = node
@@ -48,9 +48,9 @@ class NodeEndpoints:
         self._sweep_at = _LEAST_SWEPT
 
     async def declare(self, *endpoints: EndpointCore[Any]) -> None:
-        """Make them known to busd, in this order and with one wait for its answers: all, or none.
+        """Declare endpoints to busd, in this order and with one wait for its answers: all, or none.
 
-        Raises what busd refuses one with. Cancellation: none.
+        Raises busd's refusal. After a cancellation none is declared.
         """
         try:
             if len(endpoints) == 1:
@@ -68,23 +68,23 @@ class NodeEndpoints:
             self._sweep_at = 2 * len(self._all) + _LEAST_SWEPT
 
     async def close(self) -> None:
-        """Close all, side by side; raises what one of them raised. Cancellation: `end` has to follow."""
+        """Close all endpoints concurrently; raises the error of one. After a cancellation, call `end`."""
         results = await asyncio.gather(*(one.close() for one in self._all), return_exceptions=True)
         for result in results:
             if isinstance(result, BaseException):
                 raise result
 
     def end(self, reason: BusError) -> None:
-        """End the open endpoints: their `close` was cut short."""
+        """End the endpoints that are still open, because their `close` was interrupted."""
         _end_open(self._all, reason)
 
     def forget_ids(self) -> None:
-        """The ids are from an earlier broker: nothing must be sent about them."""
+        """Forget the ids, which are from an earlier broker: nothing must be sent about them."""
         for endpoint in self._all:
             endpoint.id = 0
 
     def counts(self) -> tuple[int, int]:
-        """Open publishers and open subscriptions; at any time and from any thread."""
+        """The numbers of open publishers and subscriptions; at any time and from any thread."""
         used = self._open()
         publishers = sum(one.kind == "publisher" for one in used)
         return publishers, len(used) - publishers

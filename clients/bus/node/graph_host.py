@@ -1,4 +1,4 @@
-"""The methods of a node that look at the graph and at types on it."""
+"""The methods of a node for the graph, and for types in it."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ __all__ = ["GraphHost"]
 
 
 class GraphHost:
-    """Base of Node."""
+    """Base class of Node."""
 
     _watches: GraphWatches | None = None
-    """While the graph is, or was, watched."""
+    """None before the first watch of the graph."""
 
     async def graph(self, *, statistics: bool = False) -> Graph:
         """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
@@ -111,9 +111,9 @@ class GraphHost:
 
     @property
     def full_name(self) -> str:
-        """The node's."""
+        """The node's full name."""
         raise NotImplementedError
 
     def _opened(self) -> NodeContext:
-        """Raises ConnectionClosed if the node is not open."""
+        """The open node. Raises ConnectionClosed if the node is not open."""
         raise NotImplementedError

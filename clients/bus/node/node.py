@@ -46,7 +46,7 @@ if TYPE_CHECKING:  # not every program needs them
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-# ROS 2's depth for services is 10, with which a burst of more calls would lose requests without a word.
+# With ROS 2's depth for services, 10, a burst of more calls would lose requests without a message.
 SERVICE_QOS: Final = QoSProfile(depth=1000)
 """Default QoS of both ends of a service."""
 
@@ -106,9 +106,9 @@ class Node(ParameterHost, GraphHost):
         with shown_in_one_line:
             given = self._arguments.parameters if self._takes_parameters else ()
             self._served = ServedParameters(self, given)
-        self._context: NodeContext  # since it was opened
+        self._context: NodeContext  # set when the node is opened
         self._endpoints = NodeEndpoints(self._declared)
-        self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
+        self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # the loop keeps a running timer
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
@@ -187,7 +187,7 @@ class Node(ParameterHost, GraphHost):
 
     async def __aenter__(self) -> Self:
         await self.open()
-        # Perhaps only a task has it, which asyncio itself does not hold.
+        # Perhaps only a task refers to the node, and asyncio itself does not keep tasks.
         self._context.link.hold(self._declared, self)
         self._body = asyncio.current_task()
         return self
@@ -543,7 +543,7 @@ class Node(ParameterHost, GraphHost):
             self._rosout.close()
 
     def _let_go(self, link: Link, connection: object) -> None:
-        """Close without waiting for busd. `connection`: that by which busd's ids are valid."""
+        """Close without waiting for busd. `connection`: the connection for which busd's ids are valid."""
         self._link = None
         if link.loop.is_closed():  # its tasks and timers must not be touched, and never run
             if self._rosout is not None:
@@ -584,7 +584,7 @@ class Node(ParameterHost, GraphHost):
     async def _open_rosout(self) -> None:
         from bus.msg.rcl_interfaces import Log
 
-        # Most nodes log little, and busd keeps the history anyway: a ring is not worth its memory.
+        # Most nodes log little, and busd keeps the history anyway, so a ring is not worth its memory.
         publisher = self._make_publisher(self._context, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher, self._logger)
         await self._rosout.open(self._endpoints.declare)
@@ -596,5 +596,5 @@ def link_of(node: Node) -> Link | None:
 
 
 def reminder_of(node: Node) -> CloseReminder:
-    """What happens if the program drops `node` without closing it."""
+    """The object that acts if the program drops `node` without closing it."""
     return node._reminder

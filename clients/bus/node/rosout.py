@@ -1,6 +1,7 @@
-"""What a node logs, on the topic /rosout.
+"""Publishes a node's log on the topic /rosout.
 
-Owns: how a log entry becomes a message, and when that goes to busd. Must not know: where entries come from.
+Owns: the conversion of log entries to messages, and the time of their publication. Must not know: the source
+of entries.
 """
 
 import asyncio
@@ -17,11 +18,11 @@ from bus.publisher import Publisher
 __all__ = ["Rosout"]
 
 _END_S = 5.0
-"""How long the end of a node waits for busd to know of its /rosout."""
+"""Time for which the end of a node waits until busd knows its /rosout."""
 
 
 class Rosout:
-    """Publishes what `logger` logs by `publisher`, which is of rcl_interfaces/msg/Log."""
+    """Publishes entries of `logger` by `publisher`, whose type is rcl_interfaces/msg/Log."""
 
     def __init__(self, publisher: Publisher[Any], logger: Logger) -> None:
         self._publisher = publisher
@@ -32,23 +33,23 @@ class Rosout:
         self._is_open = False
 
     async def open(self, declare: Callable[[EndpointCore[Any]], Awaitable[None]]) -> None:
-        """Declare it before the program's endpoints, without making the program wait for the answer."""
+        """Declare the publisher before the program's endpoints, without a wait for the answer."""
         link = self._core.link
         self._is_open = True
-        self._logger.add_sink(self._sink)  # what is logged until the answer comes waits for it
+        self._logger.add_sink(self._sink)  # entries logged before the answer wait for it
         self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
         if link.guarded_loop is None:
-            await asyncio.sleep(0)  # now the declaration has left
-        else:  # such a loop stands still while no call waits: the log would, too
+            await asyncio.sleep(0)  # after this, the declaration has left
+        else:  # such a loop stands still while no call waits, and the log would, too
             await asyncio.wait([self._declaring])
 
     def close(self) -> None:
-        """What is logged from now on stays here."""
+        """Stop publishing log entries."""
         self._is_open = False
         self._logger.remove_sink(self._sink)
 
     async def declared(self) -> None:
-        """Wait until what was logged can be handed over, if busd answers soon."""
+        """Wait until logged entries can be handed over, if busd answers soon."""
         declaring, self._declaring = self._declaring, None
         if declaring is not None and not declaring.done():
             try:
@@ -57,7 +58,7 @@ class Rosout:
                 declaring.cancel()
 
     def publish(self, entry: LogEntry) -> None:
-        """Does nothing once the publisher is closed."""
+        """Publish an entry. Does nothing after the publisher was closed."""
         from bus.msg.builtin_interfaces import Time
         from bus.msg.rcl_interfaces import Log
 
@@ -80,7 +81,7 @@ class Rosout:
         try:
             await declare(self._core)
         except (BusError, TimeoutError) as error:
-            if self._is_open:  # else the node is closed meanwhile
+            if self._is_open:  # else the node was closed meanwhile
                 self._logger.warning(f"the log of this node stays here: {error}")
 
 

@@ -22,32 +22,32 @@ _namesakes: set[str] = set()
 
 
 class CloseReminder:
-    """What happens if a program drops `node` without closing it.
+    """Acts if a program drops `node` without closing it.
 
-    `must_be_closed`: a warning says so. Otherwise the node is closed without a word.
+    `must_be_closed`: it warns. Otherwise it closes the node without a message.
     """
 
     def __init__(self, node: LinkNode, *, must_be_closed: bool) -> None:
         self.must_be_closed = must_be_closed
         self.how_to_close = "use async with, or await its close()"
         self.when_dropped: Callable[[], object] | None = None
-        """Called if the collector has found the node open."""
+        """Called when the collector has found the node open."""
         self._node = node
 
     def found(self, owner: object, link: Link, let_go: Callable[[Link, object], None]) -> None:
-        """The collector has found the open node `owner`: warn, and have `let_go` called on its loop."""
+        """After the collector has found the open node `owner`: warn, and have its loop call `let_go`."""
         if isinstance(link.failure, ForkError):
             return
         try:
             if self.must_be_closed:
                 self.warn(owner)
         finally:  # warnings may be errors
-            # When the program ends, the kernel closes the descriptors in a moment.
+            # At the program's end, the kernel closes the descriptors soon.
             if not sys.is_finalizing() or link.loop.is_closed():
                 self._have_closed(link, let_go)
 
     def warn(self, owner: object) -> None:
-        """A ResourceWarning at the line that made the node, which nothing can close any more."""
+        """Issue a ResourceWarning at the line that made the node, which no code can close any more."""
         node = self._node
         text = f"node {node.full_name} was never closed: {self.how_to_close}"
         warnings.warn_explicit(text, ResourceWarning, *node.made_at, source=owner)
@@ -65,7 +65,7 @@ class CloseReminder:
 
     def _have_closed(self, link: Link, let_go: Callable[[Link, object], None]) -> None:
         try:
-            # The collector runs in any thread, also amid the link's own work.
+            # The collector runs in any thread, even during the link's own work.
             link.loop.call_soon_threadsafe(let_go, link, link.connection_now())
         except RuntimeError:  # the event loop is closed; its thread may have done so just now
             let_go(link, None)
@@ -75,9 +75,9 @@ class CloseReminder:
 
 
 def warn_of_namesake(node: LinkNode, link: Link) -> None:
-    """Log, once for each name, that this process has a node of this name open by another link.
+    """Log, once for each name, that this process has a node with this name open on another link.
 
-    busd reports all other nodes of the same name.
+    busd reports all other nodes with the same name.
     """
     other = link.namesake(node)
     if other is not None and node.full_name not in _namesakes:
@@ -92,8 +92,8 @@ def warn_of_namesake(node: LinkNode, link: Link) -> None:
 def call_site(maker: object) -> tuple[str, int]:
     """File and line of the innermost caller outside the package `bus`.
 
-    Constructors of classes derived from that of `maker`, the object that is being made, don't count. Takes
-    less than a microsecond: it reads frames, no source files.
+    Constructors of classes derived from the class of `maker`, the object under construction, don't count.
+    Takes less than a microsecond: it reads frames, no source files.
     """
     caller = sys._getframe(1)
     while _is_inside(caller, maker) and caller.f_back is not None:

@@ -4,13 +4,13 @@
     publisher  of <service>_request  -------->  subscription
     subscription to <service>_reply  <--------  publisher
 
-Both topics are hidden. `base.py` makes and closes the two endpoints of either end. The envelopes, which say
-which call a reply answers, are in `bus.types.service`.
+Both topics are hidden. `base.py` makes and closes the two endpoints of either end. `bus.types.service` has
+the envelopes, which name the call of a reply.
 
 Invariants:
 
-- A client declares its subscription before its publisher, a server its publisher before its subscription. So
-  when a request arrives, its client can already receive the reply.
+- A client declares its subscription before its publisher; a server declares its publisher first. So when a
+  request arrives, its client can already receive the reply.
 - A call ends with one reply or one error. If its server leaves, or busd loses the call, that is an error.
   There is no limit of time: a server may take as long as it likes.
 - The types of both topics carry a digest of the whole definition, so a client never matches a server with a

@@ -1,7 +1,7 @@
-"""What both ends of a service have in common: two endpoints that come and go together, and their warnings.
+"""The common part of both ends of a service: two endpoints with a common life, and their warnings.
 
-Owns: the policies and events of the two endpoints, and the order in which they close. Must not know: which
-of the two ends it is, nodes, graphs.
+Owns: the policies and events of the two endpoints, and the order of their close. Must not know: the end to
+which it belongs, nodes, graphs.
 """
 
 from collections.abc import Callable
@@ -27,9 +27,9 @@ class ServiceBase:
     """Base of ServiceServer and ServiceClient; not made by users."""
 
     _other = ""
-    """What the other end is called in warnings."""
+    """The name of the other end in warnings."""
     _type_consequence = ""
-    """What does not happen where the types differ."""
+    """The consequence of different types, in warnings."""
 
     _requests: Publisher[Any] | Subscription[Any]
     _replies: Publisher[Any] | Subscription[Any]
@@ -51,15 +51,15 @@ class ServiceBase:
 
     @property
     def _endpoints(self) -> tuple[EndpointCore[Any], EndpointCore[Any]]:
-        """In the order of their declaration; they are closed in reverse."""
+        """The endpoints in the order of their declaration; they are closed in reverse order."""
         raise NotImplementedError
 
     def _counts(self) -> str:
-        """For `repr`, at any time and from any thread."""
+        """Counts for `repr`, at any time and from any thread."""
         raise NotImplementedError
 
     def _end(self, reason: BusError) -> None:
-        """Nothing arrives any more."""
+        """End: nothing arrives any more."""
         raise NotImplementedError
 
     async def _close(self) -> None:
@@ -95,7 +95,7 @@ class ServiceBase:
         return subscription
 
     def _warnings(self, topic: str) -> dict[str, Callable[[Any], object]]:
-        # Where the types differ they do on both topics: one warning is enough.
+        # Different types differ on both topics, so one warning is enough.
         warns_of_type = topic == request_topic(self.service_name)
         return {
             "incompatible_type": self._warn_of_type if warns_of_type else ignore,

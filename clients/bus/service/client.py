@@ -1,9 +1,8 @@
-"""Clients of services: requests out by a hidden topic, the answers in by another.
+"""Clients of services: requests leave on a hidden topic, answers arrive on another.
 
-Owns: the client's two endpoints, and which of its calls wait for an answer. Must not know: servers, nodes,
-graphs.
+Owns: the client's two endpoints, and its waiting calls. Must not know: servers, nodes, graphs.
 
-The subscription to replies is declared before the publisher of requests, so that no answer comes too early.
+The subscription to replies is declared before the publisher of requests. So no answer comes too early.
 """
 
 import asyncio
@@ -31,13 +30,13 @@ from bus.types.service import Reply
 __all__ = ["MAX_PENDING", "CallLost", "ServiceClient", "ServiceClientStatistics"]
 
 MAX_PENDING: Final = 1000
-"""Calls of one client that may wait for answers: as many as both sides keep by default."""
+"""Most calls of one client that may wait for answers: the number that both sides keep by default."""
 
-# The news that a server has left may overtake its last answer: they travel by different queues.
+# The report that a server has left may overtake its last answer, because they use different queues.
 _GRACE_S: Final = 0.5
 
 _LOOK_S: Final = 1.0
-"""How often calls in doubt are looked after, where no server comes."""
+"""Interval of checks of doubtful calls while no server comes."""
 
 
 class ServiceClientStatistics(msgspec.Struct, frozen=True):
@@ -63,14 +62,14 @@ class ServiceClientStatistics(msgspec.Struct, frozen=True):
 
 
 class CallLost(ServiceUnavailable):
-    """busd ended while the call was under way, and the request or the answer with it."""
+    """busd ended during the call, and its request or answer was lost."""
 
     def __init__(self, service: str) -> None:
         super().__init__(service, "busd has ended meanwhile, and the request or its answer is lost")
 
 
 class _Call:
-    """A pending call: the servers asked, and where the answer goes."""
+    """A pending call: its servers, and the function for its answer."""
 
     __slots__ = ("asked", "deliver", "is_doubtful", "is_lost")
 
@@ -79,7 +78,7 @@ class _Call:
         self.deliver = deliver
         self.is_lost = False
         self.is_doubtful = False
-        """busd has ended since, or was away: the server is to be asked whether it knows the call."""
+        """busd has ended since, or was away: the client must ask the server whether it knows the call."""
 
 
 class ServiceClient(ServiceBase):
@@ -115,7 +114,7 @@ class ServiceClient(ServiceBase):
         self._grace: asyncio.TimerHandle | None = None
         self._doubts: asyncio.TimerHandle | None = None
         self._back_ns = 0
-        """When the present busd was first seen, while there are doubts."""
+        """The time at which the present busd was first seen, while there are doubtful calls."""
         self._sent = self._answered = self._errors = self._late = 0
         self._requests = self._make_publisher(
             request_topic(service), self._support.requests, self._on_matched
@@ -207,7 +206,7 @@ class ServiceClient(ServiceBase):
         return f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
 
     def _check_served(self) -> None:
-        """Raises ServiceUnavailable if no server exists; can't tell while busd is away. Raises as `call`."""
+        """Raise ServiceUnavailable if no server exists; unknown while busd is away. Raises as `call`."""
         if not self._servers and self._requests_core.id:
             if self._requests_core.refusal is not None:
                 raise again(self._requests_core.refusal)
@@ -220,7 +219,7 @@ class ServiceClient(ServiceBase):
             )
         number = next(self._numbers)
         payload = self._support.encode_request(self._gid, number, request)
-        call = self._calls[number] = _Call(self._servers, deliver)  # the answer may come at once
+        call = self._calls[number] = _Call(self._servers, deliver)  # first: the answer may come at once
         call.is_doubtful = not self._requests_core.id
         is_sent = False
         try:
@@ -258,7 +257,7 @@ class ServiceClient(ServiceBase):
                 "last one: each gets every request, and the first answer counts",
             )
         gone = before - self._servers
-        if not self._requests_core.id:  # busd is away, the servers are perhaps still there
+        if not self._requests_core.id:  # busd is away, and the servers may still exist
             for call in tuple(self._calls.values()):
                 call.is_doubtful = True
             self._doubt()
@@ -277,7 +276,7 @@ class ServiceClient(ServiceBase):
             self._grace = self._loop.call_later(_GRACE_S, self._give_up)
 
     def _give_up(self) -> None:
-        """Calls whose servers have left get no answer any more."""
+        """Fail calls whose servers have left: they get no answer any more."""
         self._grace = None
         while (taken := self._replies.take()) is not None:
             self._take(taken[0])
@@ -285,7 +284,7 @@ class ServiceClient(ServiceBase):
         self._fail([number for number, call in tuple(self._calls.items()) if call.is_lost], reason)
 
     def _doubt(self) -> None:
-        """Look after calls that busd's end may have lost, until nothing is in doubt."""
+        """Check calls that may be lost with busd, until none is doubtful."""
         if not self._requests_core.id:
             self._back_ns = 0
         if self._doubts is None and self._calls:
@@ -303,9 +302,9 @@ class ServiceClient(ServiceBase):
             self._doubts = self._loop.call_later(_LOOK_S, self._check_doubts)
 
     def _ask(self) -> None:
-        """Ask the server, which is back, what has become of calls in doubt.
+        """Ask the returned server about the state of doubtful calls.
 
-        It answers behind what it has answered before. With several servers, one server's state says nothing
+        Its answer comes after its earlier answers. With several servers, one server's state says nothing
         about the others.
         """
         if len(self._servers) != 1:
@@ -316,7 +315,7 @@ class ServiceClient(ServiceBase):
                 call.is_doubtful = not self._requests.publish_encoded(question)
 
     def _give_up_absent(self) -> None:
-        """A server that is not back by now does not come."""
+        """Fail calls whose server is not back by now."""
         lost: list[int] = []
         for number, call in tuple(self._calls.items()):
             if call.is_doubtful:

@@ -1,10 +1,10 @@
-"""Services: requests in by a hidden topic, answers out by another.
+"""Servers of services: requests arrive on a hidden topic, answers leave on another.
 
-Owns: the server's two endpoints, and how a callback's result becomes an answer. Must not know: clients,
-nodes, graphs.
+Owns: the server's two endpoints, and the conversion of a callback's result to an answer. Must not know:
+clients, nodes, graphs.
 
 The publisher of replies is declared before the subscription to requests; a client does it the other way
-round. So when a request arrives here, its client can hear the answer already.
+round. So when a request arrives here, its client can already receive the answer.
 """
 
 import asyncio
@@ -31,9 +31,9 @@ __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
 
 _MOST_AT_ONCE: Final = 100
 _MOST_AT_WORK: Final = 10_000
-"""So many requests without an answer are known; older ones count as lost."""
+"""Most unanswered requests that the server keeps; older ones count as lost."""
 _MOST_LOST: Final = 1000
-"""So many clients that have died are known; requests of earlier ones are carried out."""
+"""Most dead clients that the server keeps; it carries out requests of earlier ones."""
 
 
 class RequestId(NamedTuple):
@@ -179,14 +179,14 @@ class ServiceServer(ServiceBase):
         return f"clients={len(self._requests.matches)} requests={self._taken} responses={self._answered}"
 
     def _lose(self, client: bytes) -> None:
-        """A client has gone without taking its leave."""
+        """Note a client that has died."""
         self._lost.pop(client, None)
         self._lost[client] = None
         if len(self._lost) > _MOST_LOST:
             del self._lost[next(iter(self._lost))]
 
     def _skip(self, request_id: RequestId) -> bool:
-        """Whether the client of a request has died, so that it is not to be carried out; then count it."""
+        """Whether to skip a request because its client has died; then count it."""
         client = request_id.client
         if client not in self._lost:
             return False
@@ -214,7 +214,7 @@ class ServiceServer(ServiceBase):
             self._deny(request_id)
 
     def _begin(self, request_id: RequestId) -> bool:
-        """A request is taken; returns whether it is to be carried out."""
+        """Note a taken request; returns whether to carry it out."""
         self._taken += 1
         if self._skip(request_id):
             return False
@@ -224,7 +224,8 @@ class ServiceServer(ServiceBase):
         return True
 
     def _deny(self, request_id: RequestId) -> None:
-        """A client asks for what is not at work here: its request, or the answer, was lost with busd."""
+        """Answer a client's question about an unknown call: the request, or the answer, was lost with
+        busd."""
         with suppress(BusError):
             self._replies.publish_encoded(self._support.encode_denial(*request_id))
 
@@ -237,7 +238,7 @@ class ServiceServer(ServiceBase):
 
 
 class _Work:
-    """Calls a user's callback for each request: `def` ones at once, `async def` ones side by side."""
+    """Calls a user's callback for each request: a `def` at once, an `async def` concurrently."""
 
     def __init__(
         self, server: ServiceServer, callback: Callable[..., Any], on_error: Callable[[BaseException], None]
@@ -251,7 +252,7 @@ class _Work:
         self.on_request: Callable[[Any, RequestId], Any] = self._start if is_async(callback) else self._call
 
     def end(self) -> None:
-        """No client would hear the answers."""
+        """Cancel running callbacks, because no client would receive the answers."""
         if self._tasks:
             for task in self._tasks - {asyncio.current_task()}:
                 task.cancel()
@@ -294,13 +295,16 @@ class _Work:
         return (request, self._server.type.Response()) if self._gives_response else (request,)
 
     def _respond(self, request_id: RequestId, response: Any) -> bool:
-        """Whether there was room; True also once the server is closed, so that nothing waits for room."""
+        """Send the response; returns whether there was room.
+
+        True after the close: then no call waits for room.
+        """
         try:
             return self._server.respond(request_id, response)
         except ConnectionClosed:
             return True
         except PayloadTooLarge as error:
-            # Perhaps the client asked for that much: it gets the error, and the server goes on for the
+            # Perhaps the client requested that much: it gets the error, and the server continues for the
             # others.
             self._refuse(request_id, error)
             self._server._warn_of_size(error)
@@ -314,7 +318,7 @@ class _Work:
             pass
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
-        """Tell the client what went wrong."""
+        """Answer the client with the error."""
         try:
             self._server.respond(request_id, None, f"{type(error).__name__}: {error}")
         except BusError:
