@@ -10,18 +10,18 @@
 
     bus.run(main())
 
-Names are imported when they are first used, so that tools which need only a few of them start fast.
+Names are imported at their first use, so tools that need only a few of them start fast.
 """
 
-import _signal  # type: ignore[import-not-found] # the core of `signal`, there without loading anything
+import _signal  # type: ignore[import-not-found] # built into Python: nothing is loaded
 
 try:
     _mask = _signal.pthread_sigmask(_signal.SIG_BLOCK, [_signal.SIGINT])  # until it can be deferred
-except KeyboardInterrupt:  # a SIGINT came just before; Python raises it here, where it is blocked already
+except KeyboardInterrupt:  # a SIGINT came just before; Python raises it here, after SIGINT was blocked
     from bus.base.loading import hide_tracebacks_of_imports
 
     hide_tracebacks_of_imports()
-    _signal.pthread_sigmask(_signal.SIG_UNBLOCK, [_signal.SIGINT])  # Python ends the program by it
+    _signal.pthread_sigmask(_signal.SIG_UNBLOCK, [_signal.SIGINT])  # Python ends the program by SIGINT
     raise
 
 from bus.base.loading import deferred_interrupts, hide_tracebacks_of_imports
@@ -30,8 +30,8 @@ hide_tracebacks_of_imports()
 with deferred_interrupts():
     _signal.pthread_sigmask(_signal.SIG_SETMASK, _mask)
 
-    # datetime comes before msgspec, whose C core would load it and go on if a KeyboardInterrupt cut that
-    # short. Its first Decoder would then crash.
+    # datetime is imported before msgspec. Otherwise msgspec's C core would load it, ignore a
+    # KeyboardInterrupt during that import, and crash in its first Decoder.
     import datetime  # noqa: F401
     import gc
     import os
@@ -215,7 +215,7 @@ __all__ = [
 ]
 
 if os.sysconf("SC_OPEN_MAX") < 100:
-    import_module("bus.process.start_errors")  # later there may be no descriptor left to read it with
+    import_module("bus.process.start_errors")  # later there may be no descriptor left to read the file
 
 
 def __getattr__(name: str) -> Any:
@@ -226,7 +226,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOME_OF:
         value = globals()[name] = getattr(_import(_HOME_OF[name]), name)
         return value
-    # Names that tools look for, and modules that `from ... import` is about to import, are no mistakes.
+    # Names that tools search, and modules that `from ... import` is about to import, are no mistakes.
     if name.startswith("_") or _getframe(1).f_code.co_name == "_handle_fromlist":
         raise AttributeError(f"module 'bus' has no attribute {name!r}")
     from bus.base.missing_names import missing_name
@@ -239,7 +239,7 @@ def __dir__() -> list[str]:
 
 
 def _import(module: str) -> ModuleType:
-    """Import without the garbage collector, which would look at all modules several times, and find nothing.
+    """Import without the garbage collector, which would check all modules several times, and find nothing.
 
     A Ctrl-C raises KeyboardInterrupt afterwards.
     """
@@ -250,9 +250,9 @@ def _import(module: str) -> ModuleType:
         try:
             return _load(module)
         finally:
-            if not gc.get_freeze_count():  # else the program has frozen something, which is to stay so
+            if not gc.get_freeze_count():  # else the program has frozen objects, which must stay frozen
                 gc.freeze()
-                gc.unfreeze()  # now it is among what is old, and the collector did not have to look at it
+                gc.unfreeze()  # now the modules belong to the oldest generation, without a collection
             gc.enable()
 
 

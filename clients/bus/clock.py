@@ -20,20 +20,20 @@ _MOST_HZ = 1e9
 
 
 class TimerOfClock(Protocol):
-    """What a clock knows of a timer."""
+    """The interface of a timer for its clock."""
 
     def _check_clock(self) -> None: ...
 
 
 class Clock:
-    """The time of the node with that full name, and those that wait for it."""
+    """The time of one node, and the timers and tasks that wait for it. `node` is the full name."""
 
     def __init__(self, node: str) -> None:
         self.is_simulated = False
         self.epoch = 0
-        """Counts the jumps after which a plan is void: back in time, or to another source of time."""
+        """Number of jumps that make planned times invalid: back in time, or to another source of time."""
         self.timers: set[TimerOfClock] = set()
-        """Those that run."""
+        """The running timers."""
         self._node = node
         self._simulated_ns = 0
         self._is_closed = False
@@ -41,25 +41,25 @@ class Clock:
         self._alarms: Alarms | None = None
 
     def now_ns(self) -> int:
-        """Nanoseconds since 1970, or what the simulation says."""
+        """Nanoseconds since 1970, or simulated time."""
         return self._simulated_ns if self.is_simulated else time_ns()
 
     def steady_ns(self) -> int:
-        """For spans: the machine's clock that is never set, or the simulation's time."""
+        """The time for durations: the machine's clock that is never set, or simulated time."""
         return self._simulated_ns if self.is_simulated else monotonic_ns()
 
     def simulate(self, is_simulated: bool) -> None:
-        """From now on the time comes from `set`, or from the machine again."""
+        """Take the time from `set` from now on, or from the machine again."""
         if is_simulated is not self.is_simulated:
             self.is_simulated = is_simulated
             self._jump()
 
     def set(self, now_ns: int) -> None:
-        """The simulation's time; it shows while that is in use."""
+        """Set simulated time; it has an effect while simulated time is in use."""
         before_ns, self._simulated_ns = self._simulated_ns, now_ns
         if not self.is_simulated:
             return
-        if now_ns < before_ns or not before_ns:  # 0 is no time yet
+        if now_ns < before_ns or not before_ns:  # 0: there was no time before
             self._jump()
             return
         for waiting, due_ns in self._waiting.items():
@@ -68,7 +68,7 @@ class Clock:
         self._notify_timers()
 
     def call_at(self, due_ns: int, callback: Callable[[], object]) -> "Alarm":
-        """Call `callback()` on the running event loop once the monotonic clock shows `due_ns`.
+        """Call `callback()` on the running event loop when the monotonic clock reaches `due_ns`.
 
         Cancel it before `close`. Raises ConnectionClosed if the clock is closed.
         """
@@ -80,9 +80,9 @@ class Clock:
         return self._alarms.add(due_ns, callback)
 
     async def wait(self, due_ns: int) -> None:
-        """Wait until `steady_ns` shows that, or for a jump. It may end early: look again.
+        """Wait until `steady_ns` reaches `due_ns`, or for a jump. It may end early: check again.
 
-        Raises ConnectionClosed where the clock is closed, or meanwhile is. Cancellation leaves nothing
+        Raises ConnectionClosed if the clock is closed before or meanwhile. Cancellation leaves nothing
         behind.
         """
         self.check_open()
@@ -98,7 +98,7 @@ class Clock:
         self.check_open()
 
     def close(self) -> None:
-        """From now on `wait` raises ConnectionClosed, also where it waits already."""
+        """Make `wait` raise ConnectionClosed, including calls that wait already."""
         self._is_closed = True
         self._wake_all()
         if self._alarms is not None:
@@ -106,7 +106,7 @@ class Clock:
             self._alarms = None
 
     def check_open(self) -> None:
-        """Raises ConnectionClosed after `close`."""
+        """Raise ConnectionClosed after `close`."""
         if self._is_closed:
             raise ConnectionClosed(f"node {self._node} is closed")
 
@@ -161,7 +161,7 @@ class Rate:
         end_ns = self._due_ns()
         if clock.steady_ns() >= end_ns:
             self._pass(end_ns)
-            await asyncio.sleep(0)  # a loop that is always late must not keep all others from their work
+            await asyncio.sleep(0)  # a loop that is always late must not block all others
             clock.check_open()
             return
         epoch = clock.epoch
@@ -182,7 +182,7 @@ class Rate:
         return self._next_ns
 
     def _pass(self, end_ns: int) -> None:
-        """`end_ns` has come: plan the next turn. Of several tasks the first to wake does it."""
+        """Plan the next turn after `end_ns`. If several tasks wake, the first one plans it."""
         if self._next_ns == end_ns:
             late_ns = self._clock.steady_ns() - end_ns
             self._next_ns += (late_ns // self._period_ns + 1) * self._period_ns

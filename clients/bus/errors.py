@@ -64,7 +64,10 @@ class BusError(Exception):
 
 
 def again(error: E) -> E:
-    """A copy of `error`, to be raised: one that is raised itself keeps the frames of each time."""
+    """A copy of `error`, to be raised.
+
+    If the same error is raised again, it keeps the frames of each time.
+    """
     copy = type(error).__new__(type(error), *error.args)
     copy.__dict__.update(error.__dict__)
     return copy

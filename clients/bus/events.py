@@ -1,4 +1,4 @@
-"""What can happen to an endpoint besides messages, as values; names and counts follow ROS 2's status events.
+"""Events of an endpoint other than messages, as values; names and counts follow ROS 2's status events.
 
 Counts named `..._change` are since the last event of that kind.
 """

@@ -1,4 +1,4 @@
-"""The graph as a client sees it: nodes, endpoints, matches, with look-ups by name. Values only."""
+"""The graph for clients: nodes, endpoints, matches, with look-ups by name. Only values."""
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
@@ -136,7 +136,7 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         """The publishers of the service's requests, one of each client."""
         return self.publishers_of(request_topic(service))
 
-    # A caller that asks for one topic mostly asks for all of them.
+    # A caller that requests one topic usually requests all of them.
 
     @cached_property
     def _publishers_by_topic(self) -> dict[str, list[GraphEndpoint]]:
@@ -148,7 +148,7 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
 
 
 def graph_of(snapshot: m.GraphSnapshot) -> Graph:
-    """The broker's answer as a graph. Raises RemoteProtocolError where that contradicts itself."""
+    """The broker's answer as a graph. Raises RemoteProtocolError if the answer contradicts itself."""
     nodes = {node.id: node_of(node) for node in snapshot.nodes}
     if strange := {one.node for one in snapshot.endpoints} - nodes.keys():
         raise RemoteProtocolError(f"busd's graph has endpoints of node {min(strange)}, which is not in it")
@@ -189,7 +189,7 @@ def match_of(record: m.MatchRecord) -> GraphMatch:
 
 
 def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
-    """The services whose requests `endpoints` carry, with the names of their types; all sorted."""
+    """The services of the request topics among `endpoints`, with the names of their types; all sorted."""
     found: dict[str, set[str]] = {}
     for endpoint in endpoints:
         service = service_of_topic(endpoint.topic)

@@ -1,4 +1,4 @@
-"""A place for a long field of a message, filled where it will be read."""
+"""A place for a long field of a message, which the program fills in shared memory."""
 
 from collections.abc import Callable
 from types import TracebackType
@@ -22,7 +22,7 @@ class Loan:
         self.buffer = buffer
         """Writable bytes; don't use it after the loan has ended."""
         self._finish: Callable[[Loan, bool], bool] | None = (
-            finish  # `finish` itself sets None: then it has ended
+            finish  # `finish` itself sets None when the loan has ended
         )
 
     def publish(self) -> bool:
@@ -49,7 +49,7 @@ class Loan:
             self.discard()
 
     def __del__(self) -> None:
-        if getattr(self, "_finish", None) is not None:  # unset where a signal handler broke off its making
+        if getattr(self, "_finish", None) is not None:  # not set if a signal interrupted the constructor
             self._end(False)
 
     def _end(self, is_wanted: bool) -> bool:
@@ -58,6 +58,6 @@ class Loan:
             raise LocalProtocolError("the loan has ended already")
         try:
             self.buffer.release()
-        except BufferError:  # an array that was made of it is still there
+        except BufferError:  # an array made of the buffer still exists
             pass
         return finish(self, is_wanted)

@@ -1,9 +1,9 @@
 """ROS's console log on top of `logging`: `[INFO] [1635316982.775247978] [minimal_publisher]: text` on stderr.
 
 Owns the severities, the format and its environment variables (rcutils/logging.c), the filters `once`,
-`skip_first` and `throttle_duration_sec` (rclpy/impl/rcutils_logger.py), and the hook that feeds /rosout.
-Must not know nodes or topics, and leaves the root logger and every handler of others alone: all loggers made
-here are children of `logging.getLogger(TOP_NAME)`, which does not propagate.
+`skip_first` and `throttle_duration_sec` (rclpy/impl/rcutils_logger.py), and the hook that feeds /rosout. Must
+not know nodes or topics. It does not change the root logger or foreign handlers: all loggers made here are
+children of `logging.getLogger(TOP_NAME)`, which does not propagate.
 """
 
 import logging
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeAlias, TypedDict,
 from bus.base.printable import printable
 from bus.errors import ConfigurationError
 
-if TYPE_CHECKING:  # it would bring msgspec with it
+if TYPE_CHECKING:  # its import would load msgspec
     from bus.process.ros_args import Arguments
 
 __all__ = [
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 TOP_NAME = "bus.nodes"
-"""What `logging` calls the parent of all loggers that are made here."""
+"""The name in `logging` of the parent of all loggers made here."""
 
 
 class Severity(IntEnum):
@@ -188,7 +188,7 @@ class Logger:
         return True
 
     def _is_wanted(self, frame: FrameType, severity: Severity, filters: Filters) -> bool:
-        """Whether the filters let this call pass; loggers with other filters have their own."""
+        """Whether the filters accept this call; loggers with other filters override this."""
         return not filters or self._passes(frame, **filters)
 
     def _passes(
@@ -199,12 +199,12 @@ class Logger:
         throttle_duration_sec: float = 0.0,
     ) -> bool:
         code = frame.f_code
-        # f_lasti tells two calls on one line apart.
+        # f_lasti distinguishes two calls on one line.
         site = (code.co_filename, code.co_name, frame.f_lineno, frame.f_lasti)
         state = self._filters.get(site)
         if state is None:
             state = self._filters[site] = _FilterState()
-        # In rclpy's order: a filter sees only the calls that those before it let pass.
+        # In rclpy's order: a filter sees only the calls that earlier filters accept.
         if throttle_duration_sec:
             now_s = time.monotonic()
             if state.last_s is not None and now_s < state.last_s + throttle_duration_sec:
@@ -273,8 +273,8 @@ class ConsoleHandler(logging.Handler):
         self._coloured = False
 
     def handle(self, record: logging.LogRecord) -> bool:
-        # As Python 3.13's: before it, Ctrl-C may come between taking the lock and what gives it back, and
-        # then every other thread that logs waits for ever.
+        # As in Python 3.13: in earlier versions, Ctrl-C may come after the lock was taken and before its
+        # release is certain. Then every other thread that logs waits for ever.
         kept: Any = self.filter(record)
         if kept:
             assert self.lock is not None
@@ -297,7 +297,7 @@ class ConsoleHandler(logging.Handler):
 
     def format(self, record: logging.LogRecord) -> str:
         if self._template is None:
-            # Late, because scripts set the variable in their first lines, after the imports.
+            # Read late, because scripts set the variable in their first lines, after the imports.
             self._template = _template(self._environ.get("RCUTILS_CONSOLE_OUTPUT_FORMAT") or _DEFAULT_FORMAT)
         severity = _severity_of(record)
         stamp_ns = _stamp_ns(record)
@@ -320,7 +320,7 @@ class ConsoleHandler(logging.Handler):
         choice = self._environ.get("RCUTILS_COLORIZED_OUTPUT")
         if choice == "0" or self._environ.get("NO_COLOR"):
             return False
-        return choice == "1" or bool(getattr(stream, "isatty", bool)())  # what replaces stderr may lack it
+        return choice == "1" or bool(getattr(stream, "isatty", bool)())  # a replacement of stderr may lack it
 
 
 _DEFAULT_FORMAT = "[{severity}] [{time}] [{name}]: {message}"
@@ -330,7 +330,7 @@ _TOKEN = re.compile(
 _END_OF_COLOUR = "\x1b[0m"
 _ENDS_OF_COLOUR = (_END_OF_COLOUR, "\x1b[m")
 _COLOURING = "(\x1b\\[[0-9;:]*m)"
-"""What a terminal calls SGR: it changes how text looks, and nothing else."""
+"""A terminal's SGR sequence, which only changes the look of text."""
 _COLOURS = {Severity.DEBUG: 32, Severity.WARN: 33, Severity.ERROR: 31, Severity.FATAL: 31}
 
 _CallSite: TypeAlias = tuple[str, str, int, int]
@@ -346,7 +346,7 @@ class _FilterState:
 
 
 class _Record(logging.LogRecord):
-    """A record with a stamp in full; `created` is a float of seconds, too coarse for nanoseconds."""
+    """A record with an exact stamp; `created` is a float of seconds, too coarse for nanoseconds."""
 
     def __init__(self, name: str, severity: Severity, frame: FrameType, text: str) -> None:
         code = frame.f_code
@@ -362,7 +362,7 @@ class _SinkHandler(logging.Handler):
         self._inside: set[int] = set()
 
     def handle(self, record: logging.LogRecord) -> bool:
-        # Without the handler's lock: a sink takes locks of its own, whose holders may be logging.
+        # Without the handler's lock: a sink takes further locks, and threads that have these may be logging.
         thread = threading.get_ident()
         if thread in self._inside:
             return False
@@ -395,7 +395,7 @@ def _stamp_ns(record: logging.LogRecord) -> int:
 def _severity_of(record: logging.LogRecord) -> Severity:
     if isinstance(record, _Record):
         return record.severity
-    # Any number may come from whoever uses our loggers through `logging`.
+    # Code that uses our loggers through `logging` may pass any number.
     return max((one for one in Severity if one <= record.levelno), default=Severity.DEBUG)
 
 
@@ -408,12 +408,15 @@ def _severity(value: Severity | int | str) -> Severity:
 
 
 def _template(text: str) -> str:
-    """The format with {tokens} as a template for `%`; what is no token stays as it is."""
+    """The format with {tokens} as a template for `%`; all other text stays as it is."""
     return _TOKEN.sub(r"%(\1)s", text.replace("%", "%%"))
 
 
 def _shown(line: str) -> str:
-    """`line` as it is safe on a terminal, whoever wrote what is in it. Programs colour their own lines."""
+    """`line` in a form safe for a terminal, with text from any source.
+
+    Colours stay, because programs use them.
+    """
     parts = re.split(_COLOURING, line)  # text, colour, text ...
     parts[::2] = map(printable, parts[::2])
     if len(parts) > 1 and parts[-2] not in _ENDS_OF_COLOUR:

@@ -1,9 +1,9 @@
-"""Names of nodes, namespaces and topics: what is allowed, and how a topic as typed becomes a full name.
+"""Names of nodes, namespaces and topics: their rules, and the expansion of a topic's name to its full name.
 
 Owns the rules and texts of rcl/validate_topic_name.c, rcl/expand_topic_name.c and rmw/validate_*.c. Must not
 know about remapping (`bus.process.ros_args`) or the graph.
 
-A validator returns nothing and raises ConfigurationError, which carries the index of the first offending
+A validator returns nothing and raises ConfigurationError. The error has the index of the first wrong
 character and the text that rclpy would print, with a caret under that character.
 """
 
@@ -35,11 +35,11 @@ __all__ = [
 
 MAX_NODE_NAME_LENGTH = 255
 MAX_TOPIC_NAME_LENGTH = 247
-"""DDS allows 255, of which ROS 2 takes 8 for prefixes and suffixes of its own."""
+"""DDS allows 255; ROS 2 needs 8 of them for its prefixes and suffixes."""
 MAX_NAMESPACE_LENGTH = 245
-"""Leaves room for a slash and a node or topic of one letter."""
+"""This leaves room for a slash and a node or topic with one letter."""
 
-# Compiled where they are needed: a right name without substitutions needs none.
+# Compiled only for wrong names and substitutions: other names need no pattern.
 _NOT_WORD = r"[^A-Za-z0-9_]"
 _NOT_WORD_OR_SLASH = r"[^A-Za-z0-9_/]"
 _BAD_TOKEN_START = r"/[/0-9]"
@@ -54,7 +54,7 @@ _REPLY = "/_reply"
 _ENDS_WITH_SLASH = "must not end with a '/'"
 _UNMATCHED_BRACE = "topic name must not have unmatched (unbalanced) curly braces '{}'"
 
-# A fault is the broken rule in ROS's words and the index of the first character that breaks it.
+# A fault: the broken rule in ROS's words, and the index of the first character that breaks it.
 _Fault = tuple[str, int]
 
 
@@ -198,7 +198,7 @@ def _full_topic_fault(name: str) -> _Fault | None:
 
 
 def _absolute_name_fault(name: str) -> _Fault | None:
-    """The rules that topics and namespaces share, without the noun in front."""
+    """The fault by the common rules of topics and namespaces, without the noun in front."""
     if name.startswith("/") and _are_words(name[1:].split("/")):
         return None
     if not name:
@@ -217,7 +217,7 @@ def _absolute_name_fault(name: str) -> _Fault | None:
 
 
 def _is_word(text: str) -> bool:
-    """Whether it is `[A-Za-z_][A-Za-z0-9_]*`."""
+    """Whether a text matches `[A-Za-z_][A-Za-z0-9_]*`."""
     return text.isascii() and text.isidentifier()
 
 
@@ -236,7 +236,7 @@ def _typed_topic_fault(name: str) -> _Fault | None:
         return "topic name must not end with a forward slash", len(name) - 1
     if fault := _character_fault(name):
         return fault
-    # rcl lets a two-letter name such as `~a` pass by accident; the rule says otherwise.
+    # rcl accepts a two-letter name such as `~a` by accident, against its rule.
     if name[0] == "~" and len(name) > 1 and name[1] != "/":
         return "topic name must not have a tilde '~' that is not followed by a forward slash '/'", 1
     bad = re.search(_NUMBER_AFTER_SLASH, name)
@@ -282,9 +282,9 @@ def _check(what: str, value: object, find_fault: Callable[[str], _Fault | None])
 
 def _invalid(what: str, name: str, fault: _Fault, *, typed: str | None = None) -> ConfigurationError:
     rule, index = fault
-    # Names come from the wire too: show enough for the caret, not a megabyte.
+    # Names come from the wire, too: show enough for the caret, not a megabyte.
     length = max(index + 1, _SHOWN_LENGTH)
-    # One column per character, so that the caret stands where it should.
+    # One column for each character, so that the caret is at the right place.
     shown = "".join(
         letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in name[:length]
     )

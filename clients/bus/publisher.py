@@ -1,7 +1,7 @@
 """Publishers: typed messages in, samples out by the routes of the matches.
 
-A message is checked, encoded and stamped in `publish`. It is written to the publisher's ring, for the matches
-by shared memory, and goes to the broker while there are others (`bus.delivery`).
+A message is checked, encoded and stamped in `publish`. It is written to the publisher's ring, for matches by
+shared memory, and goes to the broker while there are other matches (`bus.delivery`).
 """
 
 import asyncio
@@ -67,7 +67,7 @@ class Publisher(Endpoint[M]):
     ) -> None:
         sends = None
         shares_memory = node.link.shm_context is not None
-        if shares_memory or shm.has_core():  # `send` costs what `publish` costs where there is room
+        if shares_memory or shm.has_core():  # if there is room, `send` costs the same as `publish`
             sends = shm.native.Sends(self._send, self._send_on, self.send)
             self.send = sends.send  # type: ignore[method-assign, assignment]
         self._core = core = PublisherCore(
@@ -102,7 +102,7 @@ class Publisher(Endpoint[M]):
         return True if status is True else self._publish_on(message, status)
 
     def _publish_on(self, message: M, status: int | bytes) -> bool:
-        """What `QuickWays.publish` has left to do, as its `status` says, which is not True."""
+        """Do the rest after `QuickWays.publish`, by its `status`, which is not True."""
         if isinstance(status, bytes):
             return self._put(status)
         if status and status == shm.native.REPORT_DUE:
@@ -197,7 +197,7 @@ class Publisher(Endpoint[M]):
 
     async def _send(self, message: M) -> None:
         """`send` without the native core's quick way."""
-        # A loop of sends that never wait would keep out signals, timers, and the matches that it sends for.
+        # A loop of sends that never wait would block signals, timers, and new matches.
         self._sends_in_turn += 1
         if self._sends_in_turn > _SENDS_PER_TURN:
             self._sends_in_turn = 1
@@ -207,7 +207,7 @@ class Publisher(Endpoint[M]):
             await self._sender.wait_for_room()
 
     def _send_on(self, message: M, status: int | bytes) -> bool:
-        """As `_publish_on`, for `send`, which waits for room where this gives False."""
+        """As `_publish_on`, for `send`, which waits for room if this returns False."""
         is_taken = self._publish_on(message, status)
         self._core.refused -= not is_taken  # `send` tries again
         return is_taken
@@ -257,12 +257,12 @@ class Publisher(Endpoint[M]):
     # --- inside
 
     def _publish_around(self, message: M, field: str, value: memoryview | str) -> bool:
-        """Publish a message with a long field, which is copied only to where it will be read."""
+        """Publish a message with a long field, which is copied once, straight to its final place."""
         before, after = self._encode_around(message, field, value, len(value))
         return self._put(before, value, after)
 
     def _encode_around(self, message: M, field: str, value: Buffer | str, size: int) -> tuple[bytes, bytes]:
-        """What comes before and after `size` bytes as `field`; the check of types sees `value` there."""
+        """The encoding before and after `size` bytes as `field`; the check of types sees `value` there."""
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
         try:
@@ -289,7 +289,7 @@ class Publisher(Endpoint[M]):
         return self._put(in_bytes(payload))
 
     def _put(self, *parts: Buffer | str) -> bool:
-        """Publish a sample by the slow way: check its size, and count it where there is no room."""
+        """Publish a sample by the slow way: check its size, and count it if there is no room."""
         size = sum(map(len, parts))
         self._check_size(size)
         if size >= LARGE_BYTES:

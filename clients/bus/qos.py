@@ -1,10 +1,10 @@
 """QoS profiles: what a publisher offers, what a subscription requests, and whether the two match.
 
 Owns the policies, their defaults and presets (rmw/qos_profiles.h), and the rule of compatibility with its
-texts (rmw_dds_common/qos.cpp). Must not know how a policy is carried out.
+texts (rmw_dds_common/qos.cpp). Must not know the implementation of a policy.
 
-A profile is frozen and always valid: no code need check it again. It travels on the wire as it is, without
-the fields that have their defaults.
+A profile is frozen and always valid: no code needs to check it again. It is sent in this form, without fields
+that have their defaults.
 """
 
 import operator
@@ -408,7 +408,7 @@ def _seconds(field: str, value: float) -> float | None:
         )
     if value == float("inf"):
         return None
-    # Bounds in nanoseconds: what rounds to 0 would read as infinite. NaN fails both comparisons.
+    # Bounds in nanoseconds: a value that rounds to 0 would mean infinite. NaN fails both comparisons.
     if not 1 <= value * _NS_PER_S <= _MAX_DURATION_NS:
         raise ConfigurationError(
             f"QoS {field} must be above zero and at most {_MAX_DURATION_NS} nanoseconds, "

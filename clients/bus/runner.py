@@ -1,4 +1,4 @@
-"""Runs an asyncio program on the fastest loop there is, and ends it quietly when it is told to end."""
+"""Runs an asyncio program on the fastest available loop, and ends it without a traceback at a signal."""
 
 import asyncio
 import gc
@@ -14,11 +14,11 @@ from bus.process.termination import ReaderGone, Terminated, drop_unread_output, 
 T = TypeVar("T")
 
 _PYTHONS_OWN = 1000
-"""Python 3.12 begins with some hundreds of frozen objects; a program's `gc.freeze()` freezes over 4,000."""
+"""An upper bound of Python's own frozen objects: 3.12 has some hundreds; `gc.freeze()` freezes over 4,000."""
 
 
 def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """uvloop's, where it is installed; None means asyncio's own."""
+    """uvloop's factory, if it is installed; None means asyncio's own."""
     try:
         import uvloop
     except ImportError:
@@ -44,7 +44,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
         bus.run(main())
     """
-    try:  # from the first call on: a Ctrl-C may come at each
+    try:  # around all calls, because a Ctrl-C may come at each
         _check(main)
         return _run(main)
     except KeyboardInterrupt:
@@ -52,7 +52,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
         raise
     finally:
         if asyncio.iscoroutine(main):
-            main.close()  # it has not begun if a Ctrl-C came first; Python would warn of that
+            main.close()  # it has not begun if a Ctrl-C came first, and Python would warn
 
 
 def _run(main: Coroutine[Any, Any, T]) -> T:
@@ -72,7 +72,7 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
 
         def lose_reader() -> None:
             nonlocal end
-            if drop_unread_output():  # else it is the pipe or socket of someone else
+            if drop_unread_output():  # else the broken pipe or socket is not stdout or stderr
                 end = ReaderGone
                 task.cancel()
 
@@ -87,22 +87,22 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
                 loop.remove_signal_handler(signal.SIGTERM)
             if handles_pipe:
                 loop.remove_signal_handler(signal.SIGPIPE)
-                signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as Python has it; the loop leaves SIG_DFL
+                signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # Python's default; the loop leaves SIG_DFL
 
     handles_term = handles_pipe = is_frozen = False
     try:
-        # Python gives signals to the main thread alone.
+        # Python handles signals only in the main thread.
         is_main = threading.current_thread() is threading.main_thread()
         handles_term = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
         handles_pipe = is_main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
-        is_frozen = gc.get_freeze_count() > _PYTHONS_OWN  # by the program, and that is to stay so
+        is_frozen = gc.get_freeze_count() > _PYTHONS_OWN  # by the program: these objects must stay frozen
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
             if not is_frozen:
-                gc.freeze()  # what was imported stays: no collection need look at it
+                gc.freeze()  # imported objects stay, so no collection needs to check them
             try:
                 return runner.run(until_signal())
             except KeyboardInterrupt:
-                # Perhaps in the moment in which its task was made, and asyncio does not know that one yet: it
+                # The interrupt may have come just after the task was made, before asyncio knows it. The task
                 # must not begin while the loop is closed.
                 is_over = True
                 raise
@@ -110,7 +110,7 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
         if end is None:
             raise
         raise end from None
-    except BrokenPipeError:  # of a print, in `main` or a callback, before the signal's turn came
+    except BrokenPipeError:  # of a print, in `main` or a callback, before the signal was handled
         if not handles_pipe or (end is not ReaderGone and not drop_unread_output()):
             raise
         raise ReaderGone from None
@@ -123,11 +123,11 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
         sys.exit(text_of(error))
     finally:
         if not is_frozen:
-            gc.unfreeze()  # else Python would not find files that were left open, to write what they hold
+            gc.unfreeze()  # else Python would not find open files, to flush them
 
 
 def _check(main: Any) -> None:
-    """Say what is wrong with a call that can't work."""
+    """Raise an error for a call that can't work."""
     if not asyncio.iscoroutine(main):
         from bus.process.mistakes import no_coroutine
 

@@ -1,4 +1,4 @@
-"""Message types as they are described on the bus, for programs that have no class of them."""
+"""Descriptions of message types on the bus, for programs without a class."""
 
 import re
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
@@ -11,7 +11,7 @@ import msgspec
 from bus.errors import ConfigurationError, MessageTypeError
 from bus.types.support import TypeSupport, find_type, type_hash, type_support, wrong_class
 
-if TYPE_CHECKING:  # most programs never look
+if TYPE_CHECKING:  # most programs don't need it
     from bus.graph import Graph
 
 _DEPTH, _DEPTH_OF_ARRAYS, _DEPTH_OF_BULK = 1000, 200, 20
@@ -81,10 +81,10 @@ def schema_of(support: TypeSupport[Any]) -> MessageSchema:
 
 
 def depth_for(schema: MessageSchema) -> int:
-    """How many messages should wait in a program that takes all of a topic, a recorder or a bridge.
+    """The depth for a program that takes all messages of a topic, such as a recorder or a bridge.
 
-    Of types with arrays of numbers fewer than of others, of those with images and the like fewer still: the
-    memory of their publishers grows with it. Raises ConfigurationError where the description is broken.
+    It is lower for types with arrays of numbers, and still lower for images and similar types, because the
+    memory of their publishers grows with it. Raises ConfigurationError if the description is broken.
     """
     fields = [field["type"] for kind in schema.description["types"].values() for field in kind["fields"]]
     if any(field in _BULK for field in fields):
@@ -104,9 +104,9 @@ async def find_schema(
     type_name: str | None,
     get_schema: Callable[[str, str], Awaitable[MessageSchema]],
 ) -> MessageSchema | None:
-    """The one type of `topic`, or the one of that name, as soon as there is one; None where `graphs` ends.
+    """Wait for the type of `topic`, or the type with that name; None if `graphs` ends first.
 
-    Raises ConfigurationError where the topic has several.
+    Raises ConfigurationError if the topic has several types.
     """
     from bus.graph import types_of
 
@@ -124,17 +124,17 @@ async def find_schema(
 
 
 def support_of(schema: MessageSchema, *, raw: bool) -> TypeSupport[Any]:
-    """What endpoints need to know of it; `raw`: for messages that stay encoded."""
+    """The TypeSupport of a schema, for endpoints; `raw`: messages stay encoded."""
     if raw:
         return _EncodedSupport(schema)
     support = type_support(schema.to_class())
-    if support.hash != schema.type_hash:  # of a program that describes types in another way
+    if support.hash != schema.type_hash:  # the schema is from a program that describes types differently
         support.hash, support.description = schema.type_hash, schema.encoded
     return support
 
 
 class _EncodedSupport(TypeSupport[Any]):
-    """Of messages that are bytes already."""
+    """The TypeSupport for messages that stay bytes."""
 
     def __init__(self, schema: MessageSchema) -> None:
         self.cls = bytes

@@ -1,7 +1,7 @@
 """Subscriptions: runs of samples in, typed messages out, by iteration or to a callback.
 
-Samples wait undecoded in a queue of the subscription's depth and are decoded when they are taken, so that
-what is replaced costs next to nothing. One wake-up handles everything that has arrived.
+Samples wait undecoded in a queue of the subscription's depth and are decoded when they are taken. So replaced
+samples cost almost nothing. One wake-up handles everything that has arrived.
 """
 
 from collections.abc import AsyncIterator, Callable
@@ -24,7 +24,7 @@ from bus.types.support import TypeSupport
 M = TypeVar("M", bound=msgspec.Struct)
 
 _new_info: Any = tuple.__new__
-"""Makes a MessageInfo of its parts, in half the time that a call of the class takes."""
+"""Makes a MessageInfo of its parts, in half the time of a call of the class."""
 
 
 class Pack(NamedTuple):
@@ -187,4 +187,4 @@ class Subscription(Endpoint[M]):
 def decoder_of_views(support: TypeSupport[Any]) -> Callable[[Any], Any]:
     """As `support.decode`, but fields of bytes are read-only views into what is decoded."""
     decode = msgspec.msgpack.Decoder(view_type(support.cls)).decode
-    return lambda payload: decode(memoryview(payload).toreadonly())  # by socket it is a buffer of our own
+    return lambda payload: decode(memoryview(payload).toreadonly())  # by socket it is a writable buffer

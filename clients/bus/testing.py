@@ -8,8 +8,8 @@
         subprocess.run([sys.executable, "greeter.py"], check=True)
         assert greetings.receive(timeout=5)[0].data == "hello"
 
-It is asked for and no entry point, so that test runs which have nothing to do with a bus neither import it
-nor show its fixtures. Must not know the daemon but as a program that is started.
+It is no entry point, so test runs without a bus don't import it and don't show its fixtures. Must know the
+daemon only as a program to start.
 """
 
 import contextlib
@@ -41,10 +41,10 @@ _START_S: Final = 10.0
 _STOP_S: Final = 10.0
 _LOOK_S: Final = 0.1
 _LEAVE_S: Final = 1.0
-"""A node may take so long to leave after its test."""
+"""Time for a node to leave after its test."""
 
 _IDLE_EXIT_S: Final = 600
-"""A busd whose pytest was killed ends by itself."""
+"""Time after which an unused busd ends by itself, in case pytest was killed."""
 
 _OBSERVER: Final = "bus_testing"
 _OF_EVERY_NODE: Final = {"/rosout", "/parameter_events"}
@@ -53,11 +53,11 @@ _HAS_FAILED: Final = pytest.StashKey[bool]()
 
 
 class Domain:
-    """A bus of its own, while `with Domain() as domain:` lasts: a busd on a socket in a temporary folder.
+    """A separate bus during `with Domain() as domain:`, with a busd on a socket in a temporary folder.
 
-    Meanwhile that socket is the default in this process and in those that it starts (`BUSD_SOCKET`), and none
-    of them starts another busd (`BUSD_AUTOSTART=0`). The fixture `bus_domain` is one; for one that lasts
-    longer than a test, make a fixture of that name and another scope. `options` are busd's, as
+    Meanwhile that socket is the default in this process and its children (`BUSD_SOCKET`), and none of them
+    starts another busd (`BUSD_AUTOSTART=0`). The fixture `bus_domain` is one. For a bus that lasts longer
+    than a test, make a fixture with that name and another scope. `options` are options of busd, such as
     `--config FILE`.
     """
 
@@ -65,14 +65,14 @@ class Domain:
         self._options = options
         self._folder = Path(tempfile.mkdtemp(prefix="bus-"))  # short: a socket's path has 107 bytes at most
         self.socket = self._folder / "busd.sock"
-        """Where busd listens."""
+        """The socket on which busd listens."""
         self._log = self._folder / "busd.log"
         self._process: subprocess.Popen[bytes] | None = None
         self._environ = pytest.MonkeyPatch()
 
     @property
     def pid(self) -> int:
-        """The process id of busd; 0 while there is none."""
+        """The process id of busd; 0 while busd does not run."""
         return 0 if self._process is None else self._process.pid
 
     @property
@@ -83,7 +83,7 @@ class Domain:
     def start(self) -> None:
         """Start busd, again after `stop` or `kill`; returns when it is ready.
 
-        Raises BrokerUnavailable with its last line where it ends or hangs.
+        Raises BrokerUnavailable with its last line if it ends or hangs.
         """
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready, self._log.open("ab") as log:
             ready.bind("")  # an abstract address that the kernel chooses
@@ -107,19 +107,19 @@ class Domain:
         raise BrokerUnavailable(f"busd could not be started for a test: {why}")
 
     def stop(self) -> None:
-        """End busd in order. Nodes that are still open wait for it to come back."""
+        """End busd in order. Nodes that are still open wait until it is back."""
         self._end(signal.SIGTERM)
 
     def kill(self) -> None:
-        """kill -9: what programs have to survive."""
+        """Kill busd by SIGKILL, which programs must survive."""
         self._end(signal.SIGKILL)
 
     def graph(self) -> Graph:
-        """All nodes, endpoints and matches now; whoever asks is none of them."""
+        """All nodes, endpoints and matches now, without the node that requests them."""
         return _ask(None)
 
     def leaked(self) -> list[str]:
-        """A line for each node that does not leave within a second; none where there is no busd."""
+        """A line for each node that does not leave within a second; none if busd does not run."""
         try:
             graph = _ask(_LEAVE_S)
         except BrokerUnavailable:
@@ -164,10 +164,10 @@ class Domain:
 
 @pytest.fixture
 def bus_domain(request: pytest.FixtureRequest) -> Iterator[Domain]:
-    """A bus of its own for this test, which programs find by the environment.
+    """A separate bus for this test, which programs find by the environment.
 
-    A test that passes and leaves nodes on it is an error that names them. Where a test fails, the report has
-    what busd said.
+    A test that passes and leaves nodes on it is an error that names them. If a test fails, the report has
+    busd's output.
     """
     with Domain() as domain:
         yield domain
@@ -182,9 +182,9 @@ def bus_domain(request: pytest.FixtureRequest) -> Iterator[Domain]:
 
 @pytest.fixture
 def bus_node(bus_domain: Domain) -> Iterator[BlockingNode]:
-    """A node named `test` on the test's bus, as `bus.connect` makes it.
+    """A node named `test` on the test's bus, made by `bus.connect`.
 
-    For tests that are `async def` it is of no use: `async with bus.Node("test") as node`.
+    Tests that are `async def` can't use it; use `async with bus.Node("test") as node` there.
     """
     with connect("test", arguments=[]) as node:
         yield node
@@ -194,7 +194,7 @@ def bus_node(bus_domain: Domain) -> Iterator[BlockingNode]:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Note that a test has failed, and add what its busd said."""
+    """Note that a test has failed, and add busd's output to the report."""
     report = yield
     if report.failed:
         item.stash[_HAS_FAILED] = True
@@ -205,9 +205,9 @@ def pytest_runtest_makereport(
 
 
 def _ask(empty_within_s: float | None) -> Graph:
-    """The graph without whoever asks for it; with a time, wait so long for one without any other node.
+    """The graph without the requesting node. With a time, wait up to that for a graph without any other node.
 
-    In a thread, because an event loop may run in this one.
+    It uses a thread, because an event loop may run in this one.
     """
     found: list[Graph | BusError] = []
 
@@ -235,7 +235,7 @@ def _others(graph: Graph) -> Graph:
 
 
 def _describe(node: GraphNode, graph: Graph) -> str:
-    """Which node of which process it is, and by which topics and services it may be known."""
+    """A text that identifies a node: its name, its process, its topics and services."""
     served = {
         service for service in graph.services() for one in graph.servers_of(service) if one.node == node
     }

@@ -1,4 +1,4 @@
-"""Timers: periodic calls that keep their phase and skip what they missed, as ROS 2's do."""
+"""Timers: periodic calls that keep their phase and skip missed calls, like ROS 2's."""
 
 import asyncio
 from collections.abc import Callable
@@ -114,7 +114,7 @@ class Timer:
             self._task.cancel()
 
     def _check_clock(self) -> None:
-        """For the clock: it has jumped, or shows another simulated time."""
+        """Handle a jump of the clock, or a new simulated time. Called by the clock."""
         if self.is_canceled:
             return
         if self._epoch != self._clock.epoch:
@@ -145,7 +145,7 @@ class Timer:
         try:
             self._call()
         finally:
-            # After the call, which so comes sooner. The call itself may have canceled or reset the timer.
+            # After the call, so that this comes sooner. The call itself may have canceled or reset the timer.
             if self._alarm is None and not self.is_canceled:
                 self._arm()
 

@@ -1,9 +1,10 @@
 """Patterns for topic names in the rules of busd.toml and of bridges.
 
-Owns what a pattern means and which ones can never match. Must not know what a rule does with the topics.
+Owns the meaning of patterns, and the check for patterns that can never match. Must not know the effect of a
+rule.
 
-`*` stands for any characters but "/", `**` for any characters, `?` for one character but "/", `[abc]`,
-`[a-z]` and `[!abc]` for one character in or outside a set. The whole name has to match.
+`*` stands for any characters except "/", `**` for any characters, `?` for one character except "/", `[abc]`,
+`[a-z]` and `[!abc]` for one character in or outside a set. The whole name must match.
 """
 
 import re
@@ -23,9 +24,9 @@ _TOKEN = re.compile(
 
 @lru_cache(maxsize=1024)
 def compiled(pattern: str, key: str) -> re.Pattern[str]:
-    """The regular expression whose `fullmatch` finds the full names that `pattern` is for.
+    """The regular expression for a pattern; its `fullmatch` accepts the matching full names.
 
-    Raises ConfigurationError, which names the `key` that the pattern stands at, where no name can match.
+    Raises ConfigurationError, naming the `key` with the pattern, if no name can match.
     """
     if not pattern.startswith(("/", "**")):
         raise _hopeless(key, pattern, "a topic's full name begins with '/' (or begin with '**')")
@@ -47,7 +48,7 @@ def compiled(pattern: str, key: str) -> re.Pattern[str]:
 
 
 def shown(value: object) -> str:
-    """`value` for an error's text, and not too long for it."""
+    """`value` for an error's text, shortened if it is too long."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

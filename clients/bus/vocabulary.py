@@ -1,7 +1,7 @@
-"""The words that the protocol, the statistics and the tools share: routes, and reasons for lost messages.
+"""Common words of the protocol, the statistics and the tools: routes, and reasons for lost messages.
 
-Each word stands here once. A program of another release may send a word that is not here. So the fields of
-the protocol are of type `str`, and are compared with these.
+Each word is defined only here. A program with another release may send other words. So the fields of the
+protocol have type `str`, and are compared with these.
 """
 
 from enum import StrEnum
@@ -25,7 +25,7 @@ class Route(StrEnum):
 class DropReason(StrEnum):
     """The reason why a message was not delivered. Statistics count lost messages by these words."""
 
-    __repr__ = str.__repr__  # users print the dicts that have these as keys
+    __repr__ = str.__repr__  # users print dicts with these keys
 
     REPLACED = "replaced"
     """A queue with a depth was full, and a newer message took its place."""

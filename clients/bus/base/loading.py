@@ -12,7 +12,7 @@ Must not load any module: a Ctrl-C would not be deferred then.
 
 from __future__ import annotations
 
-import _signal  # type: ignore[import-not-found] # the core of `signal`, there without loading anything
+import _signal  # type: ignore[import-not-found] # built into Python: nothing is loaded
 import sys
 
 TYPE_CHECKING = False  # without an import of `typing`, which takes a while
