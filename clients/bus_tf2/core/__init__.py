@@ -2,11 +2,14 @@
 
 Owns: `FrameTree` and the meaning of its answers. Must not know: rclpy, messages, topics.
 
-`frames.h` has the algorithm, without Python; its binding is beside it (`_core.pyi` has the types). `twin.py`
-is the same in Python, with `rotation.py`. `texts.py` has tf2's words for both.
+`frames.h` has the algorithm, without Python; its binding is `py_frames.c` (`_core.pyi` has the types).
+`twin.py` is the same in Python, with `rotation.py`. `texts.py` has tf2's words for both.
 
-Invariants: both implementations give the same answers and the same reasons for none; a change goes into both;
-nothing of `bus` is imported (import-linter checks this); the memory of a frame is bounded by the cache time.
+Invariants:
+
+- Both implementations return the same answers and the same failures. A change goes into both.
+- No module here imports `bus` (import-linter checks this).
+- The cache time bounds the memory of a frame.
 
 Read first: `twin.py`, then `frames.h`. Tests: `tests/unit/bus_tf2/core/`, `tests/property/test_tf2_twin.py`;
 against the tf2 of ROS 1: `tests/system/test_tf2_judge.py`.

@@ -1,4 +1,4 @@
-/* Frames and how they moved: histories of transforms, and the walk from one frame to another. No Python here.
+/* Frames and their motion: histories of transforms, and the walk from one frame to another. No Python here.
  *
  * The rules are those of ROS 2's tf2: a static frame has one transform for all times. Any other frame has the
  * transforms of the last seconds; times in between are interpolated. A frame may change its parent.
@@ -18,11 +18,11 @@
 #define NO_TIME INT64_MAX
 
 enum {
-    MAX_DEPTH = 1000,    /* a longer way is a loop */
-    MAX_SAMPLES = 100000 /* of one frame; the oldest go first */
+    MAX_DEPTH = 1000,    /* a longer path counts as a loop */
+    MAX_SAMPLES = 100000 /* limit for one frame; the oldest are dropped first */
 };
 
-/* What a transform was refused for: a set of bits. */
+/* Reasons to refuse a transform: a set of bits. */
 enum { IS_NAN = 1, IS_DENORMALIZED = 2, IS_OLD = 4 };
 
 /* Reasons why a look-up has no answer. */
@@ -47,7 +47,7 @@ typedef struct {
     uint32_t parent;
 } sample;
 
-/* One frame. `samples` are sorted by time, from `first` on; of equal times the newer comes later. */
+/* One frame. `samples` are sorted by time, from `first` on; of equal times, the newer sample comes later. */
 typedef struct {
     sample *samples;
     uint32_t first, count, capacity;
@@ -61,7 +61,7 @@ typedef struct {
     int64_t cache_ns;
 } tree;
 
-/* Why there is no answer. Times: the requested one, and the available one. */
+/* The reason why there is no answer, with the requested and the available time. */
 typedef struct {
     int kind;
     int64_t asked_ns, have_ns;
@@ -129,7 +129,7 @@ static inline quaternion as_quaternion(const matrix *m)
     return (quaternion){part[0], part[1], part[2], part[3]};
 }
 
-/* The quaternion with length one, and with the sign that a rotation matrix gives. */
+/* The quaternion with length one, and with the sign that results from a rotation matrix. */
 static inline quaternion normal(quaternion q)
 {
     const matrix m = as_matrix(q);
@@ -165,7 +165,7 @@ static inline int64_t latest_stamp(const frame *of)
     return of->is_static || of->count == 0 ? 0 : newest(of)->stamp_ns;
 }
 
-/* How many samples are at `stamp_ns` or before. */
+/* The number of samples at `stamp_ns` or before. */
 static inline uint32_t samples_until(const frame *of, int64_t stamp_ns)
 {
     const sample *samples = &of->samples[of->first];
@@ -190,7 +190,7 @@ static inline bool is_same(const sample *a, const sample *b)
            && a->rotation.w == b->rotation.w;
 }
 
-/* Room for one more sample at the end; false without memory. */
+/* Makes room for one more sample at the end; false without memory. */
 static bool make_room(frame *of)
 {
     if (of->first + of->count < of->capacity)
@@ -209,7 +209,7 @@ static bool make_room(frame *of)
     return true;
 }
 
-/* Keep a sample. Returns 0, IS_OLD, or -1 without memory. Drops samples that are too old first; a sample that the
+/* Keeps a sample. Returns 0, IS_OLD, or -1 without memory. Drops samples that are too old first. A sample that the
  * history already has is not added again. */
 static int keep(frame *of, const sample *new, int64_t cache_ns)
 {
@@ -249,7 +249,7 @@ static int keep(frame *of, const sample *new, int64_t cache_ns)
     return 0;
 }
 
-/* From one time to a later one, without overflow. */
+/* The duration from one time to a later one, without overflow. */
 static inline double between(int64_t from_ns, int64_t to_ns) { return (double)((uint64_t)to_ns - (uint64_t)from_ns); }
 
 /* The sample at a time (0: the newest), interpolated if the samples around it have the same parent. */
@@ -291,7 +291,7 @@ static bool sample_at(const frame *of, int64_t time_ns, sample *found, failure *
 
 /* --- the tree */
 
-/* A new frame; NO_FRAME without memory. */
+/* Adds a frame; NO_FRAME without memory. */
 static uint32_t add_frame(tree *of)
 {
     if (of->count == of->capacity) {
@@ -306,7 +306,7 @@ static uint32_t add_frame(tree *of)
     return of->count++;
 }
 
-/* Why a transform can't be put in; 0 if it can. */
+/* The reasons to refuse a transform; 0 if there are none. */
 static inline int refusal(const sample *new)
 {
     const vector *moved = &new->translation;
@@ -315,7 +315,7 @@ static inline int refusal(const sample *new)
            | (length >= DBL_MIN && isfinite(length) ? 0 : IS_DENORMALIZED);
 }
 
-/* Put a transform in that is not refused. Returns 0, IS_OLD, or -1 without memory. */
+/* Inserts a transform that is not refused. Returns 0, IS_OLD, or -1 without memory. */
 static int insert(tree *of, uint32_t child, sample *new, bool is_static)
 {
     frame *place = &of->frames[child];
@@ -353,7 +353,7 @@ static inline uint32_t newest_parent(const frame *of) { return of->count == 0 ? 
 /* The latest time at which all transforms between two frames are known; 0 if all of them are static. */
 static bool common_time(const tree *of, uint32_t target, uint32_t source, int64_t *time_ns, failure *why)
 {
-    uint32_t way[MAX_DEPTH + 1]; /* frames from the source up, without itself */
+    uint32_t way[MAX_DEPTH + 1]; /* frames from the source up, without the source */
     int64_t stamps[MAX_DEPTH + 1];
     uint32_t length = 0, at = source;
     int64_t common_ns = NO_TIME;
@@ -413,8 +413,8 @@ static inline transform inverted(const transform *of)
     return (transform){rotate(back, away), back};
 }
 
-/* The transform that takes what is in `source` into `target`, at a time (0: the latest common one, which is put
- * there). `source` and `target` differ. */
+/* The transform from coordinates in `source` to coordinates in `target`, at a time. 0: the latest common time, which is
+ * stored in *time_ns. `source` and `target` differ. */
 static bool look_up(const tree *of, uint32_t target, uint32_t source, int64_t *time_ns, transform *found, failure *why)
 {
     *why = (failure){0};

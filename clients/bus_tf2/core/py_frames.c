@@ -52,7 +52,7 @@ static void free_tree(PyObject *object)
     Py_DECREF(type);
 }
 
-/* Fewer than `least` arguments, or other than texts in the first `texts`, are a TypeError. */
+/* Checks the arguments: a TypeError if there are fewer than `least`, or if one of the first `texts` is no text. */
 static bool are_fitting(PyObject *const *args, Py_ssize_t count, Py_ssize_t least, Py_ssize_t texts)
 {
     if (count != least) {
@@ -74,7 +74,7 @@ static uint32_t number_of(const FrameTree *self, PyObject *name)
     return number == NULL ? NO_FRAME : (uint32_t)PyLong_AsUnsignedLong(number);
 }
 
-/* Memory ran out while the last frame was added: remove the frame, to keep the numbers right. An error is set. */
+/* Removes the last frame, because memory ran out while it was added. This keeps the numbers right. An error is set. */
 static void forget_last(FrameTree *self, uint32_t number)
 {
     PyObject *type, *value, *traceback;
@@ -147,7 +147,7 @@ static PyObject *as_answer(int64_t stamp_ns, const transform *found)
     return answer;
 }
 
-/* The numbers of the frames in `args`, and whether they are one. Returns 0 if one of them is unknown. */
+/* Finds the numbers of the frames in `args`, and whether both are the same. Returns 0 if one of them is unknown. */
 static int pair_of(const FrameTree *self, PyObject *const *args, uint32_t *target, uint32_t *source, bool *is_one)
 {
     *target = number_of(self, args[0]);
@@ -232,7 +232,7 @@ static PyObject *rows(PyObject *object, PyObject *Py_UNUSED(none))
             continue;
         const bool has_times = !here->is_static && here->count > 0;
         PyObject *up = here->count == 0 ? Py_None : PyList_GetItem(self->names, newest(here)->parent);
-        /* Owned references: a garbage collection may run any code, also an insert. */
+        /* Owned references, because a garbage collection may run any code, even an insert. */
         PyObject *row = Py_BuildValue("(NNNILL)", Py_XNewRef(PyList_GetItem(self->names, i)), Py_XNewRef(up),
                                       Py_XNewRef(PyList_GetItem(self->authorities, i)), here->count,
                                       (long long)latest_stamp(here),

@@ -25,7 +25,7 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Transform = tuple[Vector, Quaternion]
 Matrix = tuple[Vector, Vector, Vector]
-"""Its rows."""
+"""The rows of a matrix."""
 
 IDENTITY: Final[Transform] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -68,7 +68,7 @@ def composed(outer: Transform, inner: Transform) -> Transform:
 
 
 def from_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """About x, then y, then z, of axes that stay."""
+    """The rotation about x, then y, then z, with fixed axes."""
     sr, cr, sp, cp = sin(roll / 2), cos(roll / 2), sin(pitch / 2), cos(pitch / 2)
     sy, cy = sin(yaw / 2), cos(yaw / 2)
     return (
@@ -111,7 +111,7 @@ def normal(q: Quaternion) -> Quaternion:
 
 
 def slerp(a: Quaternion, b: Quaternion, ratio: float) -> Quaternion:
-    """Between two rotations of length one, the shorter way: `a` at 0, `b` at 1."""
+    """A rotation between two rotations of length one, on the shorter way: `a` at 0, `b` at 1."""
     along = dot(a, b)
     theta = acos(min(1.0, abs(along) / sqrt(dot(a, a) * dot(b, b))))
     if theta == 0.0:

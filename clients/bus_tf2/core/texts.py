@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 Row = tuple[str, str | None, str | None, int, int, int]
-"""As FrameTree.rows gives it."""
+"""A row of FrameTree.rows."""
 
 _SHORTEST_NS = 100_000
 
@@ -65,7 +65,7 @@ def all_frames(rows: Iterable[Row]) -> str:
 
 
 def all_frames_as_yaml(rows: Iterable[Row], *, is_empty: bool) -> str:
-    """`is_empty`: no frame is known."""
+    """All frames as YAML; `is_empty`: no frame is known."""
     lines = ["[]"] if is_empty else []
     for name, parent, authority, count, latest_ns, oldest_ns in rows:
         if parent is not None:

@@ -27,7 +27,7 @@ from bus_tf2.core.rotation import (
 __all__ = ["FrameTree"]
 
 MAX_DEPTH: Final = 1000
-"""A longer way is a loop."""
+"""A longer path counts as a loop."""
 MAX_SAMPLES: Final = 100_000
 """Limit of samples for one frame; the oldest are dropped first."""
 
@@ -53,7 +53,7 @@ class _Sample(NamedTuple):
 
 
 class _Frame:
-    """`samples` are sorted by time; of equal times the newer comes later."""
+    """A frame's history. `samples` are sorted by time; of equal times, the newer sample comes later."""
 
     __slots__ = ("authority", "is_child", "is_static", "name", "samples")
 
@@ -178,7 +178,7 @@ class FrameTree:
     def lookup(self, target: str, source: str, time_ns: int, /) -> Answer | Failure:
         """The transform that takes coordinates in `source` into `target`. `time_ns`: 0 for the latest common.
 
-        Returns the time that it is of, the translation's x, y, z and the rotation's x, y, z, w; or a failure.
+        Returns its time, the translation's x, y, z and the rotation's x, y, z, w; or a failure.
         """
         with self._lock:
             to, of = self._numbers.get(target), self._numbers.get(source)
@@ -239,7 +239,7 @@ class FrameTree:
         return name in self._numbers
 
     def clear(self) -> None:
-        """Forget all transforms but static ones; the frames stay known."""
+        """Forget all transforms except static ones; the frames stay known."""
         with self._lock:
             for frame in self._frames:
                 if not frame.is_static:
@@ -311,7 +311,7 @@ class FrameTree:
         if at == top:
             turned_x, turned_y, turned_z = rotate(back, from_source[0])
             return (turned_x + x, turned_y + y, turned_z + z), multiply(back, from_source[1])
-        if at == source:  # which is above the target: the first walk's result is not needed
+        if at == source:  # the source is above the target: the first walk's result is not needed
             return (x, y, z), back
         return missing or (UNCONNECTED, 0, 0)
 
