@@ -1,4 +1,4 @@
-/* What the ring costs by itself, without Python: bench [milliseconds for each figure] [microseconds awake before sleep]. */
+/* Measures the ring alone, without Python: bench [milliseconds for each figure] [microseconds awake before sleep]. */
 #include <sched.h>
 #include <signal.h>
 #include <sys/eventfd.h>
@@ -13,7 +13,7 @@
 enum { MOST = 1 << 20 };
 
 static uint64_t length_ns;
-static unsigned spins; /* microseconds that the reader stays awake, looking each microsecond */
+static unsigned spins; /* microseconds for which the reader stays awake and polls each microsecond */
 static unsigned char *bytes;
 
 static void *shared(uint64_t size)
@@ -39,7 +39,7 @@ static void take_one(struct ring_reader *r)
     ring_step(r);
 }
 
-/* One thread: write and take by turns, or `burst` writes and then as many takes; awake readers as given. */
+/* One thread: write and take in turn, or `burst` writes and then as many takes; with `readers` awake readers. */
 static void measure_alone(uint32_t size, uint64_t capacity, unsigned burst, size_t readers)
 {
     void *memory = shared_ring(capacity, 8192);
@@ -92,7 +92,7 @@ static struct page {
     uint64_t count, sum, latencies[100000];
 } *page;
 
-/* Each side on a processor of its own, or the scheduler's choice decides the figures. */
+/* Binds each side to a separate processor; otherwise the scheduler's choice decides the figures. */
 static void stay_on(size_t cpu)
 {
     cpu_set_t set;
@@ -229,7 +229,7 @@ static int ascending(const void *left, const void *right)
     return (l > r) - (l < r);
 }
 
-/* One way, into a sleeping process, at 1,000/s. */
+/* Measures the latency of one way, into a sleeping process, at 1,000/s. */
 static void measure_latency(void)
 {
     void *memory = shared_ring(1 << 16, 512);

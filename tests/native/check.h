@@ -1,4 +1,4 @@
-/* What the tests share: checks that stop at once, payloads that prove themselves, memory, time. */
+/* Common helpers of the tests: checks that stop at once, payloads that can be verified, memory, time. */
 #ifndef TESTS_NATIVE_CHECK_H
 #define TESTS_NATIVE_CHECK_H
 
@@ -9,13 +9,13 @@
 #include <time.h>
 
 #ifndef RING_LARGE
-#define RING_LARGE 256u /* rings are small here, so that what is large is, too */
+#define RING_LARGE 256u /* rings are small here, so large records begin at a small size */
 #endif
 
 #include "../../clients/bus/shm/reader.h"
 #include "../../clients/bus/shm/writer.h"
 
-/* Exit status of a test that saw what must not happen; a broken build is expected to end with it. */
+/* Exit status of a test that saw a forbidden outcome; a broken build must end with it. */
 #define FORBIDDEN 3
 #define SKIPPED 77
 
@@ -80,7 +80,7 @@ static inline bool is_filled(const unsigned char *bytes, uint64_t seq, uint32_t 
     return true;
 }
 
-/* Exactly as long as the segment, so that a sanitizer sees every step beyond it. */
+/* Zeroed memory of exactly the segment's size, so that a sanitizer sees every access outside it. */
 static inline void *zeroed(uint64_t bytes)
 {
     void *memory = memalign(128, bytes);

@@ -1,7 +1,7 @@
-/* What the fuzzers share: an input is a script of bytes, and memory of another process that changes at every look.
+/* Common helpers of the fuzzers: an input is a script of bytes, and another process's memory changes at every read.
  *
- * Every atomic load of the code under test first lets the other side meddle, as far as the script says so: what a
- * hostile process does between two instructions can be repeated. To be included before anything else.
+ * Before every atomic load of the code under test, the other side may change memory, as the script decides. So the
+ * actions of a hostile process between two instructions can be repeated. Must be included before anything else.
  */
 #ifndef TESTS_NATIVE_FUZZ_H
 #define TESTS_NATIVE_FUZZ_H
@@ -36,7 +36,7 @@ static inline uint64_t next_word(void)
     return word;
 }
 
-/* A number: mostly one near `near`, where faults hide. */
+/* A number, usually near `near`, because faults are likely there. */
 static inline uint64_t next_number(uint64_t near)
 {
     const unsigned kind = next_byte();
@@ -67,7 +67,7 @@ static inline void set_word(void *memory, uint64_t at, uint64_t word)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 #ifndef LIBFUZZER
-/* An input, out of a line of base64. */
+/* Decodes an input from a line of base64. */
 static inline size_t decode(const char *line, unsigned char *input)
 {
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -84,7 +84,7 @@ static inline size_t decode(const char *line, unsigned char *input)
     return size;
 }
 
-/* Without libFuzzer: runs the inputs in the files that are named, one a line (tests/fuzz/kept.py). */
+/* Without libFuzzer: runs the inputs in the named files, one input in each line (tests/fuzz/kept.py). */
 int main(int count, char **names)
 {
     static char line[1 << 16];
@@ -98,7 +98,7 @@ int main(int count, char **names)
             if (strchr(line, '\n') == NULL)
                 FAIL("%s: a line is too long", names[i]);
             const size_t size = decode(line, input);
-            unsigned char *exact = malloc(size + 1); /* so that a sanitizer sees a step beyond it */
+            unsigned char *exact = malloc(size + 1); /* then a sanitizer sees an access after its end */
             memcpy(exact, input, size);
             alarm(10);
             LLVMFuzzerTestOneInput(exact, size);

@@ -1,5 +1,5 @@
-/* The native core itself under libFuzzer: Python in this process, the core in it built with coverage and sanitizers, and
- * what is run is the target of tests/fuzz/targets.py that FUZZ_TARGET names. The Makefile knows how to build it. */
+/* The native core itself under libFuzzer. This process contains Python, and the core built with coverage and
+ * sanitizers. It runs the target of tests/fuzz/targets.py that FUZZ_TARGET names. The Makefile builds it. */
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
@@ -13,7 +13,7 @@ const char *__asan_default_options(void);
 
 static PyObject *target;
 
-/* What Python keeps until its end is no leak; what is freed counts against a fuzzer's memory as long as it is kept. */
+/* Memory that Python keeps until its end is no leak. Freed memory in quarantine counts against the fuzzer's limit. */
 const char *__asan_default_options(void) { return "detect_leaks=0:quarantine_size_mb=64"; }
 
 static PyObject *need(PyObject *object)
@@ -25,7 +25,7 @@ static PyObject *need(PyObject *object)
     return object;
 }
 
-/* Makes the module as the import system does, and puts it where an import finds it. */
+/* Makes the module like the import system, and puts it into sys.modules. */
 static void add_core(void)
 {
     const char *name = "bus.shm._core";
@@ -44,10 +44,10 @@ int LLVMFuzzerInitialize(int *count, char ***names)
 {
     (void)count;
     (void)names;
-    setenv("PYTHONMALLOC", "malloc", 1); /* so that a sanitizer sees each block */
+    setenv("PYTHONMALLOC", "malloc", 1); /* then a sanitizer sees each block */
     Py_InitializeEx(0);
     add_core();
-    PyObject *module = need(PyImport_ImportModule("fuzz.targets")); /* by PYTHONPATH */
+    PyObject *module = need(PyImport_ImportModule("fuzz.targets")); /* found by PYTHONPATH */
     PyObject *targets = need(PyObject_GetAttrString(module, "TARGETS"));
     const char *name = getenv("FUZZ_TARGET");
     target = need(PyMapping_GetItemString(targets, name != NULL ? name : "reader"));

@@ -1,6 +1,6 @@
-/* A writer most of whose readers are hostile: their segment says anything, cursors and pins jump while the writer looks.
- * It stays within its ring and theirs, every write ends, and an honest reader beside them takes what was written, and
- * keeps what it has pinned. */
+/* A writer with hostile readers and an honest one. The hostile segment contains any values; its cursors and pins change
+ * while the writer reads them. The writer stays within its ring and the segments, and every write ends. The honest
+ * reader takes the written records, and keeps its pinned ones. */
 #include "fuzz.h"
 
 #include "../../clients/bus/shm/gates.h"
@@ -12,7 +12,7 @@ static struct ring_writer writer;
 static struct reading_process hostile;
 static bool is_open;
 
-/* The honest one. */
+/* The honest reader. */
 static struct ring_reader reader;
 static struct ring_record held;
 static unsigned pin;
@@ -32,7 +32,7 @@ static void meddle(void)
         write_somewhere();
 }
 
-/* The newest record is what was written, and is held from now on where `is_held`. */
+/* Checks that the newest record is the written one; pins it if `is_held`. */
 static void check_newest(const struct ring_writer *w, uint32_t size, bool is_held)
 {
     static unsigned char copy[CAPACITY];
@@ -80,11 +80,11 @@ static void publish(bool force)
     CHECK(writer.latest + 1 - writer.oldest <= INDEX);
 }
 
-/* Some keys come twice: then the gate is put in place of the one before. */
+/* Adds and removes gates. Some keys come twice: then the new gate replaces the earlier one. */
 static void change_gates(void)
 {
     const unsigned how = next_byte(), which = how >> 2;
-    struct ring_gate *others = &writer.gates.list[1]; /* the first is the honest one's */
+    struct ring_gate *others = &writer.gates.list[1]; /* the first gate is the honest reader's */
     const size_t other_count = writer.gates.count - 1;
     if (how & 1 && writer.gates.count < MOST_GATES)
         CHECK(ring_add_gate(&writer, 1 + which % KEYS, &hostile, which % SLOTS, how & 2));
@@ -97,10 +97,10 @@ static void change_gates(void)
 
 static void count_rung(int doorbell, uint64_t knock)
 {
-    CHECK(doorbell == hostile.doorbell && knock != 0); /* the honest one does not sleep */
+    CHECK(doorbell == hostile.doorbell && knock != 0); /* the honest reader does not sleep */
 }
 
-/* Their pins and sleeps say anything: no more than an answer comes of it. */
+/* Rings all, with any pins and sleeps of hostile readers: the calls return, and do no harm. */
 static void ring_all(bool is_for_any)
 {
     CHECK(gates_ring(&writer.gates, is_for_any, count_rung) <= 1);

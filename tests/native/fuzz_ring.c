@@ -1,5 +1,5 @@
-/* A reader on a ring of a hostile publisher: its geometry, heads, index and records say anything, and change while they
- * are being read. Nothing outside of the segment is touched, and every operation ends. */
+/* A reader on a ring of a hostile publisher: the geometry, heads, index and records contain any values, and change
+ * while they are being read. The reader never touches memory outside the segment, and every operation ends. */
 #include "fuzz.h"
 
 enum { CAPACITY = 4096, MOST_PINS = READER_PINS };
@@ -9,7 +9,7 @@ static struct ring_geometry geometry;
 static struct ring_reader reader;
 static bool is_open;
 
-/* The words that a reader looks at: of the header, of the index, of a record's head; or any. */
+/* The place of a word that a reader uses: in the header, in the index, in a record's head; or of any word. */
 static uint64_t next_place(void)
 {
     static const uint64_t header[] = {
@@ -42,7 +42,7 @@ static void meddle(void)
         write_somewhere();
 }
 
-/* Some records, as an honest publisher writes them: what is wrong begins where the script changes something. */
+/* Writes some records like an honest publisher: faults begin when the script changes something. */
 static void publish_some(void)
 {
     struct ring_writer writer;
@@ -130,7 +130,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     memory = zeroed(bytes);
     ring_format(memory, CAPACITY, index_length, 1 + (shape >> 4));
     publish_some();
-    if ((shape & 0x0c) == 0x0c) { /* a geometry that agrees with itself, but not with the segment */
+    if ((shape & 0x0c) == 0x0c) { /* a consistent geometry that disagrees with the segment */
         unsigned char *other = zeroed(sizeof(struct ring_header));
         const unsigned sizes = next_byte();
         const uint64_t other_capacity = (uint64_t)CAPACITY << (sizes & 7);

@@ -2,12 +2,12 @@
  *
  *     kill [milliseconds]
  *
- * This process takes what writer processes publish until each is killed, and then checks: everything up to the
- * last published sample is there and whole, and the next writer goes on from it. Reader processes that pin and
- * hold the writer back are killed too; without their gates, it writes on as if they had never been.
+ * This process takes samples of writer processes until each is killed. Then it checks that everything up to the last
+ * published sample exists and is whole, and that the next writer continues from it. Reader processes that pin and hold
+ * the writer back are killed, too; without their gates, the writer continues as if they had never existed.
  *
- * The same is done with a feed, while its publisher goes on from ring to ring: what was published before the kill is
- * taken once and whole, and after a reader's kill its publisher goes on.
+ * The same is done with a feed, while its publisher moves from ring to ring. Samples published before the kill are
+ * taken once and whole. After a reader's kill, its publisher continues.
  */
 #include <signal.h>
 #include <sys/mman.h>
@@ -79,7 +79,7 @@ static void kill_a_writer(void *memory, struct ring_reader *r, uint64_t after_ns
     struct ring_writer w;
     ring_writer_attach(&w, memory);
     CHECK_EQ(r->next, w.latest + 1);
-    struct ring_reader whole; /* what an untouched ring holds, the killed one holds */
+    struct ring_reader whole; /* checks that the ring has all its records, like an untouched ring */
     open_reader(&whole, memory, NULL);
     ring_join(&whole, UINT64_MAX);
     CHECK_EQ(whole.next, w.oldest);
@@ -89,7 +89,7 @@ static void kill_a_writer(void *memory, struct ring_reader *r, uint64_t after_ns
     taken = before;
 }
 
-/* The writer runs beside a reader that pins, moves its lossless cursor, and dies; then the gate is taken away. */
+/* The writer runs with a reader that pins, moves its lossless cursor, and dies; then its gate is removed. */
 static void kill_a_reader(uint64_t after_ns)
 {
     void *memory = shared(ring_segment_bytes(CAPACITY, INDEX));
@@ -147,21 +147,21 @@ static void kill_a_reader(uint64_t after_ns)
     munmap(readers, readers_segment_bytes(1));
 }
 
-/* --- a feed and its publisher, who goes on from ring to ring */
+/* --- a feed and its publisher, which moves from ring to ring */
 
 enum { RINGS = 4, IN_A_RING = 40, HELD = 4, KEPT = 5 };
 
-/* The memory that both have. */
+/* The memory of both processes. */
 struct world {
     void *rings[RINGS];
     struct readers_header *readers;
-    _Atomic int *announced; /* how many of the rings the reader may know */
+    _Atomic int *announced; /* number of rings that the reader may know */
 };
 
 /* A feed, with the records that its reader holds in place. */
 struct reading {
     struct feed feed;
-    int rings; /* that it knows */
+    int rings; /* number of rings that it knows */
     uint64_t taken;
     bool is_held[HELD];
     unsigned pins[HELD];
@@ -256,11 +256,11 @@ static void take_by_feed(struct reading *r, uint64_t most)
     if (status == RING_CORRUPT)
         FAIL("sample %" PRIu64 " is corrupt", r->feed.ring.next);
     for (uint64_t i = 0; status == RING_EMPTY && i < HELD; i++)
-        let_go(r, i); /* the publisher may wait for their place */
+        let_go(r, i); /* the publisher may wait for the place of the record */
     feed_show_cursor(&r->feed);
 }
 
-/* Begins to publish; the one gate is for the slot of the feed. */
+/* Begins to publish, with one gate, for the slot of the feed. */
 static void start_publishing(struct ring_writer *w, struct reading_process *process, const struct world *world,
                              bool is_lossless)
 {
@@ -273,7 +273,7 @@ static void start_publishing(struct ring_writer *w, struct reading_process *proc
     CHECK(ring_add_gate(w, 1, process, 0, is_lossless));
 }
 
-/* Publishes the next sample, and goes on in another ring now and then. Not RING_OK: there is no room for now. */
+/* Publishes the next sample, and sometimes continues in another ring. Not RING_OK: there is no room for now. */
 static enum ring_status publish(struct ring_writer *w, const struct world *world)
 {
     const uint64_t seq = w->latest + 1;
@@ -291,7 +291,7 @@ static enum ring_status publish(struct ring_writer *w, const struct world *world
     return ring_write(w, bytes, size, 0, 0, true);
 }
 
-/* Returns how many samples were taken. */
+/* Kills a publisher; returns the number of samples taken. */
 static uint64_t kill_a_publisher(uint64_t after_ns, bool is_lossless)
 {
     struct world world = new_world();

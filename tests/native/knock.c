@@ -1,9 +1,9 @@
-/* A process with many rings that looks only at the one that it was rung for, and wakers that wait until they are seen.
+/* A process with many rings checks only the ring that a knock names; wakers wait until it has seen their samples.
  *
  *     knock [milliseconds]
  *
- * Counters stand in for rings, and threads for processes. Ends with status 3 where something that was published is not
- * seen. Built with BROKEN_ONE_KNOCK, or BROKEN_NO_FENCE, it must end so, which shows that it can see it.
+ * Counters stand for rings, and threads for processes. Ends with status 3 if a published sample is not seen. Built with
+ * BROKEN_ONE_KNOCK or BROKEN_NO_FENCE, it must end with that status, which proves that it detects the fault.
  */
 #include <poll.h>
 #include <pthread.h>
@@ -56,7 +56,7 @@ static uint64_t clear(void)
     return read(doorbell, &count, sizeof count) == sizeof count ? count : 0;
 }
 
-/* As Readers.deliver() does. */
+/* Reads in the way of Readers.deliver(). */
 static void *run_reader(void *unused)
 {
     struct pollfd set = {.fd = doorbell, .events = POLLIN};
@@ -105,7 +105,8 @@ static void *run_waker(void *number)
     while (now_ns() - begin < length_ns) {
         for (uint64_t left = 1 + random_next(&state) % 3; left != 0; left--) {
             const uint64_t ring = random_next(&state) % RINGS, slot = me * RINGS + ring;
-            /* Its only writer. A locked instruction would order as a fence does, also in a build without one. */
+            /* This thread is the only writer. A locked instruction would order like a fence, even in a build without
+             * one. */
             const uint64_t newest = atomic_load_explicit(&latest[slot], memory_order_relaxed) + 1;
             atomic_store_explicit(&latest[slot], newest, memory_order_release);
             bell_fence();
@@ -133,7 +134,7 @@ static void test_numbers(void)
     CHECK_EQ(knock_slot(UINT64_MAX - 1), UINT64_MAX); /* full */
 }
 
-/* Once for each sleep, once more for another ring; none where the sleeper looks at all anyway, or is awake. */
+/* One knock for each sleep, one more for another ring; none if the sleeper checks all rings anyway, or is awake. */
 static void test_once_for_each(void)
 {
     struct bell bell = {0};
@@ -159,7 +160,7 @@ int main(int argc, char **argv)
 {
     length_ns = (argc > 1 ? strtoull(argv[1], NULL, 10) : 1000) * 1000000u / WAKERS;
     test_numbers();
-    if (!IS_BROKEN) /* that is to be seen by who waits */
+    if (!IS_BROKEN) /* in a broken build, the waiting wakers must detect this */
         test_once_for_each();
     doorbell = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     for (wakers = 1; wakers <= WAKERS; wakers++) {

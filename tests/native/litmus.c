@@ -3,7 +3,7 @@
  *     litmus [name] [milliseconds for each]
  *
  * Ends with status 3 at the first forbidden outcome. Built with BROKEN_NO_FENCE, BROKEN_NO_VALIDATE or
- * BROKEN_EARLY_ADMIT, the tests of what is then missing must end so, which shows that they can see it.
+ * BROKEN_EARLY_ADMIT, the tests of the missing part must end with that status, which proves that they detect the fault.
  */
 #include <pthread.h>
 #include <sched.h>
@@ -51,7 +51,7 @@ static void delay(int64_t steps)
         ;
 }
 
-/* sleep: publish and look for a sleeper | fall asleep and look for a sample */
+/* sleep: publish and check for a sleeper | fall asleep and check for a sample */
 static void prepare_sleep(void)
 {
     void *payload;
@@ -71,7 +71,7 @@ static int right_sleep(void)
     return ring_poll(&r, 0) != 0;
 }
 
-/* pin: give up the oldest record and look for pins | pin it and look whether it was given up */
+/* pin: drop the oldest record and check for pins | pin it and check whether it was dropped */
 static void prepare_pin(void)
 {
     atomic_store_explicit(&readers_slots(readers)->pins[0], 0, memory_order_relaxed);
@@ -86,12 +86,12 @@ static int left_pin(void)
 {
     void *payload;
     CHECK_EQ(ring_reserve(&w, 96, true, &payload), RING_OK);
-    return payload == record.payload; /* the place that the oldest record had */
+    return payload == record.payload; /* the former place of the oldest record */
 }
 static int right_pin(void) { return ring_pin(&r, &record, &pin) == RING_OK; }
 
-/* admit: give up a record without the gate, add the gate and show its ticket, give up the next record | pin one of
- * the two, once the ticket is shown */
+/* admit: drop a record without the gate, add the gate and show its ticket, drop the next record | pin one of the two
+ * records, when the ticket is shown */
 static uint32_t ticket;
 static void prepare_admit(void)
 {
@@ -100,7 +100,7 @@ static void prepare_admit(void)
     gate = (struct ring_gate){.slot = slot};
     w.gates.count = 0;
     ring_gates_changed(&w);
-    for (int i = 0; i < CAPACITY / 128; i++) /* no gap of an earlier pin is left */
+    for (int i = 0; i < CAPACITY / 128; i++) /* removes gaps of earlier pins */
         put(96);
     ring_ask(slot, ++ticket);
     r.next = w.oldest + ticket % 2;
@@ -131,7 +131,7 @@ static int right_admit(void)
     return ring_pin(&r, &record, &pin) == RING_OK;
 }
 
-/* room: fall asleep and look at the cursor | move the cursor and look for the sleeping writer */
+/* room: fall asleep and check the cursor | move the cursor and check for the sleeping writer */
 static void prepare_room(void)
 {
     bell_disarm(&w.header->room);
@@ -146,7 +146,7 @@ static int right_room(void)
     return ring_room_is_due(&r);
 }
 
-/* message: publish | take what is published */
+/* message: publish | take the published record */
 static void prepare_message(void) { r.next = w.latest + 1; }
 static int left_message(void)
 {
@@ -164,7 +164,7 @@ static int take_one(void)
     return status == RING_CORRUPT ? 2 : 0;
 }
 
-/* torn: lap the reader | take what is being overwritten */
+/* torn: lap the reader | take a record that is being overwritten */
 static void prepare_torn(void)
 {
     put(900);
@@ -182,7 +182,7 @@ static const struct litmus {
     bool is_lossless;
     void (*prepare)(void);
     int (*left)(void), (*right)(void);
-    const char *outcomes[OUTCOMES]; /* of 3 * left + right; a leading '!' forbids it */
+    const char *outcomes[OUTCOMES]; /* by 3 * left + right; a leading '!' means forbidden */
 } litmuses[] = {
     {"sleep", false, prepare_sleep, left_sleep, right_sleep,
      {"!lost: neither rung nor seen", "seen", NULL, "rung", "both"}},
@@ -207,13 +207,13 @@ static void wait_until(_Atomic uint64_t *word, uint64_t value)
             sched_yield();
 }
 
-/* The sides meet in every order: a delay of the right side (negative: of the left, which begins earlier) that
- * changes now and then, and jitter. */
+/* A delay of the right side (negative: of the left side) that changes sometimes, plus jitter. So the sides meet in
+ * every order. */
 static int64_t offset(uint64_t round) { return (int64_t)(mix(round / 512) % 1600) - 1300; }
 
 static size_t processors[2];
 
-/* The first two that this process may use; false where there is one only. */
+/* Finds the first two processors that this process may use; false if there is only one. */
 static bool find_processors(void)
 {
     cpu_set_t allowed;

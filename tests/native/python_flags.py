@@ -1,4 +1,4 @@
-"""What a C compiler needs to embed the Python that runs this."""
+"""Prints the compiler flags to embed the running Python in a C program."""
 
 from sysconfig import get_config_var, get_path
 

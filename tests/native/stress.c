@@ -2,8 +2,8 @@
  *
  *     stress threads|processes lossy|lossless [milliseconds]
  *
- * Stands in for the broker with a shared page: it says how many rings there are and when the writer is done.
- * At the end, for each reader: taken + overrun + replaced = published. Ends with status 3 on any violation.
+ * A shared page stands for the broker: it has the number of rings, and a flag for the writer's end. At the end, this is
+ * true for each reader: taken + overrun + replaced = published. Ends with status 3 on any violation.
  */
 #include <fcntl.h>
 #include <poll.h>
@@ -49,7 +49,7 @@ static void knock(int door)
         FAIL("eventfd: %m");
 }
 
-/* False: nobody has rung for so long that a wake-up must be lost. */
+/* Sleeps until a ring. False: no process has rung for so long that a wake-up must be lost. */
 static bool sleep_at(int door)
 {
     struct pollfd set = {.fd = door, .events = POLLIN};
@@ -96,7 +96,7 @@ static void run_reader(int me)
 {
     static const uint64_t depths[READERS] = {0, 10, 0};
     unsigned char *bytes = malloc(MOST);
-    struct readers_header *segment = reader_memory[me]; /* threads share mappings, so that their sanitizer sees */
+    struct readers_header *segment = reader_memory[me]; /* threads share mappings: the sanitizer needs that */
     if (has_processes)
         segment = map(slot_fds[me], readers_segment_bytes(1), PROT_READ | PROT_WRITE);
     struct reader_slot *slot = readers_slots(segment);

@@ -1,9 +1,9 @@
-/* A feed: attach, read, overrun, from ring to ring, a publisher that goes, comes back, or is killed at any store.
+/* A feed: attach, read, overrun, from ring to ring, a publisher that ends, comes back, or is killed at any store.
  *
  *     test_feed
  *
- * Every atomic store of the code under test can be the last one of a publisher: what a kill leaves behind is tried for
- * each of them.
+ * Any atomic store of the code under test can be a publisher's last one. A kill is tried at each of them, and the
+ * result is checked.
  */
 #include <setjmp.h>
 #include <stdatomic.h>
@@ -46,7 +46,7 @@ static void before_store(void)
     }
 }
 
-/* A ring whose oldest record is given up whenever its reader asks whether that is still there. */
+/* A ring that drops its oldest record whenever its reader checks whether the record still exists. */
 static struct ring_header *lapping;
 
 static void before_fence(void)
@@ -94,7 +94,7 @@ static void put_some(int count, uint32_t size)
         CHECK_EQ(put(size), RING_OK);
 }
 
-/* Goes on in a ring of `capacity`. */
+/* Continues in a ring of `capacity`. */
 static void *grow(uint64_t capacity, uint64_t keep)
 {
     struct ring_writer fresh;
@@ -107,7 +107,7 @@ static void *grow(uint64_t capacity, uint64_t keep)
 
 /* --- the feed's side */
 
-static int rings_left; /* by any feed */
+static int rings_left; /* number of rings that feeds have left */
 
 static void leave(struct feed_ring *ring)
 {
@@ -136,7 +136,7 @@ static void attach_now(struct feed *feed, const void *memory, uint64_t slot)
     CHECK(feed_begin(feed, feed_find(feed, UINT64_MAX, 0, &old)));
 }
 
-/* Takes all that there is; returns how many. Each is whole, and none comes twice. */
+/* Takes all samples; returns their number. Checks that each is whole, and that none comes twice. */
 static uint64_t take_all(struct feed *feed, uint64_t depth)
 {
     uint64_t taken = 0;
@@ -171,7 +171,7 @@ static void test_attach_and_read(void)
     CHECK_EQ(feed_waiting(&feed), 0);
     feed_close(&feed, true);
 
-    attach(&feed, memory, 0); /* what was stamped since, and history before it */
+    attach(&feed, memory, 0); /* samples stamped since then, and history before them */
     CHECK_EQ(feed_find(&feed, stamp_of(7), 0, &old), 7);
     CHECK_EQ(old, 0);
     CHECK_EQ(feed_find(&feed, stamp_of(7), 2, &old), 5);
@@ -210,7 +210,7 @@ static void test_depth_and_overrun_are_counted(void)
     CHECK_EQ(take_all(&feed, 0), 520 - oldest + 1);
     CHECK_EQ(feed.ring.overrun, oldest - 21);
 
-    put_some(3, 100); /* the head is known when the record is lapped */
+    put_some(3, 100); /* the feed has read the head when the record is lapped */
     feed_poll(&feed, 0);
     CHECK_EQ(feed_head(&feed, 0), RING_OK);
     const struct ring_record record = feed.head;
@@ -227,7 +227,7 @@ static void test_depth_and_overrun_are_counted(void)
     free(memory);
 }
 
-/* A ring that grew is read to its end first, through several rings, and each is left once. */
+/* A feed reads a ring that grew to its end, through several rings, and leaves each once. */
 static void test_from_ring_to_ring(void)
 {
     void *memory[FEED_MOST_FOLLOWING + 2] = {new_ring(CAPACITY, INDEX, 1)};
@@ -249,7 +249,7 @@ static void test_from_ring_to_ring(void)
     CHECK_EQ(take_all(&feed, 0), 10 + 2 * FEED_MOST_FOLLOWING);
     CHECK_EQ(feed.ring.overrun + feed.ring.replaced, 0);
     CHECK_EQ(rings_left, FEED_MOST_FOLLOWING);
-    CHECK(feed.rings->after == NULL); /* closed and without a next one: that is on its way */
+    CHECK(feed.rings->after == NULL); /* closed, and the next ring is on its way */
     CHECK(feed_extend(&feed, map(memory[FEED_MOST_FOLLOWING + 1])));
     put_some(3, 100);
     CHECK_EQ(take_all(&feed, 0), 3);
@@ -271,7 +271,7 @@ static void test_a_publisher_that_lies(void)
     CHECK(!feed_begin(&feed, 0));
     CHECK(!feed_begin(&feed, MAX_SEQ + 2));
     CHECK(feed_begin(&feed, 1));
-    CHECK(feed_extend(&feed, map(next))); /* goes on elsewhere and has not closed this one */
+    CHECK(feed_extend(&feed, map(next))); /* the publisher continues elsewhere and has not closed this ring */
     atomic_store(&((struct ring_header *)next)->latest, 20);
     feed_poll(&feed, 0);
     for (int i = 0; i < 5; i++) {
@@ -283,7 +283,7 @@ static void test_a_publisher_that_lies(void)
 
     attach(&feed, memory, 0);
     CHECK(feed_begin(&feed, 1));
-    memset((char *)memory + sizeof *header, 0xff, INDEX * 8); /* entries that lie */
+    memset((char *)memory + sizeof *header, 0xff, INDEX * 8); /* false entries */
     feed_poll(&feed, 0);
     CHECK_EQ(feed_head(&feed, 0), RING_CORRUPT);
     atomic_store(&header->latest, MAX_SEQ + 9);
@@ -295,7 +295,7 @@ static void test_a_publisher_that_lies(void)
     free(next);
 }
 
-/* A ring that laps its reader at every look: the feed is left for another turn, and is news then. */
+/* A ring laps its reader at every check: the feed must wait for another turn, and then has news. */
 static void test_one_that_is_too_fast_does_not_hold_up_others(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -318,7 +318,7 @@ static void test_one_that_is_too_fast_does_not_hold_up_others(void)
     free(memory);
 }
 
-/* With its gate the publisher shows the ticket; from then on records are held in place, until that is over. */
+/* With the gate, the publisher shows the ticket. From then on, records are held in place until they are unpinned. */
 static void test_pins(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -358,7 +358,8 @@ static void test_pins(void)
     free(memory);
 }
 
-/* Who was never admitted takes the ticket out of the slot; in the child of a fork that is the parent's. */
+/* A feed that was never admitted removes its ticket from the slot. In the child of a fork, the ticket is the
+ * parent's. */
 static void test_tickets_are_taken_back(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -375,7 +376,7 @@ static void test_tickets_are_taken_back(void)
     CHECK_EQ(slot->pins[READER_PINS - 1], 0);
     atomic_store(&((struct ring_header *)memory)->admitted[3], 77);
     feed_attach(&feed, map(memory), &readers_slots(readers)[0], 77);
-    CHECK_EQ(feed.ticket, 78); /* not one that the ring shows */
+    CHECK_EQ(feed.ticket, 78); /* a number that the ring does not show */
     feed_close(&feed, true);
     feed_attach(&feed, map(memory), &readers_slots(readers)[0], UINT64_C(7) << 32);
     CHECK_EQ(feed.ticket, 1);
@@ -384,7 +385,7 @@ static void test_tickets_are_taken_back(void)
     free(memory);
 }
 
-/* A lossless match: nothing is lost, and the publisher is rung once there is the room that it waits for. */
+/* A lossless match: nothing is lost, and the publisher is rung when there is the room that it waits for. */
 static void test_credit(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1), *wider;
@@ -404,10 +405,10 @@ static void test_credit(void)
             feed_step(&feed);
             taken++;
             is_due = feed_show_cursor(&feed);
-            CHECK(!feed_show_cursor(&feed)); /* it has not moved */
+            CHECK(!feed_show_cursor(&feed)); /* the cursor has not moved */
         }
         rung++;
-        CHECK(feed_waiting(&feed) > 5); /* half of the ring, not each record */
+        CHECK(feed_waiting(&feed) > 5); /* rung after half of the ring, not after each record */
         CHECK_EQ(put(100), RING_OK);
         bell_disarm(&w.header->room);
     }
@@ -419,7 +420,7 @@ static void test_credit(void)
     wider = grow(2 * CAPACITY, UINT64_MAX);
     while (put(100) == RING_OK)
         ;
-    CHECK(ring_wait_for_room(&w)); /* by the bell of the other ring, which the feed does not know yet */
+    CHECK(ring_wait_for_room(&w)); /* with the bell of the other ring, which the feed does not know yet */
     taken += take_all(&feed, 0);
     CHECK(!feed_show_cursor(&feed));
     CHECK(feed_extend(&feed, map(wider)));
@@ -433,7 +434,7 @@ static void test_credit(void)
     free(wider);
 }
 
-/* A ring that grew has another bell, which has rung as often as the one before: it is rung all the same. */
+/* After growth, the ring has another bell with the same generation as the old one. It must still be rung. */
 static void test_credit_in_the_next_ring(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1), *wider;
@@ -446,7 +447,7 @@ static void test_credit_in_the_next_ring(void)
     CHECK(ring_wait_for_room(&w));
     take_all(&feed, 0);
     CHECK(feed_show_cursor(&feed));
-    CHECK(!feed_room_is_due(&feed)); /* it was rung for this wait */
+    CHECK(!feed_room_is_due(&feed)); /* already rung for this wait */
     wider = grow(2 * CAPACITY, 1);
     CHECK(feed_extend(&feed, map(wider)));
     while (put(100) == RING_OK)
@@ -469,7 +470,7 @@ static void test_news(void)
     struct feed_watch watch = {.feed = &feed};
     feed_watch_anew(&watch);
     CHECK(!feed_watch_has_news(&watch));
-    CHECK_EQ(watch.known, FEED_UNKNOWN); /* its ticket is to be seen, too */
+    CHECK_EQ(watch.known, FEED_UNKNOWN); /* the check must find its ticket, too */
     CHECK(ring_add_gate(&w, 1, &process, 0, false));
     CHECK(!feed_watch_has_news(&watch));
     CHECK_EQ(feed.ticket, 0);
@@ -484,7 +485,7 @@ static void test_news(void)
     CHECK(!feed_watch_has_news(&watch));
     next = grow(2 * CAPACITY, 1);
     put_some(1, 100);
-    CHECK(!feed_watch_has_news(&watch)); /* it does not know of the other ring */
+    CHECK(!feed_watch_has_news(&watch)); /* the watch does not know the other ring */
     CHECK(feed_extend(&feed, map(next)));
     feed_watch_anew(&watch);
     CHECK(feed_watch_has_news(&watch));
@@ -494,7 +495,7 @@ static void test_news(void)
     free(next);
 }
 
-/* What comes after the end of a publisher is not taken: another one has the memory then. */
+/* Records after a publisher's end are not taken: another publisher may own the memory then. */
 static void test_a_publisher_that_is_gone(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -510,7 +511,7 @@ static void test_a_publisher_that_is_gone(void)
     CHECK_EQ(feed_waiting(&idle), 0);
     CHECK_EQ(take_all(&feed, 0), 7);
     CHECK_EQ(take_all(&feed, 0), 0);
-    put_some(500, 100); /* far beyond what was its */
+    put_some(500, 100); /* far above its last number */
     CHECK_EQ(take_all(&feed, 0), 0);
     CHECK_EQ(feed.ring.overrun + feed.ring.replaced, 0);
     feed_close(&feed, true);
@@ -519,8 +520,8 @@ static void test_a_publisher_that_is_gone(void)
     free(memory);
 }
 
-/* The broker has started again, and the match is made anew: the reader goes on with its own next, in the ring that the
- * publisher has by then. */
+/* After a restart of the broker, the match is made again: the reader continues with its own next number, in the
+ * publisher's present ring. */
 static void test_matched_again_after_a_restart_of_the_broker(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1), *wider;
@@ -535,7 +536,7 @@ static void test_matched_again_after_a_restart_of_the_broker(void)
         CHECK_EQ(feed_copy(&feed, 0, &feed.head, got), RING_OK);
     }
     feed_show_cursor(&feed);
-    attach(&again, memory, 1); /* another slot, before the one of the old match is given up */
+    attach(&again, memory, 1); /* another slot, before the old match's slot is freed */
     CHECK(feed_begin(&again, feed.ring.next));
     CHECK(ring_add_gate(&w, 2, &process, 1, true));
     feed_close(&feed, true);
@@ -554,7 +555,7 @@ static void test_matched_again_after_a_restart_of_the_broker(void)
     CHECK_EQ(take_all(&feed, 0), 8);
     CHECK_EQ(feed.ring.overrun + feed.ring.replaced, 0);
     ring_make_lossy(&w, gates_find(&w.gates, 2));
-    put_some(500, 100); /* a lossy one that was away too long learns how much it lost */
+    put_some(500, 100); /* a lossy reader that was away too long counts its losses */
     const uint64_t next = feed.ring.next;
     feed_close(&feed, true);
     attach(&again, wider, 3);
@@ -567,12 +568,12 @@ static void test_matched_again_after_a_restart_of_the_broker(void)
     free(wider);
 }
 
-/* --- killed at any store: of the n-th, for each n until it has done all of its work */
+/* --- killed at any store: at the n-th, for each n until the publisher finishes its work */
 
 static void *killed_in, *killed_before;
 static struct feed witness;
 
-/* Some records into a full ring, one of them killed in the midst of its copy; and, if it `grows`, into the next ring. */
+/* Writes some records into a full ring; if it `grows`, into the next ring, too. The kill may come during a copy. */
 static void publish_and_grow(bool grows)
 {
     void *payload;
@@ -589,7 +590,7 @@ static void publish_and_grow(bool grows)
     if (grows) {
         struct ring_writer fresh;
         const bool was_mortal = is_mortal;
-        is_mortal = false; /* to have the memory back */
+        is_mortal = false; /* to free the memory */
         killed_in = new_ring(2 * CAPACITY, INDEX, ring_carry_from(&w, 10));
         is_mortal = was_mortal;
         ring_writer_attach(&fresh, killed_in);
@@ -599,7 +600,7 @@ static void publish_and_grow(bool grows)
     }
 }
 
-/* False: nothing was left to kill. */
+/* Kills a publisher at a store. False: the publisher had no store with this number. */
 static bool kill_at_store(int number, bool grows)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -618,7 +619,7 @@ static bool kill_at_store(int number, bool grows)
         publish_and_grow(grows);
     is_mortal = false;
     if (!is_killed && grows)
-        CHECK(feed_extend(&witness, map(killed_in))); /* announced once it has gone on there */
+        CHECK(feed_extend(&witness, map(killed_in))); /* announced after it has moved there */
     const struct ring_header *header = is_killed || !grows ? killed_before : killed_in;
     const uint64_t latest = header->latest;
     feed_finish(&witness);
@@ -628,7 +629,7 @@ static bool kill_at_store(int number, bool grows)
     CHECK_EQ(taken + witness.ring.overrun, latest);
     CHECK(latest >= 60 && taken >= 10);
 
-    /* The next publisher takes over where that one was, and the reader goes on there with its own next. */
+    /* The next publisher takes over its ring, and the reader continues there with its own next number. */
     if (!is_killed || !grows) {
         struct ring_writer heir;
         struct feed again;

@@ -1,4 +1,4 @@
-/* Gates: which match holds the writer back and where, who is admitted, and which doorbells are rung. */
+/* Gates: matches that hold the writer back, admitted readers, and doorbells that are rung. */
 #include "check.h"
 
 #include "../../clients/bus/shm/gates.h"
@@ -88,7 +88,7 @@ static void test_come_and_go(void)
     CHECK_EQ(w.gates.bell_count, 1);
     CHECK_EQ(a.process.gates, 0);
     CHECK(gates_find(&w.gates, 1) == NULL);
-    CHECK(ring_add_gate(&w, 2, &a.process, 7, true)); /* another slot, in place of the one before */
+    CHECK(ring_add_gate(&w, 2, &a.process, 7, true)); /* another slot instead of the earlier one */
     CHECK_EQ(w.gates.count, 15);
     CHECK_EQ(a.process.gates, 1);
     CHECK_EQ(b.process.gates, 14);
@@ -135,7 +135,7 @@ static bool is_shown(const struct ring_writer *w, uint32_t ticket)
     return false;
 }
 
-/* A reader that asks is admitted with its gate; a ticket is no pin. */
+/* A reader that asks is admitted with its gate. A ticket does not count as a pin. */
 static void test_tickets(void)
 {
     struct neighbour a = new_neighbour(1);
@@ -152,7 +152,7 @@ static void test_tickets(void)
         CHECK(ring_add_gate(&w, 2, &a.process, 1, false));
         CHECK(is_shown(&w, 2000 + other) && is_shown(&w, 1234));
     }
-    CHECK(ring_add_gate(&w, 3, &a.process, 2, false)); /* does not ask, so it takes no place */
+    CHECK(ring_add_gate(&w, 3, &a.process, 2, false)); /* it does not ask, so no ticket is shown */
     CHECK(is_shown(&w, 1234));
     ring_ask(slot_of(&a, 1), 99);
     CHECK(ring_add_gate(&w, 2, &a.process, 1, false));
@@ -163,7 +163,8 @@ static void test_tickets(void)
     free(a.segment);
 }
 
-/* A gate that comes once more for the same slot goes on stepping over what is pinned; for another slot it does not. */
+/* If a gate is replaced for the same slot, the writer still steps over its pinned records; for another slot it does
+ * not. */
 static void test_holes_stay_with_their_slot(void)
 {
     struct neighbour a = new_neighbour(1);
@@ -199,7 +200,7 @@ static void test_holes_stay_with_their_slot(void)
     free(a.segment);
 }
 
-/* In another ring: the gates go along, without the holes, and so do depth and hold. */
+/* The gates move to another ring, without the holes. Depth and hold move, too. */
 static void test_they_go_on_in_another_ring(void)
 {
     struct neighbour a = new_neighbour(1);
@@ -237,7 +238,7 @@ static void test_they_go_on_in_another_ring(void)
     CHECK_EQ(gates_find(&w.gates, 1)->is_lossless, 1);
     for (int i = 0; i < 150; i++)
         put(&w, 200);
-    CHECK_EQ(put(&w, 200), RING_FULL); /* by hold */
+    CHECK_EQ(put(&w, 200), RING_FULL); /* because of hold */
     CHECK_EQ(w.gates.hole_count, 0);
     CHECK(is_filled(held.payload, 1, 200));
     end(&w, memory);
@@ -245,7 +246,7 @@ static void test_they_go_on_in_another_ring(void)
     free(a.segment);
 }
 
-/* One gate in a process: once for each sleep; the number says for which slot only if the process has many rings. */
+/* One gate in a process: one ring for each sleep. The number names a slot only if the process has many rings. */
 static void test_each_process_is_rung_once_for_a_sleep(void)
 {
     struct neighbour a = new_neighbour(11), b = new_neighbour(12);
@@ -268,13 +269,13 @@ static void test_each_process_is_rung_once_for_a_sleep(void)
     bell_arm(&a.segment->arrival, 0);
     CHECK_EQ(ring_all(&w, false), 1);
     CHECK_EQ(knock_slot(rung[0].knock), 4);
-    CHECK_EQ(ring_all(&other, false), 1); /* another ring was rung for */
+    CHECK_EQ(ring_all(&other, false), 1); /* another ring has rung before */
     CHECK_EQ(rung[0].knock, KNOCK_ANY);
     bell_arm(&a.segment->arrival, 0);
     CHECK_EQ(ring_all(&other, false), 1); /* several of its slots */
     CHECK_EQ(rung[0].knock, KNOCK_ANY);
     bell_arm(&a.segment->arrival, 0);
-    CHECK_EQ(ring_all(&w, true), 1); /* more than a record */
+    CHECK_EQ(ring_all(&w, true), 1); /* there is more than a record */
     CHECK_EQ(rung[0].knock, KNOCK_ANY);
     end(&w, memory);
     end(&other, second);
@@ -282,7 +283,7 @@ static void test_each_process_is_rung_once_for_a_sleep(void)
     free(b.segment);
 }
 
-/* A ring was rung for one of its slots. When its gates change, that knock is not taken for the other slot's. */
+/* A writer has rung for one of its slots. When its gates change, that knock must not count for another slot. */
 static void test_a_knock_stands_for_no_other_slot(void)
 {
     struct neighbour a = new_neighbour(1);

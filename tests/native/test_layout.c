@@ -1,4 +1,4 @@
-/* Segments of others: what is wrong with one is said, and a ring that lies later does no harm. */
+/* Foreign segments: the checks name the fault of a segment, and a ring with later changes does no harm. */
 #include "check.h"
 
 enum { CAPACITY = 4096, INDEX = 64, HEADER_WORDS = sizeof(struct ring_header) / 8 };
@@ -64,7 +64,7 @@ static void test_a_lying_ring_is_survived(void)
         ring_writer_attach(&w, memory);
         for (int i = 0; i < 3; i++)
             CHECK_EQ(ring_write(&w, got, 100, 0, 0, true), RING_OK);
-        uint64_t *words = memory; /* any word may lie: header, index, the first records */
+        uint64_t *words = memory; /* any word may be false: header, index, the first records */
         for (int i = 0; i < 40; i++) {
             const uint64_t at = random_next(&state) % (i < 20 ? HEADER_WORDS + INDEX + 60 : HEADER_WORDS + 8);
             words[at] = i % 3 == 0 ? random_next(&state) : i % 3 == 1 ? random_next(&state) % 9000 : words[at] + 64;

@@ -1,4 +1,4 @@
-/* Pins: what is held stays, whatever the writer does; what is not held is never in the way for long. */
+/* Pins: pinned records stay, for any work of the writer; other records never block it for long. */
 #include "check.h"
 
 enum { CAPACITY = 8192, INDEX = 64, GATES = 3 };
@@ -80,8 +80,8 @@ static void test_a_pin_that_comes_too_late_is_refused(void)
     free(memory);
 }
 
-/* All that fits is pinned by two readers that never come back: the writer is told, waits for nobody, and goes
- * on when their gates are taken away. */
+/* Two readers that never come back pin as many records as fit. The writer gets RING_PINNED, does not wait, and
+ * continues when their gates are removed. */
 static void test_pins_may_fill_the_ring(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -105,7 +105,7 @@ static void test_pins_may_fill_the_ring(void)
     CHECK_EQ(held, 8);
     void *payload;
     CHECK_EQ(ring_reserve(&w, 900, true, &payload), RING_PINNED);
-    CHECK_EQ(ring_reserve(&w, 10, true, &payload), RING_OK); /* 8 * 960 bytes leave a little */
+    CHECK_EQ(ring_reserve(&w, 10, true, &payload), RING_OK); /* 8 * 960 bytes leave a little room */
     CHECK_EQ(ring_reserve(&w, 900, true, &payload), RING_PINNED);
     w.gates.count = 1;
     ring_gates_changed(&w);
@@ -136,8 +136,8 @@ static void test_all_pins_in_use(void)
     free(memory);
 }
 
-/* Random writers and readers against the plain truth: every record in [oldest, latest] reads as written, what is
- * pinned stays, a lossless reader loses nothing, and everything is accounted for. */
+/* Random writers and readers, compared with a simple model: every record in [oldest, latest] reads as written, pinned
+ * records stay, a lossless reader loses nothing, and every record is counted. */
 static void test_random_histories(uint64_t seed)
 {
     static const unsigned char *held[GATES][READER_PINS];

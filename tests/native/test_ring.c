@@ -50,7 +50,7 @@ static void test_sizes(void)
     free(memory);
 }
 
-/* No record straddles the end, and every lap starts where the skipped tail says. */
+/* No record straddles the ring's end: the rest of a lap is skipped, and the next lap starts at the beginning. */
 static void test_wrap_skips_the_tail(void)
 {
     void *memory = new_ring(CAPACITY, INDEX, 1);
@@ -112,7 +112,7 @@ static void test_overrun_is_counted_and_resynchronised(void)
     free(memory);
 }
 
-/* Few entries, small records: the index laps long before the bytes do. */
+/* Few entries, small records: the index laps long before the bytes. */
 static void test_index_laps_before_bytes(void)
 {
     void *memory = new_ring(1 << 16, 16, 1);
@@ -220,7 +220,7 @@ static void test_lossless_reader_holds_its_writer_back(void)
     w.gates.count = 1;
     ring_gates_changed(&w);
     uint64_t rung = 0, taken = 0;
-    CHECK(!ring_wait_for_room(&w)); /* nothing to wait for */
+    CHECK(!ring_wait_for_room(&w)); /* no reason to wait */
     for (int round = 0; round < 50; round++) {
         enum ring_status status;
         fill(bytes, w.latest + 1, 64);
@@ -243,7 +243,7 @@ static void test_lossless_reader_holds_its_writer_back(void)
         r.room_rung = 0;
         CHECK(!ring_room_is_due(&r)); /* awake */
     }
-    w.gates.count = 0; /* the broker says that the reader is gone */
+    w.gates.count = 0; /* the broker reports that the reader is gone */
     ring_gates_changed(&w);
     put(&w, 64);
     free(memory);
@@ -256,7 +256,7 @@ static void test_the_slowest_lossless_reader_counts(void)
     struct ring_gate gates[3] = {
         {.slot = &slots[0], .is_lossless = true},
         {.slot = &slots[1], .is_lossless = true},
-        {.slot = &slots[2]}, /* lossy: holds nobody back */
+        {.slot = &slots[2]}, /* lossy: does not hold the writer back */
     };
     struct ring_writer w;
     ring_writer_attach(&w, memory);

@@ -1,4 +1,4 @@
-/* Large records turn back to the start of the ring: when they do, what stands in the way, and that no room is lost. */
+/* Large records turn back to the start of the ring: the conditions, the obstacles, and the use of all room. */
 #include "check.h"
 
 enum { CAPACITY = 16384, INDEX = 128, LARGE = 1024 - RING_HEAD_BYTES, SMALL = 64 - RING_HEAD_BYTES, MOST = 1 << 16 };
@@ -14,7 +14,7 @@ struct ring {
     struct reader_slot slot;
 };
 
-/* With one reader's gate. */
+/* Makes a ring with one reader's gate. */
 static void open_ring(struct ring *ring, uint64_t keep, bool is_lossless)
 {
     *ring = (struct ring){.memory = new_ring(CAPACITY, INDEX, 1)};
@@ -44,7 +44,7 @@ static uint64_t place_of(const struct ring *ring, uint64_t seq)
 
 static void take_all(struct ring *ring) { atomic_store(&ring->slot.cursor, ring->w.latest + 1); }
 
-/* All that has not been given up is as it was written. */
+/* Checks that all remaining records read as written. */
 static void check_all(const struct ring *ring)
 {
     struct ring_reader r;
@@ -60,7 +60,7 @@ static void check_all(const struct ring *ring)
     }
 }
 
-/* The part of the ring that `count` records of the size of LARGE go through once it has been used for a while. */
+/* The part of the ring that `count` records of size LARGE use, after it has been in use for a while. */
 static uint64_t used_by(struct ring *ring, unsigned count)
 {
     uint64_t most = 0;
@@ -94,7 +94,7 @@ static void test_small_records_use_all(void)
     close_ring(&ring);
 }
 
-/* More than a quarter of the ring: so much room is not put at risk. */
+/* If the depth needs more than a quarter of the ring, the ring does not turn back. */
 static void test_a_great_depth_uses_all(void)
 {
     for (uint64_t keep = 5; keep <= 15; keep++) {
@@ -106,7 +106,7 @@ static void test_a_great_depth_uses_all(void)
     }
 }
 
-/* The usual depth stands for ever where a history is kept. */
+/* With a history, all records stay. */
 static void test_a_history_stays(void)
 {
     struct ring ring;
@@ -134,7 +134,7 @@ static void test_a_lossless_reader_that_keeps_up(void)
     close_ring(&ring);
 }
 
-/* Whenever it stops taking, at least as much fits as fits without turning back, less what was an island. */
+/* Whenever the reader stops, at least as many records fit as without turning back, except for an island. */
 static void test_the_window_of_a_lossless_reader(void)
 {
     for (uint64_t before = 0; before < 64; before++) {
@@ -180,7 +180,7 @@ static void test_hold_stands_in_the_way(void)
     close_ring(&ring);
 }
 
-/* The depth was small and becomes larger: all of the ring is there for it. */
+/* The depth was small and becomes larger: it can use the whole ring. */
 static void test_a_depth_that_grows(void)
 {
     for (unsigned before = 0; before < 40; before++) {
@@ -200,7 +200,7 @@ static void test_a_depth_that_grows(void)
     }
 }
 
-/* What is held in place is stepped over, and still is where it was after laps. */
+/* The writer steps over pinned records, which stay in their places for several laps. */
 static void test_pins_stand_in_the_way(void)
 {
     for (unsigned first = 1; first < 6; first++) {
@@ -233,7 +233,7 @@ static void test_pins_stand_in_the_way(void)
     }
 }
 
-/* What is carried to a larger ring is all there. */
+/* All records carried to a larger ring exist there. */
 static void test_carried_records_do_not_turn_back(void)
 {
     struct ring ring;
@@ -252,7 +252,7 @@ static void test_carried_records_do_not_turn_back(void)
     close_ring(&ring);
 }
 
-/* A loan that is taken back, and a writer that dies anywhere after it has turned back. */
+/* A loan is taken back, and a writer dies at any point after it has turned back. */
 static void test_takeover(void)
 {
     struct ring ring;
@@ -272,8 +272,8 @@ static void test_takeover(void)
     close_ring(&ring);
 }
 
-/* Any sizes, depths, holds, cursors and pins: what has not been given up is whole, what is needed has not been given up,
- * and there is room as long as what is needed is less than half of the ring. */
+/* Any sizes, depths, holds, cursors and pins: remaining records are whole, needed records remain, and there is room
+ * while the needed records take less than half of the ring. */
 static void test_random_histories(uint64_t seed)
 {
     struct ring ring;
