@@ -1,4 +1,4 @@
-"""`bus bag convert`: bags written anew, as a file of options says: chosen topics, other files, compressed.
+"""`bus bag convert`: writes bags again by a file of options: chosen topics, other files, compression.
 
 `Output` has the options that are used. Other options of rosbag2 are accepted without effect.
 """
@@ -31,9 +31,9 @@ __all__ = ["Output", "convert", "read_outputs"]
 
 _NS_PER_S = 1_000_000_000
 _LOOK = 1000
-"""After so many messages the caller hears how far it is."""
+"""Number of messages between two calls of `progress`."""
 _CHOICES = ("topics", "topic_types", "services", "exclude_topics", "exclude_topic_types", "exclude_services")
-"""Lists of names."""
+"""Options with lists of names."""
 _WITHOUT_EFFECT = {
     "max_cache_size",
     "storage_config_uri",
@@ -57,24 +57,24 @@ _WITHOUT_EFFECT = {
 
 
 class Output(msgspec.Struct, frozen=True, kw_only=True):
-    """A bag to be written."""
+    """Options of a bag to write."""
 
     uri: Path
     storage: str = DEFAULT.identifier
     preset: str = "none"
     wanted: Wanted | None = None
-    """None: all topics, hidden ones too."""
+    """None: all topics, also hidden ones."""
     most_bytes: int = 0
     most_s: float = 0.0
     start: int | None = None
-    """Nanoseconds since 1970, and so is `end`, which belongs to it."""
+    """Nanoseconds since 1970, like `end`. A message at `end` is included."""
     end: int | None = None
     custom_data: Mapping[str, str] | None = None
-    """None: the same as in the bags that are read."""
+    """None: the same as in the input bags."""
 
 
 def read_outputs(text: str) -> list[Output]:
-    """What a file of options asks for. Raises BagError for what can't be used."""
+    """Read a file of options. Raises BagError for unusable ones."""
     try:
         document = load(text)
     except ValueError as error:
@@ -92,7 +92,7 @@ class _Topic(NamedTuple):
 
 
 class _Options:
-    """The options of one bag. Each is removed when it is read, so the remaining ones are unknown."""
+    """The options of one bag. Reading an option removes it, so the remaining ones are unknown."""
 
     def __init__(self, entry: object) -> None:
         if not isinstance(entry, dict):
@@ -133,7 +133,7 @@ class _Options:
 
     def _moment(self, key: str) -> int | None:
         time = self._left.pop(key, None)
-        if time is None or time == -1:  # rosbag2's word for none
+        if time is None or time == -1:  # rosbag2's value for "not set"
             return None
         self._left[key] = time
         return int(self._take(key, int, 0))
@@ -143,7 +143,8 @@ class _Options:
         return None if values is None else {str(key): str(value) for key, value in values.items()}
 
     def _preset(self) -> str:
-        """What is compressed is chunks, which every reader of MCAP unpacks, whatever mode is asked for."""
+        """The preset. Compression applies to chunks, whatever the mode, because every reader of MCAP unpacks
+        chunks."""
         mode = self._take("compression_mode", str, "").lower()
         kind = self._take("compression_format", str, "").lower()
         preset = self._take("storage_preset_profile", str, "")
@@ -185,11 +186,11 @@ def convert(
 ) -> list[str]:
     """Write the messages of all `inputs` into each of the `outputs` that wants them, by log time.
 
-    `progress` hears now and then how many messages were read, and how many there are. Returns what could not
-    be read or written as it was. If it is interrupted, or if the disk is full, the part written so far is a
-    complete bag.
+    `progress` is called from time to time with the number of messages read so far, and of all messages.
+    Returns descriptions of everything that could not be read, or not written unchanged. If it is interrupted,
+    or if the disk is full, the part written so far is a complete bag.
 
-    Raises BagError for bags that can't be read or written, ConfigurationError for what is no regular
+    Raises BagError for bags that can't be read or written, ConfigurationError for an invalid regular
     expression, OSError for faults of the disk.
     """
     if not inputs or not outputs:
@@ -237,7 +238,7 @@ def _merged(readers: Iterable[BagReader], topics: Mapping[str, _Topic]) -> Itera
 
 
 def _topics_of(readers: Sequence[BagReader], warnings: list[str]) -> dict[str, _Topic]:
-    """By name; with the QoS profiles of all bags."""
+    """Topics by name, with the QoS profiles of all bags."""
     found: dict[str, _Topic] = {}
     for reader in readers:
         for name, topic in reader.topics.items():
@@ -261,7 +262,8 @@ def _topics_of(readers: Sequence[BagReader], warnings: list[str]) -> dict[str, _
 
 
 def _described(topic: _Topic, warnings: list[str]) -> _Topic:
-    """Old bags don't describe their types: then it is the type of that name here."""
+    """Add the type's description if it is missing, as in old bags: then this uses the local type of that
+    name."""
     metadata, definition, extra = topic
     if definition or metadata.serialization_format != "cdr":
         return topic
@@ -277,7 +279,7 @@ def _described(topic: _Topic, warnings: list[str]) -> _Topic:
 
 
 class _Writer:
-    """One of the bags that are written."""
+    """Writes one of the output bags."""
 
     def __init__(self, output: Output, readers: Sequence[BagReader], topics: Mapping[str, _Topic]) -> None:
         self._output = output
@@ -303,7 +305,7 @@ class _Writer:
         is_whole = len(readers) == 1 and output.start is None and output.end is None
         found = find_losses(readers[0]) if is_whole else {}
         self._losses = {topic: one for topic, one in found.items() if topic in chosen}
-        """The recorder's account. There is none for several bags, or for a part of one."""
+        """The recorder's counters; empty for several bags, or for a part of a bag."""
 
     def write(self, message: BagMessage) -> None:
         channel = self._channels.get(message.topic)

@@ -1,4 +1,4 @@
-"""Errors of bags. Their texts are for the user."""
+"""Errors of bags, with texts for the user."""
 
 from bus.errors import BusError
 
@@ -6,16 +6,15 @@ __all__ = ["BagError", "BagFull"]
 
 
 class BagError(BusError):
-    """A bag can't be read, written or understood. The text names the file and what is wrong there."""
+    """A bag can't be read, written or understood. The text names the file and the fault."""
 
 
 class BagFull(BagError):
-    """Nothing more fits on the disk, or into the file. The part written before is kept, and the bag can be
-    closed."""
+    """The disk or the file is full. The part written before is kept, and the bag can be closed."""
 
     def __init__(self, message: str, *, room: int = 0, is_limit: bool = False) -> None:
         super().__init__(message)
         self.room = room
-        """Bytes that would still have fitted."""
+        """Number of bytes that were still free."""
         self.is_limit = is_limit
-        """Whether it is a limit of the file's size, and not the disk."""
+        """Whether the limit is the file's size, not the disk."""

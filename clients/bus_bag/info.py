@@ -1,4 +1,4 @@
-"""What `bus bag info` says of a bag, in rosbag2's form."""
+"""The text of `bus bag info` about a bag, in rosbag2's form."""
 
 import time
 from collections import Counter
@@ -22,18 +22,19 @@ SORTINGS: Mapping[str, Callable[[TopicInformation], object]] = {
     "type": lambda one: one.topic_metadata.type,
     "count": lambda one: one.message_count,
 }
-"""How topics can be sorted."""
+"""Sort keys of topics, by their names in the options."""
 
 
 class _Service(msgspec.Struct):
-    """What is known of a service by its events, from reading them."""
+    """Counts of a service, from reading its events."""
 
     requests: set[bytes] = msgspec.field(default_factory=set)
     responses: set[bytes] = msgspec.field(default_factory=set)
 
 
 def describe(reader: BagReader, *, verbose: bool = False, sort: str = "name") -> str:
-    """The text; `verbose` reads all messages, for the bytes of each topic and the calls of services."""
+    """Describe the bag. `verbose` reads all messages, for the bytes of each topic and the calls of
+    services."""
     metadata = reader.metadata
     sizes: Counter[str] = Counter()
     services: dict[str, _Service] = {}
@@ -68,13 +69,13 @@ def describe(reader: BagReader, *, verbose: bool = False, sort: str = "name") ->
 
 
 def topic_names(metadata: BagMetadata, sort: str = "name") -> list[str]:
-    """Names of topics, without those of services' events."""
+    """Names of topics, without topics of services' events."""
     topics = sorted(metadata.topics, key=SORTINGS[sort])  # type: ignore[arg-type]
     return [one.topic_metadata.name for one in topics if not _is_event(one)]
 
 
 def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
-    """The recorder's last account of messages that the bag lacks; nothing if there is none."""
+    """The recorder's last counters of missing messages; empty if there are none."""
     for file in reversed(reader.files):
         for name, texts in reversed(file.records):
             if name == losses.RECORD:
@@ -86,12 +87,12 @@ def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
 
 
 def _is_event(topic: TopicInformation) -> bool:
-    """Whether it is the events of a service."""
+    """Whether the topic has the events of a service."""
     return is_event_topic(topic.topic_metadata.name, (topic.topic_metadata.type,))
 
 
 def _block(title: str, lines: Iterable[str], indent: int = _INDENT) -> Iterator[str]:
-    """The title with the first line, the others below it."""
+    """Lines of a block: the title with the first line, the other lines below it."""
     head = title.ljust(indent)
     for line in lines:
         yield head + line
@@ -129,7 +130,7 @@ def _read(reader: BagReader, sizes: Counter[str], services: dict[str, _Service])
     for message in reader.messages():
         sizes[message.topic] += len(message.data)
         if message.topic in events and len(message.data) >= 44:
-            # It begins with a ServiceEventInfo: kind, time, the client and the number of its call.
+            # Events begin with a ServiceEventInfo: kind, time, the client and the number of its call.
             service = services.setdefault(message.topic, _Service())
             call = bytes(message.data[16:32]) + bytes(message.data[36:44])
             (service.requests if message.data[4] < 2 else service.responses).add(call)
@@ -140,7 +141,7 @@ def _seconds(duration: int) -> str:
 
 
 def _moment(time_ns: int) -> str:
-    """In local time, and in seconds since 1970."""
+    """A time as text: in local time, and in seconds since 1970."""
     try:
         local = time.localtime(time_ns // _NS_PER_S)
     except (OverflowError, ValueError, OSError):

@@ -1,4 +1,4 @@
-"""The life of a recorder or player as a table: states, events, and which state follows. Pure."""
+"""The life of a recorder or player as a table: states, events, and the next state for each. Pure."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -11,13 +11,13 @@ E = TypeVar("E", bound=Enum)
 
 
 class LifeError(Exception):
-    """Something happened that can't happen in this state: a bug."""
+    """An event that is not possible in the current state: a bug."""
 
 
 class Life(Generic[S, E]):
-    """The state of one thing, which is first in the state `first`. Nothing but `on` changes it.
+    """The state of one object, beginning with `first`. Only `on` changes it.
 
-    `transitions`: what follows, by state and event; what is not in it must not happen.
+    `transitions`: the next state, by state and event. An event that is missing must not happen.
     """
 
     __slots__ = ("_transitions", "state")
@@ -27,7 +27,7 @@ class Life(Generic[S, E]):
         self.state = first
 
     def on(self, event: E) -> S:
-        """`event` happens; returns the state that follows. Raises LifeError if it can't happen."""
+        """Handle `event`; returns the next state. Raises LifeError if it is not possible."""
         following = self._transitions[self.state].get(event)
         if following is None:
             kind = type(self.state).__name__

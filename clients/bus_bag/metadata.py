@@ -1,7 +1,7 @@
-"""metadata.yaml, both ways: what a bag has, without its messages. Pure.
+"""Reads and writes metadata.yaml: a description of a bag, without its messages. Pure.
 
-Written as version 9, in ROS 2's order of keys; versions 1 to 9 are read. The same, without its first line,
-is in the `rosbag2` records of MCAP files (`to_record`, `from_record`).
+It is written as version 9, in ROS 2's order of keys; versions 1 to 9 are read. The `rosbag2` records of MCAP
+files have the same contents, without the first line (`to_record`, `from_record`).
 """
 
 import re
@@ -37,7 +37,7 @@ VERSION = 9
 _KEY = "rosbag2_bagfile_information"
 _TOPICS = "topics_with_message_count"
 _PLAIN = re.compile(r"(/[A-Za-z]\w*)+ [A-Za-z]\w*(/[A-Za-z]\w*)+ cdr RIHS01_[0-9a-f]{64}", re.ASCII)
-"""Words that YAML has without quotes."""
+"""Values that need no quotes in YAML."""
 _MAX_NS = 2**63 - 1
 
 
@@ -46,36 +46,36 @@ class TopicMetadata(msgspec.Struct, frozen=True):
 
     name: str
     type: str
-    """As `sensor_msgs/msg/Imu`."""
+    """For example `sensor_msgs/msg/Imu`."""
     serialization_format: str = "cdr"
     offered_qos_profiles: tuple[QoSProfile, ...] = ()
-    """One for each publisher that was seen."""
+    """One profile for each publisher seen."""
     type_description_hash: str = ""
 
 
 class TopicInformation(msgspec.Struct, frozen=True):
-    """A topic, and how many messages of it a bag has."""
+    """A topic, and its number of messages in a bag."""
 
     topic_metadata: TopicMetadata
     message_count: int
 
 
 class FileInformation(msgspec.Struct, frozen=True):
-    """A file of a bag. Times are nanoseconds, of the first message's reception since 1970."""
+    """A file of a bag. Times are nanoseconds; the time of a message is its reception."""
 
     path: str
-    """Within the bag's folder."""
+    """Path inside the bag's folder."""
     starting_time: int
     duration: int
     message_count: int
 
 
 class BagMetadata(msgspec.Struct, frozen=True):
-    """All that metadata.yaml says. Times are nanoseconds."""
+    """The contents of metadata.yaml. Times are nanoseconds."""
 
     storage_identifier: str = "mcap"
     starting_time: int = 0
-    """The earliest reception of a message, since 1970."""
+    """The earliest reception of a message, in nanoseconds since 1970."""
     duration: int = 0
     message_count: int = 0
     topics: tuple[TopicInformation, ...] = ()
@@ -89,7 +89,8 @@ class BagMetadata(msgspec.Struct, frozen=True):
 
 
 def time_span(files: Iterable[FileInformation]) -> tuple[int, int]:
-    """When the first message of these files was received, and how long after it the last; 0 without any."""
+    """The first reception of a message in these files, and the time from it to the last one; 0 without
+    messages."""
     with_messages = [file for file in files if file.message_count]
     start = min((file.starting_time for file in with_messages), default=0)
     end = max((file.starting_time + file.duration for file in with_messages), default=0)
@@ -97,12 +98,12 @@ def time_span(files: Iterable[FileInformation]) -> tuple[int, int]:
 
 
 def to_yaml(metadata: BagMetadata) -> str:
-    """The text of metadata.yaml."""
+    """Write the text of metadata.yaml."""
     return f"{_KEY}:\n{indent(to_record(metadata), '  ')}"
 
 
 def to_record(metadata: BagMetadata) -> str:
-    """The text in a `rosbag2` record of an MCAP file."""
+    """Write the text of a `rosbag2` record for an MCAP file."""
     topics = "".join(
         f"{_topic_text(one.topic_metadata)}    message_count: {one.message_count}\n"
         for one in metadata.topics
@@ -113,9 +114,9 @@ def to_record(metadata: BagMetadata) -> str:
 
 @lru_cache(maxsize=1 << 14)
 def _topic_text(topic: TopicMetadata) -> str:
-    """One of the list, without its count: kept, since each file of a bag has it twice.
+    """The text of one topic in the list, without its count. Cached, because each file of a bag has it twice.
 
-    The library takes a millisecond or two for each, so it writes only those that it might have to quote.
+    The YAML library takes a millisecond or two for each topic. So it only writes topics that may need quotes.
     """
     words = f"{topic.name} {topic.type} {topic.serialization_format} {topic.type_description_hash}"
     if not topic.offered_qos_profiles or not _PLAIN.fullmatch(words):
@@ -177,7 +178,7 @@ def _topic_map(topic: TopicMetadata) -> dict[str, object]:
 
 
 def _dump(value: object) -> str:
-    """As yaml-cpp writes it: lists are indented, nothing is `~`, and empty texts have double quotes."""
+    """Write YAML like yaml-cpp: lists are indented, no value is `~`, and empty texts have double quotes."""
     import yaml
 
     class Dumper(yaml.SafeDumper):
@@ -199,7 +200,7 @@ def _dump(value: object) -> str:
 
 
 def from_yaml(text: str) -> BagMetadata:
-    """The contents of metadata.yaml. Raises ValueError with the reason if `text` is none."""
+    """Read metadata.yaml. Raises ValueError with the reason if `text` is not valid."""
     document = load(text)
     if not isinstance(document, dict) or not isinstance(document.get(_KEY), dict):
         raise ValueError(f"it has no map '{_KEY}'")
@@ -207,7 +208,7 @@ def from_yaml(text: str) -> BagMetadata:
 
 
 def from_record(text: str) -> BagMetadata:
-    """The contents of a `rosbag2` record. Raises ValueError with the reason if `text` is none."""
+    """Read a `rosbag2` record. Raises ValueError with the reason if `text` is not valid."""
     document = load(text)
     if not isinstance(document, dict):
         raise ValueError("it is not a map")
@@ -261,7 +262,8 @@ def _text(fields: object, key: str) -> str:
 
 
 def _number(fields: object, key: str) -> int:
-    """0 if there is none; rosbag2 writes the largest number for the start of a bag without messages."""
+    """Read a number; 0 if it is missing. For the start of a bag without messages, rosbag2 writes the largest
+    number."""
     value = fields.get(key, 0) if isinstance(fields, dict) else 0
     if isinstance(value, bool) or not isinstance(value, int):
         raise ValueError(f"'{key}' is {value!r}, not a whole number")

@@ -1,8 +1,8 @@
-"""QoS profiles as YAML has them: in the metadata of bags, and in files that override them. Pure.
+"""QoS profiles as YAML: in the metadata of bags, and in files that override them. Pure.
 
-Since version 9 of the metadata policies are names, and the profiles a list. Up to version 8 they are
-numbers, and the list is a text that is YAML itself. MCAP files have such a text in each channel, in either
-form.
+Since version 9 of the metadata, policies are names, and the profiles a list. Up to version 8, policies are
+numbers, and the list is a text of YAML inside the YAML. MCAP files have such a text in each channel, in
+either form.
 """
 
 from collections.abc import Mapping
@@ -21,12 +21,12 @@ _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 _INFINITE_OF_FOXY = {(2147483647, 4294967295), (2147483647, 2147483647)}
 _DURATIONS = [one.name for one in DURATIONS]
 _NUMBERS: dict[str, Mapping[int, str]] = {one.name: one.offers for one in CHOICES}
-"""A number that is not here (unknown, left to the system) is as the default."""
+"""Names of policies by number. A missing number (unknown, or system default) means the default."""
 _IGNORED = "avoid_ros_namespace_conventions"
 
 
 def profile_to_yaml(profile: QoSProfile) -> dict[str, object]:
-    """As version 9 has it, in its order of keys."""
+    """A profile in the form of version 9, in its order of keys."""
     found: dict[str, object] = {}
     for policy in POLICIES:
         is_duration = policy.kind is None
@@ -45,12 +45,13 @@ def _duration_to_yaml(duration_ns: int) -> dict[str, int]:
 
 
 def profiles_from_yaml(value: object) -> tuple[QoSProfile, ...]:
-    """Profiles of either form: a list, or a YAML text of one; None and an empty text are none.
+    """Read profiles in either form: a list, or a YAML text of a list. None and an empty text give no
+    profiles.
 
-    Unknown policies are as the default, and so is the depth of an unknown history: most bags of ROS 2 have
+    Unknown policies get their default, and so does the depth of an unknown history: most bags of ROS 2 have
     one.
 
-    Raises ValueError for what is no list of profiles.
+    Raises ValueError if it is not a list of profiles.
     """
     if isinstance(value, str):
         try:
@@ -94,9 +95,9 @@ def _seconds_of_bag(value: object) -> float | None:
 
 
 def overrides_from_yaml(document: object) -> dict[str, QoSProfile]:
-    """A file of QoS overrides, parsed: topic -> profile. What a profile does not name is as the default.
+    """Read a parsed file of QoS overrides: topic -> profile. Missing policies get their default.
 
-    Raises ConfigurationError, in ROS 2's words if it has some.
+    Raises ConfigurationError, with ROS 2's text if it has one.
     """
     if document is None:
         return {}

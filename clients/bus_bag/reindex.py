@@ -1,4 +1,4 @@
-"""`bus bag reindex`: metadata.yaml made anew, and files that lack an index or their end made whole."""
+"""`bus bag reindex`: writes metadata.yaml again, and repairs files without an index or an end."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,11 +16,10 @@ __all__ = ["reindex"]
 
 
 def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
-    """Make a bag whole. Reports each step to `say`; returns the problems: parts that could not be read, which
-    are lost.
+    """Repair a bag. Reports each step to `say`; returns the problems: unreadable parts, which are lost.
 
-    Each file is replaced once its new one is on the disk, and metadata.yaml at the end. Raises BagError if
-    there is no bag, or if it can't be written; OSError for faults of the disk.
+    Each file is replaced when its new version is on the disk, and metadata.yaml at the end. Raises BagError
+    if there is no bag, or if it can't be written; OSError for faults of the disk.
     """
     if not folder.exists():
         raise BagError(f"Bag path '{folder}' does not exist!")
@@ -29,7 +28,7 @@ def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
     lost: list[Problem] = []
     with BagReader(folder, all_files=True) as reader:
         for file in reader.files:
-            storage = find_storage(file.path.suffix)  # none has that of a compressed file
+            storage = find_storage(file.path.suffix)  # no storage has the suffix of a compressed file
             left_out = None if storage is None else storage.repair(file, reader.metadata)
             if left_out is None:
                 continue

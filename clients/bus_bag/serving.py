@@ -1,4 +1,4 @@
-"""A service of rosbag2's, as a recorder's and a player's node offer some."""
+"""Serves a service of rosbag2, for the nodes of a recorder and a player."""
 
 from collections.abc import Callable
 from inspect import isawaitable
@@ -11,9 +11,9 @@ __all__ = ["offer"]
 
 
 async def offer(node: Node, name: str, service: str, answer: Callable[[Any], Any]) -> None:
-    """Have `node` serve `~/name`, of a type of rosbag2_interfaces.
+    """Let `node` serve `~/name`, of a type of rosbag2_interfaces.
 
-    `answer` takes the request, and returns the fields of the response, or None if it has none; it may be
+    `answer` takes the request, and returns the fields of the response, or None if it has none. It may be
     `async def`.
     """
     cls = service_class(f"rosbag2_interfaces/srv/{service}")

@@ -6,7 +6,7 @@ _UNITS = ("KiB", "MiB", "GiB", "TiB")
 
 
 def size_text(size: float) -> str:
-    """Bytes as rosbag2 writes them: `57 B`, `1.5 KiB`, `127.9 MiB`."""
+    """A number of bytes as rosbag2 writes it: `57 B`, `1.5 KiB`, `127.9 MiB`."""
     if size < 1024:
         return f"{size:.0f} B"
     unit = 0

@@ -1,4 +1,4 @@
-"""Names of topics and services as users give them, and the topics of services' events. Pure."""
+"""Names of topics and services as users write them, and the topics of services' events. Pure."""
 
 import re
 from collections.abc import Iterable
@@ -9,11 +9,11 @@ from bus.errors import ConfigurationError
 __all__ = ["SERVICE_EVENT", "absolute", "absolute_names", "compiled", "event_topics", "is_event_topic"]
 
 SERVICE_EVENT = "/_service_event"
-"""The end of the name of a topic on which a service's events stand."""
+"""The end of the name of a topic with a service's events."""
 
 
 def absolute(name: str) -> str:
-    """A name without a slash in front is one of the root namespace."""
+    """The full name: a name without a slash in front belongs to the root namespace."""
     return name if name.startswith("/") else f"/{name}"
 
 
@@ -22,7 +22,7 @@ def absolute_names(names: Iterable[str]) -> frozenset[str]:
 
 
 def event_topics(services: Iterable[str]) -> frozenset[str]:
-    """The topics on which the events of these services stand."""
+    """The topics of the events of these services."""
     return frozenset(name + SERVICE_EVENT for name in absolute_names(services))
 
 
@@ -32,7 +32,7 @@ def is_event_topic(topic: str, types: Iterable[str]) -> bool:
 
 
 def compiled(pattern: str) -> Pattern[str] | None:
-    """None for an empty text. Raises ConfigurationError for what is no regular expression."""
+    """Compile a regular expression; None for an empty text. Raises ConfigurationError if it is not valid."""
     if not pattern:
         return None
     try:

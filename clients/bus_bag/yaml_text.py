@@ -1,5 +1,4 @@
-"""Loads YAML of any origin: in C, except texts that are nested so deeply that they would overflow the stack
-there."""
+"""Loads untrusted YAML: in C, except for deeply nested texts, which would overflow the stack there."""
 
 import re
 
@@ -11,7 +10,7 @@ _MOST_OPENED = 2000
 
 
 def load(text: str) -> object:
-    """The document. Raises ValueError with the reason if `text` is no YAML."""
+    """Load a document. Raises ValueError with the reason if `text` is not valid YAML."""
     import yaml
 
     if _TOO_DEEP.search(text):

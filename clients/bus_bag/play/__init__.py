@@ -1,18 +1,19 @@
-"""Replay: messages of a bag, published at the times at which they were recorded.
+"""Replay: publishes the messages of a bag at the times at which they were recorded.
 
     files -> `read_ahead.py` (a thread: reads, decodes) -> queue -> `player.py` -> publishers (`topics.py`)
                                         `time_line.py`: when is a message due? -^
 
-Which topics: `selection.py`; with which QoS: `qos.py`; what late joiners would have got: `latched.py`;
-commands: `keys.py`, `services.py`, `seek.py`; waiting: `alarm.py`; all put together: `program.py`.
+`selection.py` chooses topics, `qos.py` their QoS. `latched.py` has the messages that late joiners would have
+received. Commands: `keys.py`, `services.py`, `seek.py`. Waiting: `alarm.py`. `program.py` connects all parts.
 
 Invariants:
 
-- The replay changes its state only by the table in `state.py`. Whether it is paused belongs to the time line.
-- When a message is due follows from one point of the time line and the rate, so the replay does not drift.
-- All state is changed on the event loop, so there are no locks. The thread and the loop each write their own
-  part of the queue.
-- The queue is bounded in messages and bytes.
+- The replay changes its state only by the table in `state.py`. The time line knows whether it is paused.
+- The due time of a message follows from one point of the time line and the rate, so the replay does not
+  drift.
+- Only the event loop changes state, so there are no locks. The thread and the loop each write their own part
+  of the queue.
+- The queue is limited in messages and bytes.
 - A replay from the middle first publishes the latched state of that moment.
 
 Read first: `state.py`, `time_line.py`, `player.py`.

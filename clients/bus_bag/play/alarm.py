@@ -1,4 +1,4 @@
-"""Waiting for a time on the event loop, to some ten microseconds, or for a call of another task."""
+"""Waits on the event loop for a time (to about ten microseconds), or for a call of another task."""
 
 import asyncio
 
@@ -8,7 +8,7 @@ __all__ = ["Alarm"]
 
 
 class Alarm:
-    """Wakes one waiter: at a time, or by `wake`. To be made and closed on the event loop."""
+    """Wakes one waiter: at a time, or by `wake`. Make and close it on the event loop."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -17,7 +17,7 @@ class Alarm:
         self._is_woken = False
 
     async def wait(self, due_ns: int | None) -> None:
-        """Until `due_ns` of the monotonic clock, or `wake`; None: until `wake` alone.
+        """Wait until `due_ns` of the monotonic clock, or until `wake`; None: only until `wake`.
 
         A `wake` without a waiter ends the next wait at once. Cancellation leaves nothing behind.
         """
@@ -34,14 +34,14 @@ class Alarm:
                 alarm.cancel()
 
     def wake(self) -> None:
-        """End the wait, or the next one."""
+        """End the current wait, or the next one."""
         if self._waiting is None or self._waiting.done():
             self._is_woken = True
         else:
             self._waiting.set_result(None)
 
     def close(self) -> None:
-        """Nobody may wait any more."""
+        """Close it; no task may wait any more."""
         self._alarms.release()
 
     def _end(self) -> None:

@@ -6,7 +6,7 @@ __all__ = ["CURSOR", "LETTERS", "Key"]
 
 
 class Key(Enum):
-    """Those that mean something, by their names in ROS 2's texts."""
+    """Keys with a meaning, by their names in ROS 2's texts."""
 
     SPACE = "Pause/Resume"
     CURSOR_RIGHT = "Play Next Message"

@@ -1,4 +1,4 @@
-"""How late messages were published: percentiles of any number of them in little memory. Pure."""
+"""The lateness of published messages: percentiles of any number of them in little memory. Pure."""
 
 from collections import Counter
 
@@ -8,7 +8,8 @@ _FINE_BITS = 5
 
 
 class Lateness:
-    """Counts times by their first six binary digits: a percentile is right to 3 %, the greatest is exact."""
+    """Counts times by their first six binary digits: a percentile is accurate to 3 %, the maximum is
+    exact."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -16,7 +17,7 @@ class Lateness:
         self._counts: Counter[int] = Counter()
 
     def add(self, late_ns: int) -> None:
-        """One message that was not early."""
+        """Count one message that was not early."""
         self.count += 1
         self.max_ns = max(self.max_ns, late_ns)
         coarse = max(0, late_ns.bit_length() - _FINE_BITS - 1)

@@ -1,4 +1,4 @@
-"""What a replay is asked to do, as values."""
+"""The options of a replay, as values."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,25 +17,25 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     rate: float = 1.0
     selection: Selection
     overrides: Mapping[str, QoSProfile] = {}
-    """Topic -> the profile that it is played with."""
+    """Topic -> profile for its publisher."""
     remaps: Sequence[str] = ()
-    """As `old:=new`."""
+    """Remappings such as `old:=new`."""
     is_looping: bool = False
     is_paused: bool = False
     start_offset: int = 0
     duration: int | None = None
     until: int | None = None
-    """A time of the bag. If there is a duration, too, the later end counts."""
+    """A time of the bag. If there is also a duration, the later end counts."""
     delay: int = 0
     clock_hz: float = 0.0
     clock_topics: frozenset[str] | None = None
-    """Before each of their messages the clock is published; an empty set: before all messages."""
+    """Topics with a clock message before each of their messages; an empty set: before all messages."""
     order: Order = "log_time"
     read_ahead: int = 1000
     acknowledged_within: int | None = None
-    """How long to wait at the end until what was published has left; 0: without a bound."""
+    """Time to wait at the end until published messages have been sent; 0: no limit."""
     progress_hz: float = 3.0
-    """How often the line of progress is written; 0: never, negative: for each message."""
+    """Frequency of the line of progress; 0: never, negative: for each message."""
     has_keys: bool = True
     is_verbose: bool = False
 

@@ -1,8 +1,8 @@
-"""Plays a bag: publishes each message when it is due, and does what keys and services ask for.
+"""Plays a bag: publishes each message at its due time, and executes commands of keys and services.
 
-Owns: what happens in which order. Must not know: files, types, terminals, services. Everything here runs on
-the event loop, so no lock is needed to read or change a state; `play` is the one that waits. The states of a
-replay, and their events, are in `play/state.py`.
+Owns: the order of events. Must not know: files, types, terminals, services. Everything here runs on the event
+loop, so reading or changing a state needs no lock. Only `play` waits. The states of a replay, and their
+events, are in `play/state.py`.
 """
 
 import asyncio
@@ -24,16 +24,16 @@ from bus_bag.play.time_line import TimeLine
 __all__ = ["Output", "Player", "Span"]
 
 _FOR_EVER_NS = 1 << 62
-"""The time of the bag stands still while it is read."""
+"""Pauses the time line while the bag is read."""
 _TURN_NS = 5_000_000
-"""So long it publishes what is due without giving the event loop a turn."""
+"""Longest time of publishing due messages without yielding to the event loop."""
 _STARVED = (
     "Message queue starved. Messages will be delayed. Consider increasing the --read-ahead-queue-size option."
 )
 
 
 class Output(Protocol):
-    """Where messages of a topic go: a raw publisher."""
+    """The receiver of a topic's messages: a raw publisher."""
 
     def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool: ...
 
@@ -41,15 +41,15 @@ class Output(Protocol):
 
 
 class Span(NamedTuple):
-    """The part of a bag that is played, in its own time."""
+    """The played part of a bag, in the bag's time."""
 
     start: int
     end: int
-    """When the last message was received."""
+    """Reception of the last message."""
     is_whole: bool
-    """Whether `start` is the bag's beginning. Then no state comes before it."""
+    """Whether `start` is the bag's beginning. Then there is no latched state before it."""
     until: int = -1
-    """What is later is not played; -1: there is no such bound, 0: nothing is played."""
+    """Later messages are not played; -1: no limit, 0: no messages at all."""
 
     def is_before(self, time: int) -> bool:
         """Whether it ends before that time."""
@@ -57,7 +57,7 @@ class Span(NamedTuple):
 
 
 class Player:
-    """Plays what `queue` reads to `outputs`, by topic. To be used as `async with`.
+    """Plays messages from `queue` to `outputs`, by topic. Use it with `async with`.
 
     `clock` is called with the time of the bag before each message that asks for it.
     """
@@ -73,7 +73,7 @@ class Player:
     ) -> None:
         self.lateness = Lateness()
         self.messages = 0
-        """Published until now; not those of the latched state."""
+        """Messages published so far, without messages of the latched state."""
         self._queue = queue
         self._outputs = outputs
         self._span = span
@@ -85,7 +85,7 @@ class Player:
         self._alarm = Alarm()
         self._life = PlayerLife()
         self._begun = asyncio.Event()
-        """It is ready, or has ended."""
+        """Set when playing has begun or ended."""
         self._seek: Seek | None = None
         self._reading = asyncio.Lock()
         self._turn_ns = 0
@@ -98,7 +98,7 @@ class Player:
     async def __aexit__(self, *exc_info: object) -> None:
         self._alarm.close()
 
-    # --- what it is asked to do
+    # --- commands
 
     @property
     def is_paused(self) -> bool:
@@ -110,12 +110,12 @@ class Player:
 
     @property
     def bag_time(self) -> int:
-        """The moment of the bag that is played now."""
+        """The current time in the bag."""
         return self._time.bag_time(monotonic_ns())
 
     @property
     def progress(self) -> Progress:
-        """How far it is."""
+        """The current position, for the line of progress."""
         span = self._span
         return Progress(self.bag_time, span.start, span.end, self.rate, self.messages, self._status)
 
@@ -141,7 +141,7 @@ class Player:
         (self.resume if self.is_paused else self.pause)()
 
     def hold(self) -> Callable[[], None]:
-        """Stand still without a word; returns what makes it go on."""
+        """Pause without a log line; returns a function that ends this pause."""
         if self._time.is_paused:
             return lambda: None
         self._time.pause(monotonic_ns())
@@ -153,7 +153,7 @@ class Player:
         return go_on
 
     def set_rate(self, rate: float) -> bool:
-        """False for what is no rate."""
+        """Change the rate; returns False if `rate` is not valid."""
         is_set = self._time.set_rate(rate, monotonic_ns())
         if is_set:
             self._logger.info(f"Set rate to {rate:g}")
@@ -170,9 +170,9 @@ class Player:
             self._alarm.wake()
 
     async def seek(self, time_ns: int) -> bool:
-        """Go on from that moment of the bag, with its latched state first; False if nothing is played.
+        """Continue at that time of the bag, with its latched state first; False if nothing is being played.
 
-        A time before the beginning counts as the beginning. Cancellation: it goes there all the same.
+        A time before the beginning counts as the beginning. Cancellation does not prevent the seek.
         """
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called seek, but player is not playing.")
@@ -186,7 +186,7 @@ class Player:
         return await self._seek.wait()
 
     async def play_next(self) -> bool:
-        """Publish the next message, in a pause; False if there is no pause, or no message."""
+        """Publish the next message during a pause; False without a pause, or without a message."""
         if self._life.state is PlayerState.ENDED:
             self._logger.warning("Called play next, but player is not playing.")
             return False
@@ -198,7 +198,7 @@ class Player:
             return await self._play_next()
 
     async def burst(self, count: int) -> int:
-        """Publish so many messages at once, in a pause; 0: all that are left. Returns how many."""
+        """Publish `count` messages at once during a pause; 0: all remaining ones. Returns their number."""
         if not self.is_paused:
             self._logger.warning("Burst can only be used when in the paused state.")
             return 0
@@ -217,9 +217,9 @@ class Player:
     # --- playing
 
     async def play(self) -> bool:
-        """Play from the beginning to the end, or over and over; False if it has been called before.
+        """Play from the beginning to the end, or in a loop; False if it has been called before.
 
-        Raises BagError if the bag can't be read on. Cancellation ends it between two messages.
+        Raises BagError if the bag becomes unreadable. Cancellation ends it between two messages.
         """
         if self._life.has_begun:
             self._logger.warning("Trying to play() while in playback, dismissing request.")
@@ -248,7 +248,7 @@ class Player:
         await self._go_to(start, None if self._span.is_whole else start, delay)
 
     async def _go_to(self, time_ns: int, start: int | None, delay: int = 0) -> None:
-        """Have read what comes from there on, then let the time run from there."""
+        """Read the messages from there on, then start the time line there."""
         async with self._reading:
             self._queue.start_at(start)
             self._time.jump(time_ns, monotonic_ns(), _FOR_EVER_NS)
@@ -258,7 +258,7 @@ class Player:
             self._time.jump(time_ns, monotonic_ns(), delay)
 
     async def _play_to_the_end(self) -> None:
-        """Until there is nothing left and it is not paused, or `stop`."""
+        """Publish until there is no message left and no pause, or until `stop`."""
         while self._life.may_publish:
             if self._seek is not None:
                 await self._do_seek(self._seek)
@@ -278,7 +278,7 @@ class Player:
                 await self._alarm.wait(due_ns)
                 self._turn_ns = monotonic_ns()
                 continue
-            if self._reading.locked():  # a burst that a `resume` has overtaken
+            if self._reading.locked():  # a burst that `resume` has overtaken
                 async with self._reading:
                     continue
             self._queue.pop()

@@ -1,4 +1,4 @@
-"""`bus bag play` and `bus bag burst`: a bag, a node, its player and a terminal, put together."""
+"""`bus bag play` and `bus bag burst`: connects a bag, a node, its player and a terminal."""
 
 import asyncio
 import sys
@@ -32,7 +32,8 @@ _NS_PER_S = 1_000_000_000
 _CLOCK = "/clock"
 _CLOCK_QOS = QoSProfile(1, reliability=Reliability.BEST_EFFORT)
 _SWITCH_S = 0.0005
-"""So soon the thread that reads gives way to the one that publishes; Python's own 5 ms make messages late."""
+"""Interval after which the reading thread gives way to the publishing one. Python's own 5 ms make messages
+late."""
 _NO_KEYS = "stdin is not a terminal device. Keyboard handling disabled."
 _RATE_STEP = 0.1
 
@@ -45,11 +46,11 @@ async def run(
     socket: str | None = None,
     domain: int | None = None,
 ) -> None:
-    """Play the bag at `path` to its end, or until it is told to stop.
+    """Play the bag at `path` to its end, or until it is stopped.
 
-    `burst`: so many messages are published at once, before everything else (0: all). For a replay that begins
-    paused. Raises BagError for what is no bag, CommandLineError for remappings that are none. Cancellation
-    ends the replay, and leaves the terminal as it was.
+    `burst`: number of messages to publish at once, before everything else (0: all), for a replay that begins
+    paused. Raises BagError if there is no valid bag, CommandLineError for invalid remappings. Cancellation
+    ends the replay, and restores the terminal.
     """
     arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
     with open_bag(path) as reader:
@@ -85,7 +86,7 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
 
 
 def _report_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:
-    """Problems found until now, each once."""
+    """Report the problems found so far, each once."""
     for problem in reader.problems:
         if problem not in told:
             told.add(problem)
@@ -148,7 +149,7 @@ async def _controls(
     clock: Callable[[int], None] | None,
     line: StatusLine,
 ) -> AsyncIterator[None]:
-    """Services, keys, the clock's timer, and the line of progress."""
+    """Start services, keys, the clock's timer, and the line of progress."""
     await serve(node, player)
     async with AsyncExitStack() as stack:
         if options.has_keys:
@@ -184,7 +185,7 @@ def _listen(stack: AsyncExitStack, player: Player, logger: Logger) -> None:
             steps.add(task)
             task.add_done_callback(steps.discard)
         else:
-            # Tenths, not what is left of them in binary.
+            # Round to tenths, because binary fractions are not exact.
             step = _RATE_STEP if key is Key.CURSOR_UP else -_RATE_STEP
             player.set_rate(round(player.rate + step, 6))
 

@@ -1,4 +1,4 @@
-"""The line that shows how far a replay has come. Pure."""
+"""The line of progress of a replay. Pure."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -11,7 +11,7 @@ _S = 1_000_000_000
 
 
 class Status(Enum):
-    """The activity of the player, by its letter in the line."""
+    """The activity of the player; the value is its letter in the line."""
 
     RUNNING = "R"
     PAUSED = "P"
@@ -20,7 +20,7 @@ class Status(Enum):
 
 
 class Progress(NamedTuple):
-    """Where a player is."""
+    """The position of a player."""
 
     bag_ns: int
     start_ns: int

@@ -1,4 +1,4 @@
-"""The QoS with which a topic is played: one publisher stands for all recorded ones. Pure."""
+"""The QoS of played topics: one publisher replaces all recorded ones. Pure."""
 
 from collections.abc import Iterable, Sequence
 
@@ -16,7 +16,7 @@ MIXED = (
 
 
 def offered_profile(profiles: Sequence[QoSProfile]) -> tuple[QoSProfile, bool]:
-    """The profile to offer, and whether the recorded ones differ so that it is none of them.
+    """The profile to offer, and whether it is none of the recorded ones because they differ.
 
     As in rosbag2, differences of history and lifespan don't count, and a policy that differs gets its
     default. Each transient local publisher kept its own messages for late joiners: the depth is enough for
@@ -35,7 +35,7 @@ def offered_profile(profiles: Sequence[QoSProfile]) -> tuple[QoSProfile, bool]:
 
 
 def kept_for_late_joiners(profiles: Iterable[QoSProfile]) -> int:
-    """How many messages publishers with these profiles keep together for late joiners."""
+    """The total number of messages that publishers with these profiles keep for late joiners."""
     lasting = [one for one in profiles if one.durability is Durability.TRANSIENT_LOCAL]
     if any(one.history is History.KEEP_ALL for one in lasting):
         return MAX_DEPTH

@@ -1,6 +1,7 @@
-"""Messages of a bag, read and decoded ahead of the time at which they are due, by a thread.
+"""Reads and decodes messages of a bag in a thread, before they are due.
 
-Owns: the queue and its bounds. The event loop takes from it without a lock: each side writes what is its own.
+Owns: the queue and its limits. The event loop takes messages from it without a lock, because each side only
+writes its own fields.
 """
 
 import asyncio
@@ -15,27 +16,27 @@ from bus_bag.storage import BagMessage, BagReader, Order
 __all__ = ["Entry", "ReadAheadQueue"]
 
 _MOST_BYTES = 128 << 20
-"""The most that waiting payloads may take, whatever their number; one message may be longer."""
+"""Limit of the waiting payloads in total; a single message may be longer."""
 _LOW = 0.9
-"""The thread goes on when the queue is no fuller than this part of its bound."""
+"""The thread continues when the queue is at most this part of its limit."""
 
 Decode = Callable[[BagMessage], bytes | None]
 
 
 class Entry(NamedTuple):
-    """A message that can be published."""
+    """A message ready to publish."""
 
     topic: str
     time: int
-    """The time in the bag at which the message is due, by the order in which the bag is played."""
+    """The due time of the message in the bag, by the order in which the bag is played."""
     publish_time: int
     payload: bytes
     is_state: bool
-    """Whether it is part of the latched state with which a replay from the middle begins."""
+    """Whether it is part of the latched state at the beginning of a replay from the middle."""
 
 
 class _Run:
-    """Messages read since the last `start_at`."""
+    """State of reading since the last `start_at`."""
 
     def __init__(self, start_ns: int | None) -> None:
         self.start_ns = start_ns
@@ -46,15 +47,15 @@ class _Run:
         self.room = threading.Event()
         self.is_full = False
         self.put = self.taken = 0
-        """Bytes."""
+        """Numbers of bytes."""
         self.wanted = 0
-        """How many entries the event loop waits for; 0: it doesn't."""
+        """Number of entries that the event loop waits for; 0: it does not wait."""
 
 
 class ReadAheadQueue:
-    """Reads `reader` in `order`, with `depths` for the transient local topics among `topics`.
+    """Reads `reader` in `order`; `depths` has the transient local topics among `topics`.
 
-    `decode` gives the payload of a message, or None for one that is left out; it is called in the thread.
+    `decode` returns the payload of a message, or None to skip it. It is called in the thread.
     """
 
     def __init__(
@@ -84,7 +85,7 @@ class ReadAheadQueue:
         self._thread.start()
 
     def start_at(self, time_ns: int | None) -> None:
-        """Forget what was read, and read from there on: the latched state of the moment comes first.
+        """Drop the read messages, and read from that time on. The latched state of the moment comes first.
 
         None: from the beginning of the bag.
         """
@@ -93,7 +94,7 @@ class ReadAheadQueue:
         self._pass_on(self._run)
 
     def peek(self) -> Entry | None:
-        """The next message; None if none has been read yet. With `has_ended`, None means that there is none.
+        """The next message; None if none has been read yet. With `has_ended`, None means the end.
 
         Raises the error that reading has raised.
         """
@@ -105,7 +106,7 @@ class ReadAheadQueue:
         return None
 
     def pop(self) -> Entry:
-        """Take what `peek` has shown."""
+        """Remove and return the message of `peek`."""
         run = self._run
         entry = run.entries.popleft()
         run.taken += len(entry.payload)
@@ -116,12 +117,12 @@ class ReadAheadQueue:
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing comes any more."""
+        """Whether there are no further messages."""
         run = self._run
         return run.has_ended and not run.entries
 
     async def wait(self, *, is_full: bool = False) -> None:
-        """Until there is a message, or with `is_full` as many as are read ahead; or the end.
+        """Wait for a message, or with `is_full` for a full queue; or for the end.
 
         Cancellation leaves nothing behind.
         """
@@ -135,7 +136,7 @@ class ReadAheadQueue:
         run.wanted = 0
 
     def close(self) -> None:
-        """End the thread, which is done when it has decoded its message."""
+        """End the thread. It ends after decoding its current message."""
         self._give_up()
         self._pass_on(None)
         self._thread.join()
@@ -185,7 +186,7 @@ class ReadAheadQueue:
         run.room.clear()
         run.is_full = True
         self._notify(run)
-        # Entries that the loop took before it saw `is_full` have not set `room`.
+        # The loop may have taken entries before it saw `is_full`. Then it did not set `room`.
         if self._has(run, self._low, _MOST_BYTES * _LOW) and not run.is_given_up:
             run.room.wait()
         run.is_full = False
@@ -225,6 +226,6 @@ class ReadAheadQueue:
 
 
 def _add(state: LatchedState[BagMessage], message: BagMessage) -> bool:
-    data = bytes(message.data)  # not the piece of the file of which it may be a view
+    data = bytes(message.data)  # a copy, because it may be a view of a larger piece of the file
     message.data = data
     return state.add(message.topic, Identity(message.publish_time, message.sequence, data), message)

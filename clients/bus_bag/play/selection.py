@@ -1,8 +1,8 @@
-"""Which topics of a bag are played. Pure.
+"""The choice of the topics to play. Pure.
 
-The rules of rosbag2's player: excluding comes first. Topics and the regular expression add up. Options for
-topics don't choose services, whose events are on other topics. A regular expression must match the whole
-name.
+The rules are the same as in rosbag2's player: exclusions come first. Topics and the regular expression add
+up. Options for topics don't choose services, because their events are on other topics. A regular expression
+must match the whole name.
 """
 
 from collections.abc import Iterable
@@ -13,9 +13,9 @@ __all__ = ["Selection"]
 
 
 class Selection:
-    """What `--topics`, `--services`, `--regex` and their opposites choose; nothing given: all.
+    """The choice by `--topics`, `--services`, `--regex` and their opposites; without options: all.
 
-    Names without a slash in front belong to the root namespace. Raises ConfigurationError for what is no
+    Names without a slash in front belong to the root namespace. Raises ConfigurationError for an invalid
     regular expression.
     """
 
@@ -30,7 +30,7 @@ class Selection:
         exclude_regex: str = "",
     ) -> None:
         self.topics = absolute_names(topics)
-        """Those that were named."""
+        """Topics chosen by name."""
         self._services = event_topics(services)
         self._excluded = absolute_names(exclude_topics) | event_topics(exclude_services)
         self._regex = compiled(regex)

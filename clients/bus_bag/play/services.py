@@ -12,7 +12,7 @@ _NS_PER_S = 1_000_000_000
 
 
 async def serve(node: Node, player: Player) -> None:
-    """Have `node` do with `player` what others ask for, until it is closed."""
+    """Let `node` serve requests to `player`, until it is closed."""
 
     async def play_next(request: Any) -> dict[str, Any]:
         return {"success": await player.play_next()}
@@ -24,7 +24,7 @@ async def serve(node: Node, player: Player) -> None:
         return {"success": await player.seek(request.time.sec * _NS_PER_S + request.time.nanosec)}
 
     async def play(request: Any) -> dict[str, Any]:
-        # The program ends when it has played, so there always is a replay, and `play` says no.
+        # The program ends after the replay, so a replay is always running here, and `play` returns False.
         return {"success": await player.play()}
 
     await offer(node, "pause", "Pause", lambda request: player.pause())

@@ -1,6 +1,6 @@
-"""The life of a replay as a table: its states, the events, and which state follows. Pure.
+"""The life of a replay as a table: its states, the events, and the next state for each. Pure.
 
-Whether the time of the bag stands still is no state here: it can be paused in each of them (`TimeLine`).
+A pause is not a state here, because each state can be paused (`TimeLine`).
 """
 
 from collections.abc import Mapping
@@ -12,38 +12,38 @@ __all__ = ["TRANSITIONS", "PlayerEvent", "PlayerLife", "PlayerState"]
 
 
 class PlayerState(Enum):
-    """Where a replay stands."""
+    """States of a replay."""
 
-    __hash__ = object.__hash__  # Enum's own is a call in Python
+    __hash__ = object.__hash__  # the one of Enum is a Python function, which is slower
 
     NEW = "new"
     CANCELED = "canceled"
-    """It was asked to end before it began: it will begin and end at once."""
+    """`stop` was called before the start: it will begin and end at once."""
     STARTING = "starting"
-    """The first messages are read, and the state of latched topics is published."""
+    """It reads the first messages, and publishes the state of latched topics."""
     PLAYING = "playing"
-    """Messages are published when they are due, or by steps in a pause; also while a loop begins anew."""
+    """It publishes messages at their due times, or by steps in a pause; also while a loop begins again."""
     BURSTING = "bursting"
-    """In a pause: messages are published at once."""
+    """It publishes messages at once, in a pause."""
     STOPPING = "stopping"
-    """It was asked to end: no further message is published."""
+    """`stop` was called: it publishes no further message."""
     ENDED = "ended"
 
 
 class PlayerEvent(Enum):
-    """What can happen to it."""
+    """Events that change the state."""
 
     __hash__ = object.__hash__
 
     PLAY = "play"
     READY = "ready"
-    """The beginning of the bag is read, and the time runs from there."""
+    """The beginning of the bag is read, and the time line runs from there."""
     BURST = "burst"
     BURST_END = "burst end"
     STOP = "stop"
-    """Somebody asks it to end."""
+    """A key, service or signal asks for the end."""
     END = "end"
-    """All was played, or it was stopped, or canceled, or the bag can't be read on."""
+    """Everything was played, or it was stopped or canceled, or the bag became unreadable."""
 
 
 TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
@@ -61,7 +61,7 @@ TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
         PlayerEvent.END: PlayerState.ENDED,
     },
     PlayerState.PLAYING: {
-        PlayerEvent.READY: PlayerState.PLAYING,  # once more, in a loop
+        PlayerEvent.READY: PlayerState.PLAYING,  # again, in a loop
         PlayerEvent.BURST: PlayerState.BURSTING,
         PlayerEvent.STOP: PlayerState.STOPPING,
         PlayerEvent.END: PlayerState.ENDED,
@@ -79,13 +79,13 @@ TRANSITIONS: Mapping[PlayerState, Mapping[PlayerEvent, PlayerState]] = {
         PlayerEvent.END: PlayerState.ENDED,
     },
     PlayerState.ENDED: {
-        # A burst may have waited for the beginning, or goes on until its next message.
+        # A burst may have waited for the beginning, or may continue until its next message.
         PlayerEvent.BURST: PlayerState.ENDED,
         PlayerEvent.BURST_END: PlayerState.ENDED,
         PlayerEvent.STOP: PlayerState.ENDED,
     },
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that is missing must not happen."""
 
 
 class PlayerLife(Life[PlayerState, PlayerEvent]):
@@ -101,5 +101,5 @@ class PlayerLife(Life[PlayerState, PlayerEvent]):
 
     @property
     def may_publish(self) -> bool:
-        """Whether messages are still to be published."""
+        """Whether it may publish further messages."""
         return self.state is not PlayerState.STOPPING and self.state is not PlayerState.ENDED

@@ -1,11 +1,11 @@
-"""The time of a bag while it is played: when each moment of it is due on the monotonic clock.
+"""The time of a bag during the replay: the due time of each moment of the bag on the monotonic clock.
 
-Pure: the present time is an argument. All times are nanoseconds. Times of the bag are those of its messages;
-times of the machine are those of `time.monotonic_ns`.
+Pure: the present time is an argument. All times are nanoseconds. Times of the bag are the times of its
+messages; times of the machine are times of `time.monotonic_ns`.
 
-The line is held by one point that both clocks share, and a rate. The due time of a message follows from that
-point alone. So the replay doesn't drift, however late single messages are. Each change of the rate, and each
-end of a pause, moves the point; the time of the bag never jumps but by `jump`.
+One point that both clocks share, and a rate, define the line. The due time of a message only depends on them.
+So the replay doesn't drift, however late single messages are. Each change of the rate, and each end of a
+pause, moves the point. Only `jump` makes the time of the bag jump.
 """
 
 from math import isfinite
@@ -14,7 +14,7 @@ __all__ = ["TimeLine"]
 
 
 class TimeLine:
-    """Begins to run at `now_ns`, with the moment `bag_ns` of the bag, unless it `is_paused`.
+    """Starts at `now_ns`, with the moment `bag_ns` of the bag, unless it `is_paused`.
 
     Raises ValueError for a rate that `is_rate` refuses.
     """
@@ -30,7 +30,7 @@ class TimeLine:
 
     @staticmethod
     def is_rate(rate: float) -> bool:
-        """Whether a bag can be played at this rate: a number above zero."""
+        """Whether `rate` is valid: a number above zero."""
         return isfinite(rate) and rate > 0
 
     @property
@@ -39,7 +39,7 @@ class TimeLine:
         return self._hold_ns is not None
 
     def is_delayed(self, now_ns: int) -> bool:
-        """Whether it still waits before it runs."""
+        """Whether it still waits before its start."""
         return self._hold_ns is None and now_ns < self._point_ns
 
     def bag_time(self, now_ns: int) -> int:
@@ -49,25 +49,25 @@ class TimeLine:
         return self._bag_ns + round((now_ns - self._point_ns) * self.rate)
 
     def due(self, bag_ns: int) -> int | None:
-        """When that moment of the bag comes, or came; None while the bag is paused."""
+        """The past or future time at which that moment of the bag is due; None while the bag is paused."""
         if self._hold_ns is not None:
             return None
         return self._point_ns + round((bag_ns - self._bag_ns) / self.rate)
 
     def pause(self, now_ns: int) -> None:
-        """Stand still from now on. What is left of a wait before the beginning comes after the pause."""
+        """Stop the time. The remaining delay of a start comes after the pause."""
         if self._hold_ns is None:
             self._settle(now_ns)
             self._hold_ns = self._point_ns - now_ns
 
     def resume(self, now_ns: int) -> None:
-        """Run on from where the bag stood."""
+        """Continue at the moment at which the bag was paused."""
         if self._hold_ns is not None:
             self._point_ns = now_ns + self._hold_ns
             self._hold_ns = None
 
     def set_rate(self, rate: float, now_ns: int) -> bool:
-        """Go on at another rate; False, and no change, for what is no rate."""
+        """Change the rate; returns False without a change if `rate` is not valid."""
         if not self.is_rate(rate):
             return False
         self._settle(now_ns)
@@ -75,7 +75,7 @@ class TimeLine:
         return True
 
     def jump(self, bag_ns: int, now_ns: int, delay_ns: int = 0) -> None:
-        """Be at the moment `bag_ns`, and run on from there once `delay_ns` of the machine have passed."""
+        """Jump to the moment `bag_ns`, and continue there after `delay_ns` of the machine."""
         self._bag_ns = bag_ns
         if self._hold_ns is None:
             self._point_ns = now_ns + delay_ns
@@ -83,7 +83,7 @@ class TimeLine:
             self._hold_ns = delay_ns
 
     def _settle(self, now_ns: int) -> None:
-        """Move the shared point to now, unless that is still to come."""
+        """Move the shared point to the present, unless it is in the future."""
         if self._hold_ns is None and now_ns > self._point_ns:
             self._bag_ns = self.bag_time(now_ns)
             self._point_ns = now_ns

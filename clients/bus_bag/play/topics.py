@@ -1,4 +1,4 @@
-"""The topics of a bag that are played: their types, publishers, and how their messages are decoded."""
+"""The played topics of a bag: their types, their publishers, and the decoding of their messages."""
 
 from collections import Counter
 from typing import Any
@@ -36,15 +36,15 @@ class Topics:
         self._undecodable: Counter[str] = Counter()
         self._reasons: dict[str, str] = {}
         self.depths: dict[str, int] = {}
-        """Transient local topics, and how many messages of each a late joiner gets."""
+        """Transient local topics, and the number of messages that a late joiner gets from each."""
 
     @property
     def names(self) -> frozenset[str]:
-        """Names of all topics that can be played."""
+        """Names of all playable topics."""
         return frozenset(self._codecs)
 
     async def publish_on(self, node: Node) -> dict[str, Publisher[Any]]:
-        """Create a publisher for each that can be played, and say why others can't."""
+        """Create a publisher for each playable topic, and log the reason for each other topic."""
         publishers: dict[str, Publisher[Any]] = {}
         best_effort = []
         self._report_unknown()
@@ -74,7 +74,7 @@ class Topics:
         return publishers
 
     def decode(self, message: BagMessage) -> bytes | None:
-        """The payload of a message; None if it is no message of its type. In any one thread."""
+        """The payload of a message; None if it does not have its type. Not for several threads at a time."""
         try:
             return self._codecs[message.topic].decode(message.data)
         except CdrError as error:
@@ -83,7 +83,7 @@ class Topics:
             return None
 
     def report_undecodable(self) -> None:
-        """Say how many messages were left out."""
+        """Log the number of skipped messages."""
         for topic, count in self._undecodable.items():
             self._logger.warning(f"{counted(count, 'message')} of '{topic}' left out: {self._reasons[topic]}")
 
@@ -105,7 +105,8 @@ class Topics:
         return profile
 
     def _schema(self, topic: TopicMetadata) -> MessageSchema:
-        """As busd recorded it, else as the file defines it, else the type of that name here."""
+        """The schema recorded by busd; without it, the definition in the file; without both, the local
+        type."""
         if topic.serialization_format != _CDR:
             raise ConfigurationError(f"serialization format '{topic.serialization_format}' is not supported")
         text = self._reader.extra.get(topic.name, {}).get(SCHEMA)

@@ -1,7 +1,7 @@
-"""Messages of topics into the files of a bag: encoded, in files of the length that is asked for.
+"""Writes messages of topics into the files of a bag: encodes them, and splits the bag by the options.
 
 Each further file begins with the state of the latched topics, so it can be played alone. While a recording is
-paused only that state is kept; it is written once the recording goes on.
+paused, only that state is kept. It is written when the recording continues.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -18,14 +18,14 @@ from bus_ros.cdr import CdrError
 __all__ = ["BagOutput"]
 
 _SHORT = 4 << 10
-"""Batches of messages that have up to so many bytes on the average go into a chunk as one."""
+"""Batches of messages with at most this average size go into a chunk as a whole."""
 
 
 class BagOutput:
     """Writes to `writer`. `now_ns` is the clock of log times.
 
-    `size()` is the number of bytes of all files, with what is on its way there. `before_split()` is called
-    before a further file begins, `on_reject(topic, error)` for what is no message of its type.
+    `size()` is the number of bytes of all files, including data on its way there. `before_split()` is called
+    before a further file begins, `on_reject(topic, error)` for a message that does not have its type.
     """
 
     def __init__(
@@ -48,9 +48,9 @@ class BagOutput:
         self._splitting = splitting if splitting else None
         self._latched: LatchedState[Sample] = LatchedState()
         self.topics: dict[str, RecordedTopic] = {}
-        """By name."""
+        """Recorded topics by name."""
         self.messages = 0
-        """That were given to the file."""
+        """Number of messages passed to the file."""
         self.bytes = 0
 
     def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
@@ -66,7 +66,8 @@ class BagOutput:
                 self._add_channel(topic)
 
     def write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
-        """Write messages, whose payloads have `size` bytes; `is_paused`: as those of a pause."""
+        """Write messages; their payloads have `size` bytes. `is_paused`: handle them as messages of a
+        pause."""
         if is_paused:
             topic.passed_over += len(samples)
             self.keep(topic, samples, is_written=False)
@@ -90,13 +91,13 @@ class BagOutput:
                 self.keep(topic, [sample], is_written=True)
 
     def write_state_before(self, batches: Iterable[Batch]) -> None:
-        """Write the state of latched topics that was not written, without what is in these batches."""
+        """Write the unwritten state of latched topics, without the messages in `batches`."""
         present = {id(sample) for samples in batches for sample in samples}
         unwritten = self._latched.take_unwritten()
         self._write_state([one for one in unwritten if id(one.message) not in present])
 
     def keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
-        """Keep the state of a topic whose publishers keep messages for late joiners."""
+        """Keep the state of a topic if its publishers keep messages for late joiners."""
         if topic.is_latched:
             for sample in samples:
                 if self._latched.is_offered(topic.name, sample[1].publisher_gid):
@@ -105,7 +106,7 @@ class BagOutput:
                     )
 
     def split(self, log_time: int | None = None) -> None:
-        """Go on in the next file, which begins with the state of latched topics, at `log_time`."""
+        """Continue in the next file. It begins with the state of latched topics, at `log_time`."""
         self._before_split()
         self._writer.split()
         if self._splitting is not None:
@@ -117,13 +118,13 @@ class BagOutput:
                 topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
 
     def _split_if_due(self, splitting: Splitting, sample: Sample) -> None:
-        """Before this one is written."""
+        """Begin a further file before `sample` if that is due."""
         log_time = sample[1][1]
         if splitting.is_due(self._size(), log_time):
             self.split(log_time)
 
     def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
-        """False, with nothing written, if one is no message of the type."""
+        """Write all samples; returns False without writing if a message does not have the type."""
         payloads, infos = zip(*samples, strict=True)
         try:
             messages = topic.encode_many(payloads)
@@ -135,7 +136,7 @@ class BagOutput:
         return True
 
     def _write_one(self, topic: RecordedTopic, channel: int, sample: Sample, log_time: int) -> int:
-        """Returns how many were written: 1, or 0 for what is no message of the type."""
+        """Write one message; returns 1, or 0 if it does not have the type."""
         payload, info = sample
         try:
             parts = topic.encode(payload)
@@ -148,7 +149,7 @@ class BagOutput:
         return 1
 
     def _write_state(self, state: Iterable[Latched[Sample]]) -> None:
-        """Write what was passed over, as the state of this moment."""
+        """Write kept messages, as the state of this moment."""
         now_ns = self._now_ns()
         for one in state:
             topic = self.topics[one.topic]

@@ -1,6 +1,7 @@
-"""Messages that were taken and are yet to be written, by topic. Pure.
+"""Taken messages that wait to be written, by topic. Pure.
 
-When there is no room, the topic with most bytes waiting loses its oldest: a camera, not the transforms.
+If there is no room, the topic with most waiting bytes loses its oldest messages: a camera, not the
+transforms.
 """
 
 from collections import deque
@@ -13,11 +14,11 @@ __all__ = ["Cache"]
 T = TypeVar("T")
 
 _FEW = 64
-"""So many places of what was lost are not worth a look at all others."""
+"""Up to this number, dropped entries stay in the order: to remove them costs a pass over all entries."""
 
 
 class _Entry(msgspec.Struct, Generic[T]):
-    """A batch of `count` messages with so many bytes; None once it was lost."""
+    """A batch of `count` messages with `size` bytes; None once it was dropped."""
 
     topic: str
     batch: T | None
@@ -26,10 +27,9 @@ class _Entry(msgspec.Struct, Generic[T]):
 
 
 class Cache(Generic[T]):
-    """Batches in the order in which they came, within `limit` bytes. A batch that is larger than that has
-    room alone.
+    """Batches in the order of arrival, with `limit` bytes in total. A larger batch is accepted alone.
 
-    `is_circular`: the oldest of all is lost, whatever its topic: what is kept is the newest of the whole.
+    `is_circular`: drops the oldest batch of all topics, so the cache keeps the newest batches.
     """
 
     def __init__(self, limit: int, *, is_circular: bool = False) -> None:
@@ -39,14 +39,14 @@ class Cache(Generic[T]):
         self._topics: dict[str, deque[_Entry[T]]] = {}
         self._bytes_by_topic: dict[str, int] = {}
         self.waiting = 0
-        """Batches that wait. `_order` also has those that were lost meanwhile."""
+        """Number of waiting batches. `_order` also has batches that were dropped."""
         self.bytes = 0
         """Bytes of all waiting batches."""
         self.lost: dict[str, int] = {}
-        """Topic -> messages that were lost here."""
+        """Topic -> number of messages dropped here."""
 
     def put(self, topic: str, batch: T, count: int, size: int) -> None:
-        """Add a batch of `count` messages with `size` bytes in all; if there is no room, drop others."""
+        """Add a batch of `count` messages with `size` bytes in all. Without room, drop others."""
         entry = _Entry(topic, batch, count, size)
         self._order.append(entry)
         entries = self._topics.get(topic)
@@ -61,7 +61,8 @@ class Cache(Generic[T]):
             self._lose()
 
     def take(self) -> tuple[str, T, int]:
-        """The oldest batch: its topic, itself, how many messages. Raises IndexError if none waits."""
+        """Remove and return the oldest batch: its topic, itself, its number of messages. Raises IndexError if
+        empty."""
         while (batch := (entry := self._order.popleft()).batch) is None:
             pass
         topic = entry.topic
@@ -72,7 +73,7 @@ class Cache(Generic[T]):
         return topic, batch, entry.count
 
     def clear(self) -> dict[str, int]:
-        """Drop all waiting messages; returns topic -> messages."""
+        """Drop all waiting messages; returns topic -> number of messages."""
         thrown: dict[str, int] = {}
         while self.waiting:
             topic, _, count = self.take()

@@ -1,8 +1,8 @@
-"""Which topics are recorded: the options, applied to a graph. Pure.
+"""The choice of the topics to record: applies the options to a graph. Pure.
 
-The rules are those of rosbag2's topic filter: names, types and the regular expression add up; excluded topics
-and hidden topics are left out of the result. Events of services are on other topics, which options for topics
-don't choose. The topics by which services are called are none to a user.
+The rules are the same as in rosbag2's topic filter. Names, types and the regular expression add up; excluded
+topics and hidden topics are removed from the result. Events of services are on other topics, which options
+for topics don't choose. For a user, the topics of service calls are not topics.
 """
 
 from collections.abc import Iterable
@@ -35,12 +35,12 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_by_name(self) -> bool:
-        """Whether there is nothing more to find once all named topics are there."""
+        """Whether the search ends once all named topics are found."""
         return not (self.topic_types or self.regex or self.all_topics or self.all_services)
 
 
 class Found(msgspec.Struct, frozen=True):
-    """A topic that is to be recorded."""
+    """A topic to record."""
 
     topic: str
     type_name: str
@@ -48,9 +48,9 @@ class Found(msgspec.Struct, frozen=True):
 
 
 class Choice:
-    """Chooses for one recorder, whose node is called `own_node`.
+    """Chooses for one recorder, whose node has the name `own_node`.
 
-    Raises ConfigurationError for what is no regular expression.
+    Raises ConfigurationError for an invalid regular expression.
     """
 
     def __init__(self, wanted: Wanted, own_node: str) -> None:
@@ -63,8 +63,8 @@ class Choice:
         self._said: set[str] = set()
 
     def choose(self, graph: Graph) -> tuple[list[Found], list[str]]:
-        """The topics to be recorded, sorted by name; and why others that were wanted are not, each said
-        once."""
+        """The topics to record, sorted by name, and the reasons why other wanted topics are left out, each
+        reported once."""
         found, reasons = [], []
         types: dict[str, set[tuple[str, str]]] = {}
         for endpoint in graph.publishers:
@@ -103,11 +103,11 @@ class Choice:
         return self._wanted.is_by_name and (self._wanted.topics | self._events) <= set(recorded)
 
     def takes(self, topic: str, types: set[str]) -> bool:
-        """Whether a topic with messages of these types is chosen, wherever it comes from."""
+        """Whether a topic with messages of these types is chosen, from any source."""
         return self._wants(topic, types) and not self._is_hidden(topic, types)
 
     def _is_hidden(self, topic: str, types: set[str]) -> bool:
-        """Whether it is left out because of its name; events of services are not."""
+        """Whether the topic is left out because of its name. Events of services never are."""
         if self._wanted.include_hidden_topics:
             return False
         return is_hidden_topic(topic) and not is_event_topic(topic, types)

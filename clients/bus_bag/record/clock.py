@@ -12,21 +12,21 @@ __all__ = ["RecordingClock"]
 
 
 class RecordingClock:
-    """The clock of one recording; `is_simulated`: that of `node`, which follows /clock."""
+    """The clock of one recording; `is_simulated`: use the clock of `node`, which follows /clock."""
 
     def __init__(self, node: Node, *, is_simulated: bool) -> None:
         self._node = node
         self.is_simulated = is_simulated
 
     def now_ns(self) -> int:
-        """Nanoseconds since 1970, or since the simulation began; 0: it has not begun."""
+        """Nanoseconds since 1970, or since the simulation began; 0 before its beginning."""
         if not self.is_simulated:
             return time_ns()
         now: Any = self._node.now()
         return int(now.sec) * 1_000_000_000 + int(now.nanosec)
 
     async def wait_for_begin(self, stopped: asyncio.Event) -> None:
-        """Until there is a time, or until `stopped`."""
+        """Wait until there is a time, or until `stopped`."""
         if not self.is_simulated or self.now_ns():
             return
         log = self._node.get_logger()
@@ -38,7 +38,7 @@ class RecordingClock:
         stopping = asyncio.ensure_future(stopped.wait())
         try:
             await asyncio.wait((receiving, stopping), return_when=asyncio.FIRST_COMPLETED)
-            # The node's own subscription gets the same message, perhaps a moment later.
+            # The node's own subscription may get the same message a moment later.
             for _ in range(1000):
                 if self.now_ns() or stopped.is_set():
                     break

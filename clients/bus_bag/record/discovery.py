@@ -1,7 +1,7 @@
-"""Finding the topics that a recording wants, and subscribing to them.
+"""Finds the topics for a recording, and subscribes to them.
 
-Owns the topics of a recording: each is there from the moment at which its subscription is asked for. A topic
-keeps its first type. Publishers of another type are named in the log, once, and not recorded.
+Owns the topics of a recording. A topic is in it from the request for its subscription on. A topic keeps its
+first type. Publishers of another type are logged once, and not recorded.
 """
 
 import asyncio
@@ -27,10 +27,10 @@ T = TypeVar("T")
 
 
 class Discovery:
-    """The topics of one recording, found with `node`, which its `pipeline` learns of.
+    """Finds the topics of one recording with `node`, and adds them to `pipeline`.
 
-    `on_arrival(topic)` is called when messages of a topic may have come, `on_graph()` once all new topics of
-    a graph are subscribed to.
+    `on_arrival(topic)` is called if messages of a topic may have arrived. `on_graph()` is called after all
+    new topics of a graph are subscribed.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class Discovery:
         self._on_graph = on_graph
         self._refused: set[Found] = set()
         self.topics: dict[str, RecordedTopic] = {}
-        """By name."""
+        """Recorded topics by name."""
 
     async def run(self) -> None:
-        """Follow the graph until cancelled; without discovery only its first state is examined."""
+        """Follow the graph until cancelled. Without discovery, only examine its first state."""
         try:
             async with aclosing(self._node.watch_graph()) as graphs:
                 async for graph in graphs:
@@ -90,7 +90,7 @@ class Discovery:
             self._log.info("All requested topics are subscribed. Stopping discovery...", once=True)
 
     def _refuse_other_type(self, found: Found) -> None:
-        """A topic that is recorded as another type."""
+        """Log a topic that is recorded as another type."""
         known = self.topics.get(found.topic)
         if known is None or known.found == found or found in self._refused:
             return
@@ -101,7 +101,7 @@ class Discovery:
         )
 
     async def _schema(self, type_name: str, type_hash: str) -> MessageSchema | None:
-        """None if the topic has gone meanwhile."""
+        """The schema of a type; None if the topic has gone meanwhile."""
         with suppress(ConfigurationError):
             return await _repeat(lambda: self._node.get_schema(type_name, type_hash))
         return None
@@ -137,7 +137,7 @@ class Discovery:
             self._log.warning(f"Topic '{found.topic}': ROS 2 can't describe {fields}; recorded as JSON text")
 
     def _update_publishers(self, topic: RecordedTopic) -> None:
-        """Publishers of it have come or gone."""
+        """Update the publishers of a topic after a change."""
         if topic.subscription is None:
             return
         matches = topic.subscription.matches
@@ -151,7 +151,7 @@ class Discovery:
 
 
 async def _repeat(ask: Callable[[], Awaitable[T]]) -> T:
-    """The answer of busd. A busd that is silent for long is asked again: the recording goes on meanwhile."""
+    """The answer of busd. If busd is silent for long, ask again: the recording continues meanwhile."""
     while True:
         with suppress(TimeoutError):
             return await ask()

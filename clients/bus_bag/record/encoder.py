@@ -1,6 +1,6 @@
-"""The encoding of messages in a bag: as CDR, or, for a type that CDR can't have, as a text of JSON.
+"""The encoding of messages in a bag: CDR, or for types that CDR can't have, a text of JSON.
 
-A bag has one serialization format, so the text is also CDR: of `busd/msg/Json`, which has one field.
+A bag has only one serialization format. So the text is also CDR: of `busd/msg/Json`, which has one field.
 """
 
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ class Encoder(Protocol):
 
 
 def encoder_of(schema: MessageSchema) -> tuple[Encoder, str]:
-    """The encoder of a type, and the reason if it makes texts of JSON.
+    """The encoder of a type. If it makes texts of JSON, also the reason.
 
     Raises ConfigurationError for a schema that is malformed or too large.
     """
@@ -53,7 +53,7 @@ class _JsonEncoder:
         self.as_json: tuple[str, ...] = (type_name,)
 
     def encode(self, payload: Buffer) -> list[Buffer]:
-        """Raises CdrError for what is no MessagePack, or can't be said in JSON."""
+        """Raises CdrError if the payload is not MessagePack, or if JSON can't have its values."""
         try:
             text = msgspec.json.encode(msgspec.msgpack.decode(payload)).decode()
         except (ValueError, TypeError, RecursionError) as error:

@@ -1,7 +1,7 @@
-"""Messages out of the subscriptions and into the pipeline.
+"""Moves messages from the subscriptions into the pipeline.
 
-Taking goes before writing. The time of receipt is the time at which a message is taken, so messages are taken
-at once. The pipeline goes on after everything else that the event loop has to do now.
+Taking messages goes before writing. The time of receipt is the time at which a message is taken. So messages
+are taken at once. The pipeline runs after all other pending work of the event loop.
 """
 
 import asyncio
@@ -18,29 +18,29 @@ _BATCH = 256
 
 
 class Intake:
-    """Takes the messages of one recording. To be made on the event loop.
+    """Takes the messages of one recording. Make it on the event loop.
 
-    While the pipeline is crowded, messages of lossless topics are not taken, so their publishers wait. Once
-    the recording ends, all messages that have come are taken.
+    While the pipeline is crowded, messages of lossless topics are not taken, so their publishers wait. At the
+    end of the recording, all messages that have arrived are taken.
     """
 
     def __init__(
         self, pipeline: Pipeline, clock: RecordingClock, life: RecordingLife, *, is_paused: bool
     ) -> None:
         self.is_paused = is_paused
-        """Whether what is taken is passed over."""
+        """Whether taken messages are not recorded."""
         self._loop = asyncio.get_running_loop()
         self._pipeline = pipeline
         self._clock = clock
         self._life = life
         self._unfinished: dict[RecordedTopic, None] = {}
-        """Topics that may have more than was taken at once."""
+        """Topics that may have more messages than one call takes."""
         self._held: dict[RecordedTopic, None] = {}
         """Lossless topics that wait for room."""
         self._pumping: asyncio.Handle | None = None
 
     def take(self, topic: RecordedTopic) -> None:
-        """Messages of `topic` may have come: take them now, write them later."""
+        """Take messages of `topic` now, if some have arrived, and write them later."""
         subscription = topic.subscription
         if subscription is None or topic.final is not None:
             return
@@ -50,7 +50,7 @@ class Intake:
         samples = subscription.take_many(_BATCH)
         if not samples:
             return
-        if len(samples) == _BATCH and topic not in self._unfinished:  # others have their turn first
+        if len(samples) == _BATCH and topic not in self._unfinished:  # continue later, after other callbacks
             self._unfinished[topic] = None
             self._loop.call_soon(self._take_more, topic)
         if self._clock.is_simulated:
@@ -64,14 +64,14 @@ class Intake:
             self._pumping = self._loop.call_soon(self._pump_now)
 
     def take_all(self, topics: Iterable[RecordedTopic]) -> None:
-        """Take all messages that have come until now."""
+        """Take all messages that have arrived so far."""
         for topic in topics:
             if topic.subscription is not None:
                 for _ in range(topic.subscription.statistics().queued // _BATCH + 1):
                     self.take(topic)
 
     def pump(self) -> None:
-        """Have the pipeline go on, behind what the loop has to do now."""
+        """Let the pipeline continue after the pending work of the loop."""
         if self._pumping is None:
             self._pumping = self._loop.call_soon(self._pump_now)
 

@@ -1,7 +1,7 @@
 """The transient local history of each publisher, as the recorder has seen it. Pure.
 
-Each further file of a split begins with it, so that the file can be played alone. A recording that was paused
-writes the state that changed meanwhile.
+Each further file of a split begins with it, so the file can be played alone. After a pause, a recording
+writes the state that changed during the pause.
 """
 
 from collections import deque
@@ -14,14 +14,14 @@ T = TypeVar("T")
 
 MOST_MESSAGES = 1000
 MOST_BYTES = 64 << 20
-"""So much is kept of one publisher; the newest message always is."""
+"""Most bytes kept of one publisher; the newest message is always kept."""
 
 RETURN_NS = 10_000_000_000
-"""A publisher that was gone for longer will not be back."""
+"""Time after which a missing publisher does not come back."""
 
 
 class Latched(NamedTuple, Generic[T]):
-    """A message that late joiners get."""
+    """A message for late joiners."""
 
     topic: str
     publisher: bytes
@@ -29,7 +29,7 @@ class Latched(NamedTuple, Generic[T]):
 
 
 class _Kept(Generic[T]):
-    """The messages that one publisher keeps, each with its bytes, and whether it was written."""
+    """The messages that one publisher keeps, each with its size, and whether it was written."""
 
     __slots__ = ("bytes", "depth", "gone_ns", "messages")
 
@@ -48,20 +48,20 @@ class _Kept(Generic[T]):
 
 
 class LatchedState(Generic[T]):
-    """The last messages of each publisher that offers some."""
+    """The last messages of each publisher that keeps messages for late joiners."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, bytes], _Kept[T]] = {}
         self.has_unwritten = False
 
     def is_offered(self, topic: str, publisher: bytes) -> bool:
-        """Whether this publisher keeps some."""
+        """Whether this publisher keeps messages."""
         return (topic, publisher) in self._kept
 
     def set_publishers(self, topic: str, depths: Mapping[bytes, int], now_ns: int) -> None:
-        """The publishers of `topic` that are there and keep some: gid -> depth (0: all). Others are gone.
+        """Set the present publishers of `topic` that keep messages: gid -> depth (0: all). Others are gone.
 
-        A publisher that is gone for a moment only, because busd restarts, counts as present all the time.
+        A publisher that is gone only for a moment, because busd restarts, counts as present all the time.
         """
         for publisher, depth in depths.items():
             kept = self._kept.setdefault((topic, publisher), _Kept())
@@ -75,7 +75,7 @@ class LatchedState(Generic[T]):
                 del self._kept[key]
 
     def add(self, topic: str, publisher: bytes, message: T, size: int, *, is_written: bool) -> None:
-        """That publisher's newest message, of `size` bytes."""
+        """Add that publisher's newest message, of `size` bytes."""
         kept = self._kept[topic, publisher]
         kept.messages.append((message, size, is_written))
         self.has_unwritten |= not is_written
@@ -83,7 +83,8 @@ class LatchedState(Generic[T]):
         kept.trim()
 
     def state(self, now_ns: int) -> list[Latched[T]]:
-        """What a late joiner would get now; of each publisher in its order. It counts as written."""
+        """The messages that a late joiner would get now, in order for each publisher. They count as
+        written."""
         found: list[Latched[T]] = []
         for (topic, publisher), kept in tuple(self._kept.items()):
             if kept.gone_ns is not None and now_ns - kept.gone_ns > RETURN_NS:
@@ -95,7 +96,7 @@ class LatchedState(Generic[T]):
         return found
 
     def take_unwritten(self) -> list[Latched[T]]:
-        """Messages not written until now. From now on they count as written."""
+        """The messages not written so far. From now on they count as written."""
         found: list[Latched[T]] = []
         for (topic, publisher), kept in self._kept.items():
             found += [Latched(topic, publisher, message) for message, _, done in kept.messages if not done]

@@ -1,7 +1,8 @@
-"""From what was taken to the file: the cache, encoding, chunks, further files, and the thread that writes.
+"""The way from taken messages to the file: the cache, encoding, chunks, further files, and the writing
+thread.
 
 Everything here runs on the event loop, except the jobs, which run in the thread one after the other. The loop
-never waits for the disk: messages that it can't hand over wait in the cache.
+never waits for the disk: messages that the thread can't accept yet wait in the cache.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,25 +27,26 @@ from bus_ros.cdr import CdrError
 __all__ = ["Pipeline"]
 
 _MOST_IN_FLIGHT = 8 << 20
-"""Bytes in chunks that wait for the thread, or are being written."""
+"""Most bytes in chunks that wait for the thread, or are being written."""
 
 _TURN_NS = 2_000_000
-"""How long the event loop may be held up by encoding: meanwhile nothing is taken."""
+"""Longest time of encoding in a turn of the event loop: meanwhile, no messages are taken."""
 
 _Faults = (BusError, OSError)
 
 _payload = itemgetter(0)
-"""Of a sample."""
+"""The payload of a sample."""
 
 
 class Pipeline:
-    """Of one recording. `now_ns` is the clock of log times.
+    """The pipeline of one recording. `now_ns` is the clock of log times.
 
-    In the writing thread `on_progress` is called after each job, and `on_split(closed, opened)`; on the event
-    loop `on_reject(topic, error)` for what is no message of its type. Without a thread (a cache of no size)
-    `on_progress` is called on the event loop, and only when a job has failed.
+    `on_progress` is called in the writing thread after each job, and so is `on_split(closed, opened)` after a
+    split. `on_reject(topic, error)` is called on the event loop for a message that does not have its type.
+    Without a thread (a cache of size 0), `on_progress` is called on the event loop, and only after a failed
+    job.
 
-    Raises BagError or OSError if the bag can't be begun.
+    Raises BagError or OSError if the bag can't be started.
     """
 
     def __init__(
@@ -97,36 +99,36 @@ class Pipeline:
                 self._failure = error
                 self._on_progress()
 
-    # --- how things are
+    # --- state
 
     @property
     def failure(self) -> BaseException | None:
-        """Why nothing more can be written."""
+        """The reason why nothing more can be written."""
         return self._failure if self._thread is None else self._thread.failure
 
     @property
     def messages(self) -> int:
-        """Messages that were given to the file."""
+        """Number of messages passed to the file."""
         return self._output.messages
 
     @property
     def written_bytes(self) -> int:
-        """Their bytes in it."""
+        """Number of bytes of these messages."""
         return self._output.bytes
 
     @property
     def cached(self) -> int:
-        """Bytes that are on their way to the file."""
+        """Bytes on their way to the file."""
         return self._cache.bytes + self._in_flight
 
     @property
     def is_crowded(self) -> bool:
-        """Whether the cache is so full that publishers that can wait should."""
+        """Whether the cache is so full that lossless publishers should wait."""
         return self._cache.bytes > self._crowd and not self._is_snapshot
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing is on its way to the file."""
+        """Whether no message is on its way to the file."""
         return (
             (self._is_snapshot or not self._cache.waiting)
             and not self._writer.gathered
@@ -134,7 +136,7 @@ class Pipeline:
         )
 
     def losses(self) -> dict[str, TopicLosses]:
-        """The accounts now."""
+        """The present counters of each topic."""
         self._settle_cache()
         return {name: topic.losses() for name, topic in self._output.topics.items()}
 
@@ -145,18 +147,18 @@ class Pipeline:
     # --- messages in
 
     def add(self, topic: RecordedTopic) -> None:
-        """From now on there may be messages of it."""
+        """Add a topic before its first message."""
         self._output.topics[topic.name] = topic
 
     def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
-        """The publishers of `topic` that keep messages for late joiners: gid -> depth (0: all).
+        """Set the publishers of `topic` that keep messages for late joiners: gid -> depth (0: all).
 
         `is_new`: the metadata of the topic have changed.
         """
         self._output.set_publishers(topic, depths, is_new=is_new)
 
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
-        """These were taken; while the recording is paused, only the state of latched topics is kept."""
+        """Add taken messages. While the recording is paused, only the state of latched topics is kept."""
         size = sum(map(len, map(_payload, samples)))
         if self._is_snapshot:
             self._output.keep(topic, samples, is_written=False)
@@ -166,14 +168,15 @@ class Pipeline:
         self._cache.put(topic.name, (samples, size, is_paused), len(samples), size)
 
     def resume(self) -> None:
-        """Write what latched topics have said while the recording was paused; it comes first."""
+        """Write the latched messages of the pause; they come first."""
         for topic in tuple(self._output.topics.values())[:1]:
-            self.put(topic, [], is_paused=False)  # an empty batch of any topic takes it along
+            self.put(topic, [], is_paused=False)  # an empty batch of any topic carries it
 
     # --- messages out
 
     def pump(self) -> bool:
-        """Encode and hand over what there is room for, for a while; returns whether there is more to do."""
+        """Encode and pass on messages while there is room, for a limited time; returns whether there is more
+        to do."""
         thread, cache = self._thread, self._cache
         if thread is None or self._is_snapshot:
             return False
@@ -186,12 +189,12 @@ class Pipeline:
         return cache.waiting > 0 and thread.waiting_bytes < _MOST_IN_FLIGHT
 
     def flush(self) -> None:
-        """Have written what was gathered."""
+        """Write the gathered messages."""
         if self._writer.gathered:
             self._writer.flush()
 
     def snapshot(self) -> None:
-        """Write everything in the memory, after the state of latched topics that has left it."""
+        """Write everything in the memory, after the latched messages that have left the memory."""
         self._settle_cache()
         batches = []
         while self._cache.waiting:
@@ -202,27 +205,26 @@ class Pipeline:
         self._writer.flush()
 
     def split(self) -> None:
-        """Go on in the next file, which begins with the state of latched topics."""
+        """Continue in the next file, which begins with the state of latched topics."""
         self._output.split()
 
     def write_losses(self) -> None:
-        """Put the accounts into the file."""
+        """Write the counters into the file."""
         self._writer.write_metadata(RECORD, to_record(self.losses()))
 
     # --- the end
 
     def drop(self) -> None:
-        """Drop all messages on their way to the file, except those that are being written."""
+        """Drop all messages on their way to the file, except messages that are being written."""
         self._settle_cache()
         self._count_lost(self._cache.clear(), DropReason.NOT_WRITTEN)
         if self._thread is not None:
             self._thread.drop()
 
     def close(self, patience_s: float | None = None) -> dict[str, TopicLosses]:
-        """End the bag, once it is idle, has failed, or was dropped; returns the accounts.
+        """End the bag after it is idle, has failed, or was dropped; returns the counters.
 
-        Raises BagError or OSError if that can't be done, for example if the disk takes longer than
-        `patience_s`.
+        Raises BagError or OSError if that fails, for example if the disk takes longer than `patience_s`.
         """
         self.drop()
         if self._thread is not None:
@@ -233,7 +235,7 @@ class Pipeline:
         try:
             if self._failure is None:
                 self._output.describe_topics()
-            self.flush()  # before it is counted what is in the files
+            self.flush()  # flush first, because the counters cover the files
         except _Faults as error:
             self._failure = self._failure or error
         counts = self._writer.counts()
@@ -247,13 +249,13 @@ class Pipeline:
         return losses
 
     def _settle_cache(self) -> None:
-        """Add the messages that the cache has lost since the last call to the accounts."""
+        """Add to the counters the messages that the cache has dropped since the last call."""
         lost, self._cache.lost = self._cache.lost, {}
         self._count_lost(lost, DropReason.RECORDER_CACHE)
 
     def _count_lost(self, counts: Mapping[str, int], reason: DropReason) -> None:
-        """Messages that left the cache, by topic. Messages that leave the memory of a snapshot are no
-        loss."""
+        """Count messages that left the cache, by topic. Messages that leave the memory of a snapshot are not
+        lost."""
         for name, count in counts.items():
             topic = self._output.topics[name]
             if self._is_snapshot:

@@ -1,4 +1,4 @@
-"""A recording as a program: the signals that end it, the keys, the line on the terminal, what is said at the
+"""A recording as a program: signals that end it, keys, the line on the terminal, and the report at the
 end."""
 
 import asyncio
@@ -32,8 +32,8 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
     """Record until Ctrl-C, SIGTERM, or a full disk; returns the exit code.
 
     A second Ctrl-C drops messages that still wait for the file. Raises BagError, OSError and
-    ConfigurationError if the recording can't begin, and BagError if it has failed; its text says what is in
-    the bag.
+    ConfigurationError if the recording can't begin, and BagError if it has failed; its text describes the
+    contents of the bag.
     """
     settle_process()
     try:
@@ -44,17 +44,17 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
 
 
 def settle_process() -> None:
-    """Have this process be one for recording: it takes and gives memory all the time."""
-    keep_freed_memory()  # chunks come and go
-    # Messages come and go by the hundred thousand, and none is in a cycle: to look for cycles as often as
-    # usual takes a fifth of the time.
+    """Tune this process for recording: it allocates and frees memory all the time."""
+    keep_freed_memory()  # chunks are allocated and freed all the time
+    # Hundreds of thousands of messages are made and freed, and none is in a cycle. The usual search for
+    # cycles would take a fifth of the time.
     gc.freeze()
     gc.set_threshold(_ALLOCATIONS)
     _set_policy("SCHED_BATCH")  # a message does not take its publisher's CPU away
 
 
 def _set_policy(name: str) -> None:
-    """Set the kernel's scheduling policy for this thread and those that it starts (Linux only)."""
+    """Set the kernel's scheduling policy for this thread and for threads that it starts (Linux only)."""
     if sys.platform == "linux":
         with suppress(OSError):
             os.sched_setscheduler(0, getattr(os, name), os.sched_param(0))
@@ -85,10 +85,10 @@ async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
 
 @contextmanager
 def _ended_by_signals(end: Callable[[], None]) -> Iterator[None]:
-    """A terminal that is closed ends a recording as Ctrl-C does, unless nohup was asked to prevent that.
+    """Call `end` at signals that end a program, among them SIGHUP of a closed terminal, except under nohup.
 
-    A shell script has the programs in its background ignore SIGINT; `kill -INT` still ends a recorder there,
-    as it ends the recorder of ROS 2.
+    A shell script lets its background programs ignore SIGINT. `kill -INT` still ends a recorder there, as it
+    ends the recorder of ROS 2.
     """
     loop = asyncio.get_running_loop()
     is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN

@@ -17,7 +17,7 @@ class Progress:
         self._looks: deque[tuple[int, int]] = deque([(began_ns, 0)])
 
     def line(self, now_ns: int, messages: int, size: int, cached: int, lost: int, *, is_paused: bool) -> str:
-        """`size`: bytes recorded until now, `cached`: bytes that wait."""
+        """Make the line. `size`: bytes recorded so far, `cached`: waiting bytes."""
         self._looks.append((now_ns, size))
         while len(self._looks) > 2 and now_ns - self._looks[1][0] >= _WINDOW_NS:
             self._looks.popleft()

@@ -1,6 +1,6 @@
-"""The recorder: the parts of a recording, the requests to it, and the end of the bag, whatever happens.
+"""The recorder: the parts of a recording, the requests to it, and the end of the bag in every case.
 
-Its states and what leads from one to the next are in `record/state.py`.
+Its states and their transitions are in `record/state.py`.
 """
 
 import asyncio
@@ -29,19 +29,18 @@ from bus_ros.cdr import CdrError
 __all__ = ["Recorder"]
 
 _PERIOD_S = 0.9
-"""How often chunks are closed that are not full: so much a crash may cost."""
+"""Period in which incomplete chunks are closed: a crash loses at most this time."""
 _LOSSES_S = 10.0
 _STRAGGLERS_S = 0.3
-"""How long to wait at the end for busd's last counters."""
+"""Time to wait at the end for busd's last counters."""
 _PATIENCE_S = 1.0
-"""How long a disk may take that is yet to take something, if the recording is to end at once."""
+"""Time that a disk may take for pending data if the recording must end at once."""
 _SPLIT_EVENT = "rosbag2_interfaces/msg/WriteSplitEvent"
 
 
 class Recorder:
-    """Records with `node`, which is open, until `stop`. Raises BagError, OSError and ConfigurationError if
-    it can't begin.
-    """
+    """Records with the open `node` until `stop`. Raises BagError, OSError and ConfigurationError if it can't
+    begin."""
 
     def __init__(self, node: Node, options: RecordOptions) -> None:
         self._node = node
@@ -50,13 +49,13 @@ class Recorder:
         self._loop = asyncio.get_running_loop()
         self._life = RecordingLife()
         self._stopped = asyncio.Event()
-        """It is no longer to go on: see `RecordingLife.is_ending`."""
+        """Set when it must not continue: see `RecordingLife.is_ending`."""
         self._progress = asyncio.Event()
-        """The writing thread has done something."""
+        """Set after each job of the writing thread."""
         self._error: BaseException | None = None
         self._splits: Any = None
         self._clock = RecordingClock(node, is_simulated=options.is_simulated)
-        choice = Choice(options.wanted, node.full_name)  # before the folder: its patterns may be wrong
+        choice = Choice(options.wanted, node.full_name)  # before the folder: patterns may be invalid
         self.pipeline = Pipeline(
             options,
             now_ns=self._clock.now_ns,
@@ -69,12 +68,12 @@ class Recorder:
             node, options, choice, self.pipeline, on_arrival=self._intake.take, on_graph=self._begin
         )
 
-    # --- what it is asked to do
+    # --- commands
 
     async def run(self) -> dict[str, TopicLosses]:
-        """Record until `stop`, or until nothing more can be written (`failure`); returns the accounts.
+        """Record until `stop`, or until nothing more can be written (`failure`); returns the counters.
 
-        Whatever it raises, the bag is closed with what is in it. Cancellation: the same.
+        Also after an error, the bag is closed with its contents. The same is true for cancellation.
         """
         tasks: list[asyncio.Task[None]] = []
         try:
@@ -102,7 +101,7 @@ class Recorder:
         return losses
 
     def stop(self) -> None:
-        """End the recording; the second time without what still waits for the file."""
+        """End the recording. The second call drops messages that still wait for the file."""
         if self._life.on(RecordingEvent.STOP) is RecordingState.HURRYING:
             self.pipeline.drop()
             self._progress.set()
@@ -125,18 +124,18 @@ class Recorder:
             self._intake.pump()
 
     def split(self) -> None:
-        """Go on in the next file now."""
+        """Continue in the next file now."""
         self._take_all()
         self.pipeline.split()
 
     def snapshot(self) -> bool:
-        """Write what the memory has; returns whether this recording keeps some."""
+        """Write the messages in memory; returns whether this recording keeps any."""
         if self._options.is_snapshot:
             self._take_all()
             self.pipeline.snapshot()
         return self._options.is_snapshot
 
-    # --- how things are
+    # --- state
 
     @property
     def state(self) -> RecordingState:
@@ -144,7 +143,7 @@ class Recorder:
 
     @property
     def failure(self) -> BaseException | None:
-        """Why nothing more can be written."""
+        """The reason why nothing more can be written."""
         return self.pipeline.failure
 
     @property
@@ -152,13 +151,13 @@ class Recorder:
         return self._intake.is_paused
 
     def lost(self) -> int:
-        """Messages lost until now."""
+        """Number of messages lost so far."""
         return sum(sum(one.lost.values()) for one in self.pipeline.losses().values())
 
-    # --- what happens meanwhile
+    # --- events
 
     def _begin(self) -> None:
-        """All topics of a graph are subscribed to: if it was the first, the recording begins."""
+        """All topics of a graph are subscribed. After the first graph, the recording begins."""
         if self.state is not RecordingState.STARTING:
             return
         self._life.on(RecordingEvent.BEGIN)
@@ -180,7 +179,7 @@ class Recorder:
                 self.pipeline.write_losses()
 
     def _progressed(self) -> None:
-        """The writing thread has done something, or has failed."""
+        """Handle progress or a failure of the writing thread."""
         if self.failure is not None:
             self._life.on(RecordingEvent.FAIL)
             self._stopped.set()
@@ -188,7 +187,7 @@ class Recorder:
         self._intake.pump()
 
     def _ended(self, task: "asyncio.Task[None]") -> None:
-        """A task that fails ends the recording; the bag is closed with what is in it."""
+        """Handle the end of a task. A failed task ends the recording; the bag is closed with its contents."""
         if not task.cancelled() and (error := task.exception()) is not None:
             self._error = error
             self._life.on(RecordingEvent.FAIL)
@@ -209,7 +208,7 @@ class Recorder:
     # --- the end
 
     async def _finish(self) -> None:
-        """Take what has come, until the accounts close; then write it."""
+        """Take all messages until the counters add up, then write them."""
         topics = self._discovery.topics.values()
         end_s = self._loop.time() + _STRAGGLERS_S
         while self.failure is None:

@@ -24,7 +24,7 @@ class Served(Protocol):
 
 
 async def serve(node: Node, recorder: Served) -> None:
-    """Have `node` do with `recorder` what others ask for, until it is closed."""
+    """Let `node` serve requests to `recorder`, until it is closed."""
     await offer(node, "pause", "Pause", lambda request: recorder.pause())
     await offer(node, "resume", "Resume", lambda request: recorder.resume())
     await offer(node, "is_paused", "IsPaused", lambda request: {"paused": recorder.is_paused})

@@ -1,4 +1,4 @@
-"""When a bag goes on in its next file. Pure."""
+"""The time at which a bag continues in its next file. Pure."""
 
 __all__ = ["Splitting"]
 
@@ -6,7 +6,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class Splitting:
-    """By bytes (`most_bytes`) and by time (`most_s`, of the log times); 0: not by that."""
+    """Splits by bytes (`most_bytes`) and by time (`most_s`, of the log times); 0: no such limit."""
 
     def __init__(self, most_bytes: int, most_s: float) -> None:
         self._most_bytes = most_bytes
@@ -15,12 +15,12 @@ class Splitting:
         self._before = 0
 
     def __bool__(self) -> bool:
-        """Whether there is such a rule."""
+        """Whether there is a limit."""
         return bool(self._most_bytes or self._most_ns)
 
     def is_due(self, size: int, log_time: int) -> bool:
-        """Whether a message of that time belongs into the next file, if the files have `size` bytes in
-        all."""
+        """Whether a message of that time belongs to the next file, if all files have `size` bytes in
+        total."""
         if self._start_ns is None:
             self._start_ns = log_time
             return False
@@ -30,5 +30,5 @@ class Splitting:
         )
 
     def split(self, size: int) -> None:
-        """The next file begins."""
+        """Record the begin of the next file."""
         self._start_ns, self._before = None, size

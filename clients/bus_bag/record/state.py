@@ -1,8 +1,7 @@
-"""The life of a recording as a table: its states, the events, and which state follows. Pure.
+"""The life of a recording as a table: its states, the events, and the next state for each. Pure.
 
-A recording can end in three ways: on request, because it can't go on, and at once. Only the last gives up
-messages. All end with CLOSED. Whether a recording is paused is no state here: it can be paused in each of
-them, also while it ends.
+A recording can end in three ways: on request, because it can't continue, and at once. Only the last one drops
+messages. All end with CLOSED. A pause is not a state here, because each state can be paused, even at the end.
 """
 
 from collections.abc import Mapping
@@ -14,32 +13,32 @@ __all__ = ["TRANSITIONS", "RecordingEvent", "RecordingLife", "RecordingState"]
 
 
 class RecordingState(Enum):
-    """Where a recording stands."""
+    """States of a recording."""
 
-    __hash__ = object.__hash__  # Enum's own is a call in Python
+    __hash__ = object.__hash__  # the one of Enum is a Python function, which is slower
 
     STARTING = "starting"
     """It waits for the simulated time, if it needs that, and for the first graph."""
     RECORDING = "recording"
     """It has subscribed to the topics of the first graph, and follows the graph."""
     FAILING = "failing"
-    """It can't go on. It takes what has come and writes what can be written."""
+    """It can't continue. It takes arrived messages and writes as much as possible."""
     FINISHING = "finishing"
-    """It was asked to end. It takes what has come and writes all of it."""
+    """It was asked to end. It takes arrived messages and writes all of them."""
     HURRYING = "hurrying"
-    """It was asked a second time: it gives up what is not yet written."""
+    """It was asked a second time: it drops unwritten messages."""
     CLOSED = "closed"
 
 
 class RecordingEvent(Enum):
-    """What can happen to it."""
+    """Events that change the state."""
 
     __hash__ = object.__hash__
 
     BEGIN = "begin"
-    """The topics of the first graph are subscribed to."""
+    """The topics of the first graph are subscribed."""
     STOP = "stop"
-    """Somebody asks it to end: Ctrl-C, a signal, or a program."""
+    """Ctrl-C, a signal or a program asks for the end."""
     FAIL = "fail"
     """Nothing more can be written, or one of its tasks has failed."""
     CLOSE = "close"
@@ -59,7 +58,7 @@ TRANSITIONS: Mapping[RecordingState, Mapping[RecordingEvent, RecordingState]] = 
         RecordingEvent.CLOSE: RecordingState.CLOSED,  # it was cancelled
     },
     RecordingState.FAILING: {
-        RecordingEvent.STOP: RecordingState.FINISHING,  # the first Ctrl-C gives up nothing
+        RecordingEvent.STOP: RecordingState.FINISHING,  # the first Ctrl-C drops no message
         RecordingEvent.FAIL: RecordingState.FAILING,
         RecordingEvent.CLOSE: RecordingState.CLOSED,
     },
@@ -74,12 +73,12 @@ TRANSITIONS: Mapping[RecordingState, Mapping[RecordingEvent, RecordingState]] = 
         RecordingEvent.CLOSE: RecordingState.CLOSED,
     },
     RecordingState.CLOSED: {
-        # A signal, or the last word of the writing thread, may still be on its way.
+        # A signal, or the last report of the writing thread, may still arrive.
         RecordingEvent.STOP: RecordingState.CLOSED,
         RecordingEvent.FAIL: RecordingState.CLOSED,
     },
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""The next state, by state and event. An event that is missing must not happen."""
 
 
 class RecordingLife(Life[RecordingState, RecordingEvent]):
@@ -90,5 +89,5 @@ class RecordingLife(Life[RecordingState, RecordingEvent]):
 
     @property
     def is_ending(self) -> bool:
-        """Whether no further topics are wanted, and no publisher is made to wait any more."""
+        """Whether it wants no further topics, and lets no publisher wait any more."""
         return self.state is not RecordingState.STARTING and self.state is not RecordingState.RECORDING

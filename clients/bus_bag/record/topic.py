@@ -18,8 +18,8 @@ __all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
 
 
 def profile_for(schema: MessageSchema) -> QoSProfile:
-    """The QoS of a recorder's subscription: it matches every offer, blocks no publisher, and gets the
-    messages that publishers keep."""
+    """The QoS of a recorder's subscription. It matches every offer, blocks no publisher, and gets the
+    messages kept by publishers."""
     return QoSProfile(
         depth_for(schema),
         reliability=Reliability.BEST_EFFORT,
@@ -32,7 +32,7 @@ Batch = list[Sample]
 
 
 class RecordedTopic:
-    """`found` is what `schema` describes."""
+    """A topic that is recorded. `schema` describes the type of `found`."""
 
     def __init__(self, found: Found, schema: MessageSchema) -> None:
         self.found = found
@@ -45,14 +45,14 @@ class RecordedTopic:
         self.is_lossless = False
         """Whether its publishers wait for this subscription."""
         self.final: SubscriptionStatistics | None = None
-        """The counters of the subscription when the recording of the topic ended; None: it goes on."""
+        """The counters of the subscription at the end of the topic's recording; None while it continues."""
         self.channel: int | None = None
-        """In the bag, once there is something of it."""
+        """Its channel in the bag; None before its first message."""
         self.is_latched = False
-        """Whether some publisher keeps messages for late joiners."""
+        """Whether at least one publisher keeps messages for late joiners."""
         self.written = 0
         self.repeated = 0
-        """Written once more, at the beginning of further files."""
+        """Messages written once more, at the beginning of further files."""
         self.passed_over = 0
         """Messages that came while the recording was paused, or left a snapshot's memory."""
         self.lost: dict[str, int] = {}
@@ -60,15 +60,15 @@ class RecordedTopic:
         self._profiles: Counter[QoSProfile] = Counter()
 
     def subscribed(self, subscription: Subscription[Any]) -> None:
-        """From now on messages of it come by `subscription`."""
+        """Set the subscription from which messages come from now on."""
         self.subscription = subscription
         self.is_lossless = subscription.qos.is_lossless
 
     def update_offers(self, offers: Iterable[QoSProfile]) -> bool:
-        """Publishers with these profiles are there; returns whether there are more than ever before.
+        """Update the present publishers' profiles; returns whether there are more than ever before.
 
-        A profile counts as often as there were publishers with it at one time: a player keeps for late
-        joiners as much as all of them kept.
+        A profile counts as often as there were publishers with it at one time: a player keeps as much for
+        late joiners as all of these publishers together.
         """
         known = self._profiles.total()
         self._profiles |= Counter(offers)
@@ -87,7 +87,7 @@ class RecordedTopic:
 
     @property
     def extra(self) -> dict[str, str]:
-        """Further metadata of the channel: the type as it is on the bus."""
+        """Further metadata of the channel: the type on the bus."""
         return {
             TYPE_HASH: self.schema.type_hash,
             SCHEMA: schema_to_text(self.schema),
@@ -98,19 +98,19 @@ class RecordedTopic:
 
     @property
     def is_settled(self) -> bool:
-        """Whether each message published until now was taken or is known to be lost."""
+        """Whether each message published so far was taken or is known to be lost."""
         if self.subscription is None:
             return True
         counters = self.subscription.statistics()
         return counters.expected == counters.delivered + counters.queued + sum(counters.dropped.values())
 
     def finish(self) -> None:
-        """Messages that come from now on are neither recorded nor expected."""
+        """End the recording of the topic: later messages are neither recorded nor expected."""
         if self.subscription is not None:
             self.final = self.subscription.statistics()
 
     def losses(self) -> TopicLosses:
-        """The account now; what is neither written nor lost waits."""
+        """The present counters. Messages that are neither written nor lost are waiting."""
         if self.subscription is None:
             return TopicLosses(0)
         counters = self.final or self.subscription.statistics()
@@ -119,6 +119,6 @@ class RecordedTopic:
             lost[reason] = lost.get(reason, 0) + count
         expected = counters.expected - self.passed_over
         if self.final is not None:
-            expected -= counters.queued  # these came when the recording had ended
+            expected -= counters.queued  # these came after the end of the recording
         waiting = max(0, expected - self.written - sum(lost.values()))
         return TopicLosses(expected, self.written, waiting, {name: n for name, n in lost.items() if n})

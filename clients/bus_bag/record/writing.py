@@ -1,4 +1,4 @@
-"""The thread that writes: jobs one after the other, away from the event loop."""
+"""The writing thread: runs jobs one after the other, outside of the event loop."""
 
 import threading
 from collections import deque
@@ -10,9 +10,9 @@ __all__ = ["WritingThread"]
 
 
 class WritingThread:
-    """Runs jobs in order. `on_progress` is called in the thread after each.
+    """Runs jobs in order. `on_progress` is called in the thread after each job.
 
-    Once a job has raised, later jobs are not run, and `failure` is what it raised.
+    After a job has raised an exception (`failure`), no later jobs run.
     """
 
     def __init__(self, on_progress: Callable[[], object]) -> None:
@@ -22,13 +22,14 @@ class WritingThread:
         self._is_ended = False
         self.failure: BaseException | None = None
         self.waiting_bytes = 0
-        """Bytes of the jobs that wait or run."""
+        """Bytes of waiting and running jobs."""
         self._is_busy = False
         self._thread = threading.Thread(target=self._work, name="write the bag", daemon=True)
         self._thread.start()
 
     def run(self, job: Job, size: int = 0) -> None:
-        """Have it run, after those before it; nothing after a failure. `size`: the bytes that it writes."""
+        """Run the job after all earlier ones; not after a failure. `size`: the number of bytes that it
+        writes."""
         with self._condition:
             if self.failure is None:
                 self._jobs.append((job, size))
@@ -42,8 +43,7 @@ class WritingThread:
             return not self._jobs and not self._is_busy
 
     def drop(self) -> None:
-        """Drop waiting jobs. Jobs of no size stay, because later jobs need the topics and files that they
-        make."""
+        """Drop waiting jobs. Jobs of size 0 stay, because later jobs need their topics and files."""
         with self._condition:
             self.waiting_bytes -= sum(size for _, size in self._jobs)
             self._jobs = deque(one for one in self._jobs if not one[1])

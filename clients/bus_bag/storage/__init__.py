@@ -1,4 +1,4 @@
-"""Bags on disk: folders of MCAP files that are written, and of MCAP or SQLite files that are read.
+"""Bags on disk: writes folders of MCAP files, and reads folders of MCAP or SQLite files.
 
     write   `writer.py` -> `bag_files.py` -> `mcap_writer.py` (`chunk.py`, `mcap_summary.py`, `reserve.py`)
     read    `reader.py` -> `mcap_reader.py` (`mcap_bytes.py`) or `sqlite_reader.py`, in order by `merge.py`
@@ -7,13 +7,13 @@
 Invariants:
 
 - Only the storages know a format. Everything else uses `bag_file.py` and `registry.py`.
-- Whatever bytes a file has, reading it ends, raises only BagError, and holds one chunk and the index in
-  memory. Unreadable parts become a Problem and are skipped. Decompression is bounded.
-- Writing only appends. A part of the disk is reserved, so that a full disk still allows a proper end.
+- A file may contain any bytes. Reading it ends, raises only BagError, and keeps one chunk and the index in
+  memory. Unreadable parts become a Problem and are skipped. Decompression is limited.
+- Writing only appends. A part of the disk is reserved, so a full disk still allows a proper end.
 - `chunk.py` is the hot path of recording: long payloads are never joined or copied.
-- Heavy packages are imported inside methods: `bus bag record --help` loads the registry.
+- Heavy packages are imported inside methods, because `bus bag record --help` loads the registry.
 
-docs/architecture.md, "How to add", says how to add a storage.
+docs/architecture.md, "How to add", explains how to add a storage.
 
 Read first: `bag_file.py`, then `registry.py`.
 

@@ -1,5 +1,4 @@
-"""Files of bags, whatever their format: their methods for reading and writing, and the values that reading
-gives."""
+"""Files of bags in any format: the methods to read and write them, and the values that reading returns."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ __all__ = [
 Buffer: TypeAlias = bytes | bytearray | memoryview
 Order: TypeAlias = Literal["log_time", "publish_time"]
 Stamp: TypeAlias = tuple[int, int, int, object, object]
-"""Publish time, log time, the publisher's number, and more that is of no matter here: a `MessageInfo`."""
+"""Publish time, log time, the publisher's number, and fields that are not used here: a `MessageInfo`."""
 
 
 class BagMessage(msgspec.Struct, gc=False):
@@ -32,21 +31,21 @@ class BagMessage(msgspec.Struct, gc=False):
 
     topic: str
     log_time: int
-    """When the recorder received it."""
+    """Time of its reception by the recorder."""
     publish_time: int
-    """When it was published; in files that don't say so the same as `log_time`."""
+    """Time of its publication; the same as `log_time` if the file does not have it."""
     sequence: int
-    """The publisher's number of it, 32 bits of it; 0 in files that don't say so."""
+    """The lower 32 bits of the publisher's number of the message; 0 if the file does not have it."""
     data: Buffer
-    """As it is encoded. A view of a larger piece of the file, which it keeps in memory."""
+    """The encoded message. It may be a view of a larger piece of the file, which it keeps in memory."""
 
 
 class Problem(msgspec.Struct, frozen=True):
-    """Something in a file that can't be read, and was passed over."""
+    """An unreadable part of a file that was skipped."""
 
     path: str
     offset: int | None
-    """Where in the file, in bytes; None: it is not about a place."""
+    """Position in the file, in bytes; None if it has no position."""
     text: str
 
     def __str__(self) -> str:
@@ -55,13 +54,13 @@ class Problem(msgspec.Struct, frozen=True):
 
 
 class Summary(msgspec.Struct):
-    """What a file has, without reading its messages."""
+    """The contents of a file, known without reading its messages."""
 
     message_count: int = 0
     starting_time: int = 0
     end_time: int = 0
     counts: dict[str, int] = {}
-    """Topic -> messages."""
+    """Topic -> number of messages."""
 
 
 class BagFile(Protocol):
@@ -76,17 +75,17 @@ class BagFile(Protocol):
     summary: Summary
     topics: dict[str, TopicMetadata]
     extra: dict[str, dict[str, str]]
-    """Topic -> what else the file says of it."""
+    """Topic -> further metadata in the file."""
     definitions: dict[str, str]
-    """Type -> its definition, in the language of .msg files, with the definitions of all types that it needs.
-    """
+    """Type -> its definition in the language of .msg files, including definitions of all types that it
+    needs."""
     problems: list[Problem]
     is_cut: bool
-    """Whether it was not closed: its recorder was killed, or its end is missing."""
+    """Whether it was not closed properly: its recorder was killed, or its end is missing."""
     has_index: bool
-    """Whether it can be read from any time on without going through it first."""
+    """Whether reading can start at any time without a pass through the file."""
     records: list[tuple[str, dict[str, str]]]
-    """Records of texts that are no messages: name, texts."""
+    """Metadata records: name, texts."""
 
     @property
     def is_being_written(self) -> bool:
@@ -103,33 +102,34 @@ class BagFile(Protocol):
 
 
 class Gatherer(Protocol):
-    """Gathers messages, which are written together."""
+    """Gathers messages to write them together."""
 
     size: int
-    """Bytes of what it has."""
+    """Bytes of the gathered messages."""
 
     def add(
         self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
     ) -> int:
-        """Add a message, in parts whose `len` is their number of bytes; returns the bytes that it takes."""
+        """Add a message in parts; the `len` of each part is its number of bytes. Returns the bytes that it
+        uses."""
         ...
 
     def add_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
-        """Add short messages of one part each; returns the bytes that they take."""
+        """Add short messages of one part each; returns the bytes that they use."""
         ...
 
     def close(self) -> Any:
-        """The gathered messages, for `write_chunk`: they have a `size`; None if nothing was. Then it begins
-        anew."""
+        """Remove the gathered messages and return them for `write_chunk`. They have a `size`. None if there
+        are none."""
         ...
 
 
 class BagFileWriter(Protocol):
-    """One file of a bag, open for writing. Not for several threads at a time; but its attributes may be read
-    from any.
+    """One file of a bag, open for writing. Not for several threads at a time, but any thread may read its
+    attributes.
 
-    Raises BagFull if nothing more fits: `write_metadata` and `close` must still be possible then. OSError for
-    other faults.
+    Raises BagFull if nothing more fits; `write_metadata` and `close` must still be possible then. Raises
+    OSError for other faults.
     """
 
     path: Path
@@ -140,7 +140,7 @@ class BagFileWriter(Protocol):
 
     @property
     def counts(self) -> Mapping[int, int]:
-        """Channel -> messages in the file."""
+        """Channel -> number of messages in the file."""
         ...
 
     @property
@@ -150,21 +150,21 @@ class BagFileWriter(Protocol):
     def is_open(self) -> bool: ...
 
     def write_schema(self, number: int, name: str, definition: str) -> None:
-        """A type, before the first channel of it."""
+        """Write a type, before its first channel."""
         ...
 
     def write_channel(self, number: int, schema: int, topic: TopicMetadata, extra: Mapping[str, str]) -> None:
-        """A topic, before its first message."""
+        """Write a topic, before its first message."""
         ...
 
     def write_chunk(self, chunk: Any) -> None:
-        """What a Gatherer of this storage has gathered."""
+        """Write messages gathered by a Gatherer of this storage."""
         ...
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """A record of texts."""
+        """Write a metadata record."""
         ...
 
     def close(self) -> None:
-        """Make the file whole. It is closed even if that fails."""
+        """Complete and close the file. It is closed even if the completion fails."""
         ...

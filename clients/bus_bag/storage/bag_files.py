@@ -1,4 +1,4 @@
-"""The files of a bag that is being written, one after the other."""
+"""The files of a bag during writing, one after the other."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -12,11 +12,11 @@ __all__ = ["BagFiles"]
 
 
 class BagFiles:
-    """Files of `storage` in `folder`: `<folder>_0.mcap` and so on. If there are more than `most_files`, the
-    oldest is deleted; 0: no limit.
+    """Files of `storage` in `folder`: `<folder>_0.mcap` and so on. With more than `most_files`, the oldest
+    file is deleted; 0: no limit.
 
-    Not for several threads at a time; but `size` and `counts` may be read from any. Raises BagError or
-    OSError if the first file can't be made.
+    Not for several threads at a time, but any thread may read `size` and `counts`. Raises BagError or OSError
+    if the first file can't be made.
     """
 
     def __init__(self, folder: Path, storage: WritableStorage, preset: str, most_files: int) -> None:
@@ -25,10 +25,10 @@ class BagFiles:
         self._preset = preset
         self._most_files = most_files
         self._closed: list[tuple[FileInformation, Mapping[int, int]]] = []
-        """For each closed file that still exists: its information, and channel -> messages in it."""
+        """For each closed file that still exists: its information, and channel -> number of messages."""
         self._number = 0
         self._past: Counter[int] = Counter()
-        """Channel -> messages in all closed files, also in those deleted since."""
+        """Channel -> number of messages in all closed files, including deleted ones."""
         self._deleted: Counter[int] = Counter()
         self._past_size = 0
         self.present = self._open()
@@ -40,14 +40,14 @@ class BagFiles:
         return self._past_size + (self.present.size if self.present.is_open else 0)
 
     def counts(self) -> Counter[int]:
-        """Channel -> messages in all files, also in those deleted since."""
+        """Channel -> number of messages in all files, including deleted ones."""
         counts = Counter(self._past)
         if self.present.is_open:
             counts.update(self.present.counts)
         return counts
 
     def counts_there(self) -> Counter[int]:
-        """Channel -> messages in the files that are still there."""
+        """Channel -> number of messages in existing files."""
         counts = self.counts()
         counts.subtract(self._deleted)
         return counts
@@ -69,7 +69,7 @@ class BagFiles:
             self._past_size += file.size
 
     def open_next(self) -> None:
-        """Begin a further file. Before that the oldest files make room for it."""
+        """Open a further file. Before that, delete the oldest files to make room for it."""
         while self._most_files and len(self._closed) >= self._most_files:
             oldest, counts = self._closed[0]
             (self._folder / oldest.path).unlink(missing_ok=True)

@@ -1,6 +1,6 @@
-"""Messages gathered into a chunk of an MCAP file. Pure.
+"""Gathers messages into a chunk of an MCAP file. Pure.
 
-The hot path of recording: nothing is joined before the chunk is closed, and long parts never are.
+This is the hot path of recording: no part is joined before the chunk is closed, and long parts never are.
 """
 
 import zlib
@@ -15,17 +15,17 @@ from bus_bag.storage.mcap_format import CHUNK_HEAD, MESSAGE, RECORD, Opcode
 __all__ = ["Chunk", "ChunkBuilder"]
 
 LONG = 16 * 1024
-"""Parts of this size or more stay where they are. Shorter ones are joined, because each part costs writev
-some time."""
+"""Parts of this size or more are not copied. Shorter ones are joined, because each part costs time in
+writev."""
 _HEAD = MESSAGE.size
 _BEFORE = _HEAD - 9
-"""Bytes of a record's content before the message's."""
+"""Size of a record's content before the message."""
 _MAX_SEQUENCE = 0xFFFFFFFF
 _pack = MESSAGE.pack
 
 
 class Chunk:
-    """Messages that are written together: records as buffers, in order."""
+    """Messages to write together: records as buffers, in order."""
 
     __slots__ = ("end", "has_long_parts", "index", "pieces", "size", "start")
 
@@ -35,25 +35,25 @@ class Chunk:
         self.pieces = pieces
         self.size = size
         self.index = index
-        """Channel -> log time and offset of each message, in turns."""
+        """Channel -> log time and offset of each message, alternating."""
         self.has_long_parts = has_long_parts
         self.start = min(min(entries[::2]) for entries in index.values())
         self.end = max(max(entries[::2]) for entries in index.values())
 
     @property
     def counts(self) -> dict[int, int]:
-        """Channel -> messages."""
+        """Channel -> number of messages."""
         return {channel: len(entries) // 2 for channel, entries in self.index.items()}
 
     def crc(self) -> int:
-        """Of all records."""
+        """CRC of all records."""
         value = 0
         for piece in self.pieces:
             value = zlib.crc32(piece, value)
         return value
 
     def head(self, compression: str, stored: int, crc: int) -> bytes:
-        """The beginning of the chunk's record, if the records behind it take `stored` bytes."""
+        """The beginning of the chunk's record, if the records after it have `stored` bytes."""
         name = compression.encode()
         length = CHUNK_HEAD.size + 4 + len(name) + 8 + stored
         return b"".join(
@@ -67,7 +67,7 @@ class Chunk:
         )
 
     def message_indexes(self, offset: int) -> tuple[list[bytes], dict[int, int]]:
-        """The records that tell where messages are, and where each of them is if the first is at `offset`."""
+        """Message indexes: their records, and the offset of each record if the first is at `offset`."""
         records, offsets = [], {}
         for channel, entries in self.index.items():
             content = entries.tobytes()
@@ -86,7 +86,7 @@ class Chunk:
 
 
 class ChunkBuilder:
-    """Gathers messages. Parts that are added must not change before the chunk is written."""
+    """Gathers messages. Added parts must not change before the chunk is written."""
 
     __slots__ = ("_index", "_pieces", "_short", "size")
 
@@ -102,7 +102,7 @@ class ChunkBuilder:
     def add(
         self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
     ) -> int:
-        """Add a message; returns how many bytes it takes. Each part's length must be its number of bytes."""
+        """Add a message; returns the bytes that it uses. Each part's length must be its number of bytes."""
         length = 22
         for part in parts:
             length += len(part)
@@ -128,9 +128,9 @@ class ChunkBuilder:
         return length
 
     def add_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
-        """Add short messages of one part, as `add` does it one by one; returns how many bytes they take.
+        """Add short messages of one part, like `add` for each; returns the bytes that they use.
 
-        Each step handles all of them, in C: a turn of a Python loop would cost as much as all its work.
+        Each step handles all of them in C: a Python loop would cost as much as all its work.
         """
         count = len(messages)
         if not count:
@@ -158,7 +158,7 @@ class ChunkBuilder:
         return self.size - begin
 
     def close(self) -> Chunk | None:
-        """What was gathered; None if nothing was. Then it begins anew."""
+        """Remove and return the gathered messages; None if there are none."""
         if not self._index:
             return None
         has_long_parts = bool(self._pieces)

@@ -1,4 +1,4 @@
-"""Bags that rosbag2 compressed: a file as a whole (`x_0.mcap.zstd`), or each message (mode MESSAGE)."""
+"""Bags compressed by rosbag2: a file as a whole (`x_0.mcap.zstd`), or each message (mode MESSAGE)."""
 
 import os
 import tempfile
@@ -18,11 +18,11 @@ SUFFIX = ".zstd"
 _PIECE = 1 << 20
 _LEAST = 64 << 20
 _MOST_TIMES = 1000
-"""A file that grows more when it is unpacked is made to fill the disk."""
+"""A file that grows more in decompression is refused: it was made to fill the disk."""
 
 
 def open_compressed(path: Path) -> BagFile:
-    """The file that was compressed into this one, from a temporary copy. Raises BagError for what is none."""
+    """Open a compressed file, from a temporary decompressed copy. Raises BagError if it is not valid."""
     inner = path.with_suffix("").suffix
     with tempfile.NamedTemporaryFile(prefix="busd_bag_", suffix=inner) as file:
         _decompress_file(path, file.fileno())
@@ -50,7 +50,7 @@ def _decompress_file(path: Path, target: int) -> None:
 def decompress_messages(
     messages: Iterator[BagMessage], path: Path, problems: list[Problem]
 ) -> Iterator[BagMessage]:
-    """Messages that are compressed one by one; those that can't be decompressed are counted and left out."""
+    """Decompress messages one by one; counts and skips messages that can't be decompressed."""
     passed_over, why = 0, ""
     for message in messages:
         try:

@@ -1,4 +1,4 @@
-"""Untrusted data, decompressed: never to more than it announces, and never to gigabytes."""
+"""Decompresses untrusted data: never to more than its announced size, and never to gigabytes."""
 
 from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.mcap_format import package
@@ -6,11 +6,11 @@ from bus_bag.storage.mcap_format import package
 __all__ = ["MAX_SIZE", "decompress", "decompress_frame"]
 
 MAX_SIZE = 256 << 20
-"""Data that claims to be larger is not decompressed."""
+"""Data with a larger announced size is not decompressed."""
 
 
 def decompress(compression: str, data: Buffer, size: int) -> Buffer:
-    """`data` as it was, which is `size` bytes. Raises ValueError if it is not."""
+    """Decompress `data` to `size` bytes. Raises ValueError if it does not have that size."""
     if not compression:
         unpacked: Buffer = data
     elif size > MAX_SIZE:
@@ -27,7 +27,7 @@ def decompress(compression: str, data: Buffer, size: int) -> Buffer:
 
 
 def decompress_frame(data: Buffer) -> bytes:
-    """A frame of zstd that says how large it is. Raises ValueError for none."""
+    """Decompress a frame of zstd with an announced size. Raises ValueError if it is not one."""
     zstd = package("zstandard")
     try:
         size = zstd.frame_content_size(data)

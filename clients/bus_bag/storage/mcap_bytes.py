@@ -1,6 +1,6 @@
-"""The bytes of one MCAP file: pieces of it, the records of its chunks, and what is wrong with them.
+"""The bytes of one MCAP file: pieces of it, the records of its chunks, and its problems.
 
-Chunks are unpacked and checked here. What can't be read is a Problem, and is passed over.
+This module unpacks and checks chunks. Unreadable parts become a Problem and are skipped.
 """
 
 import fcntl
@@ -21,9 +21,9 @@ from bus_bag.storage.mcap_format import CHUNK_HEAD, RECORD, Opcode
 __all__ = ["INDEX_HEAD", "McapBytes", "Segment"]
 
 INDEX_HEAD = struct.Struct("<HI")
-"""Of a message index: the channel, and the bytes of its entries, which are 16 each."""
+"""Fields of a message index: the channel, and the size of its entries, which have 16 bytes each."""
 _LOADED = 256 << 20
-"""Chunks that wait for their turn are read again if they are more bytes together."""
+"""Waiting chunks with more bytes in total are unloaded and read again later."""
 _MAX_PROBLEMS = 1000
 _WINDOW = 64 << 10
 
@@ -32,17 +32,17 @@ class Segment(msgspec.Struct):
     """Messages that are read together: a chunk, or messages outside of chunks."""
 
     offset: int
-    """Of the first record."""
+    """Offset of the first record."""
     length: int
     start: int
     end: int
     channels: frozenset[int] | None
-    """Of which it has messages; None: not known."""
+    """Channels of its messages; None if unknown."""
     is_chunk: bool
 
 
 class McapBytes:
-    """A file that is open for reading; `content`: where its bytes are, if not at `path`.
+    """A file that is open for reading; `content`: path of its bytes, if not `path`.
 
     Raises OSError if it can't be opened.
     """
@@ -72,7 +72,7 @@ class McapBytes:
 
     @property
     def is_compressed(self) -> bool:
-        """Whether its first chunk is."""
+        """Whether its first chunk is compressed."""
         chunk = next((segment for segment in self._segments if segment.is_chunk), None)
         if chunk is None:
             return False
@@ -89,7 +89,7 @@ class McapBytes:
         self._loaded.clear()
 
     def _walk(self, segment: Segment) -> Iterator[tuple[int, int, Buffer]]:
-        """The records of a segment: opcode, the position of the beginning, and the buffer."""
+        """The records of a segment: opcode, position of the beginning, and the buffer."""
         data = self._load(segment)
         position, size = 0, len(data)
         unpack_record = RECORD.unpack_from
@@ -123,7 +123,7 @@ class McapBytes:
         return data
 
     def _how_many(self, segment: Segment) -> str:
-        """How many messages a chunk has, as far as its message indexes say."""
+        """The number of messages in a chunk as text, if its message indexes have it."""
         count, position = 0, segment.offset + segment.length
         while True:
             head = self._read(position, 9 + INDEX_HEAD.size)
@@ -133,7 +133,7 @@ class McapBytes:
             position += RECORD.size + RECORD.unpack_from(head)[1]
 
     def _read_chunk(self, segment: Segment) -> Buffer:
-        """Raises ValueError for what is no whole chunk."""
+        """Read a chunk. Raises ValueError if it is not complete."""
         content = self._read(segment.offset, segment.length)
         if len(content) < segment.length or segment.length < 9:
             raise ValueError("the file ends within it")
@@ -150,7 +150,7 @@ class McapBytes:
         return data
 
     def _read(self, offset: int, size: int) -> bytes:
-        """So much of the file, or less at its end, or nothing outside of it."""
+        """Read `size` bytes of the file; fewer at its end, and none outside of it."""
         if not 0 <= offset < self._size:
             return b""
         content = os.pread(self._file, min(size, self._size - offset), offset)
@@ -166,7 +166,7 @@ class McapBytes:
             self.problems.append(problem)
 
     def _peek(self, position: int, size: int) -> bytes:
-        """A few bytes. They are read with what is behind them, unless they are far from those before."""
+        """Read a few bytes. The bytes after them are also read into a buffer, except after a far jump."""
         begin = position - self._window_at
         if not 0 <= begin <= len(self._window) - size:
             is_near = 0 <= begin <= len(self._window)
@@ -178,13 +178,13 @@ class McapBytes:
         return self._window[begin : begin + size]
 
     def _unload(self) -> None:
-        """Have no chunk in memory."""
+        """Remove all chunks from memory."""
         self._loaded.clear()
         self._loaded_size = 0
 
 
 def _chunk_head(content: bytes) -> tuple[str, int, int, int]:
-    """Compression, where the records begin, their size unpacked, and their CRC. Raises ValueError."""
+    """Compression, offset of the records, their unpacked size, and their CRC. Raises ValueError."""
     at = 9 + CHUNK_HEAD.size
     if len(content) < at + 4:
         raise ValueError("it is too short")

@@ -1,6 +1,6 @@
-"""Records of MCAP files: their layout, and the package `mcap`, which knows all but messages.
+"""Records of MCAP files: their layout, and the package `mcap`, which reads and writes all except messages.
 
-Messages have a separate layout here because there are so many of them: both ends handle whole chunks.
+Messages have a separate layout here because of their number: reader and writer handle whole chunks.
 """
 
 import struct
@@ -24,7 +24,7 @@ __all__ = [
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
-"""Of every record: opcode, length of the rest."""
+"""The head of every record: opcode, length of the rest."""
 MESSAGE = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time; then the data."""
 CHUNK_HEAD = struct.Struct("<QQQI")
@@ -53,7 +53,8 @@ class Opcode:
 
 
 def package(module: str = "mcap.records") -> Any:
-    """A module of the package `mcap` or of one that comes with it. Raises BagError if that is missing."""
+    """Import a module of the package `mcap`, or a module installed with it. Raises BagError if it is
+    missing."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -64,7 +65,7 @@ def package(module: str = "mcap.records") -> Any:
 
 
 def encode(*records: Any) -> bytes:
-    """The bytes of records of `mcap.records`."""
+    """Encode records of `mcap.records`."""
     builder = package("mcap.data_stream").RecordBuilder()
     for record in records:
         record.write(builder)
@@ -72,12 +73,12 @@ def encode(*records: Any) -> bytes:
 
 
 def decode(kind: str, content: bytes) -> Any:
-    """The record of `mcap.records` called `kind`. Raises ValueError if `content` is none."""
+    """Decode a record of `mcap.records` with the name `kind`. Raises ValueError if `content` is not one."""
     import io
 
     try:
         return getattr(package(), kind).read(package("mcap.data_stream").ReadDataStream(io.BytesIO(content)))
     except BagError:
         raise
-    except Exception as error:  # errors of a parser in bytes of unknown origin
+    except Exception as error:  # a parser may raise any error for unknown bytes
         raise ValueError(f"no valid {kind} record ({error or type(error).__name__})") from None

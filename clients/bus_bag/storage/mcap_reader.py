@@ -1,7 +1,7 @@
-"""Reads one MCAP file: by its index, or, if it has none or is cut off, in one pass through its records.
+"""Reads one MCAP file: by its index, or in one pass if it has no index or is cut off.
 
-Whatever bytes a file has, reading it ends, raises nothing but BagError, and holds one chunk and what the
-index says in memory. What can't be read is a Problem, and is passed over.
+A file may contain any bytes. Reading it ends, raises only BagError, and keeps one chunk and the index in
+memory. Unreadable parts become a Problem and are skipped.
 """
 
 import struct
@@ -26,21 +26,21 @@ from bus_bag.storage.merge import Place, merge
 __all__ = ["McapFile"]
 
 _MAX_RECORD = 64 << 20
-"""The largest size of records that are neither messages nor chunks; a larger one counts as damage."""
+"""The largest size of records other than messages and chunks. A larger size counts as damage."""
 _RUN = 1 << 20
-"""Messages outside of chunks are read together up to so many bytes."""
+"""Most bytes of messages outside of chunks that are read together."""
 _MOST_WAITING = 20_000_000
-"""Messages of chunks that overlap in time: no recorder makes so many."""
+"""Most messages of chunks that overlap in time; no recorder makes so many."""
 _SHORT = 64 << 10
-"""Records up to here are read with those around them."""
+"""Records up to this size are read together with the records around them."""
 _HEAD = MESSAGE.size
 _CHUNK_INDEX = struct.Struct("<QQQQI")
-"""First and last log time, offset, length, bytes of the entries: where the index of each channel is."""
+"""First and last log time, offset, length, size of the entries with the position of each channel's index."""
 _INDEX_ENTRY = struct.Struct("<HQ")
 
 
 class McapFile(McapBytes):
-    """See `BagFile`. Raises BagError for what is no MCAP file, OSError if it can't be opened."""
+    """See `BagFile`. Raises BagError if it is not an MCAP file, OSError if it can't be opened."""
 
     storage = "mcap"
 
@@ -53,14 +53,14 @@ class McapFile(McapBytes):
         self.records: list[tuple[str, dict[str, str]]] = []
         """The metadata records: name, texts."""
         self.attachments = 0
-        """How many it has; they are not read."""
+        """The number of attachments, which are not read."""
         self.is_cut = False
         self.has_index = False
         self.schemas: dict[int, Any] = {}
-        """By their numbers, as records of `mcap.records`. Channels are kept in the same way."""
+        """Schemas by their numbers, as records of `mcap.records`. Channels are kept in the same way."""
         self.channels: dict[int, Any] = {}
         self._channels: dict[int, str] = {}
-        """Channel -> topic, for topics that can be read."""
+        """Channel -> topic, for readable topics."""
         self._refused: set[int] = set()
         self._waiting = 0
         try:
@@ -71,11 +71,12 @@ class McapFile(McapBytes):
 
     @property
     def has_message_index(self) -> bool:
-        """Whether it also says where in its chunks messages are: others need that to begin anywhere."""
+        """Whether the index also has positions of messages in chunks. Other readers need these to begin
+        anywhere."""
         return self.has_index and all(one.channels is not None for one in self._segments)
 
     def metadata(self) -> BagMetadata | None:
-        """The last `rosbag2` record, about the whole bag."""
+        """The last `rosbag2` record, which describes the whole bag."""
         for name, texts in reversed(self.records):
             if name == "rosbag2" and texts.get("serialized_metadata"):
                 try:
@@ -85,7 +86,7 @@ class McapFile(McapBytes):
         return None
 
     def in_file_order(self) -> Iterator[tuple[int, int, int, int, Buffer]]:
-        """Messages as they stand in the file: channel, log time, publish time, sequence, data."""
+        """Messages in the order of the file: channel, log time, publish time, sequence, data."""
         for segment in self._segments:
             for opcode, position, data in self._walk(segment):
                 if opcode == Opcode.MESSAGE:
@@ -96,7 +97,7 @@ class McapFile(McapBytes):
                         yield (channel, *times, sequence, content)
 
     def messages(self, start: int | None, topics: frozenset[str] | None, by: Order) -> Iterator[BagMessage]:
-        """Messages in order; `start`: from that time on; `topics`: of these."""
+        """Messages in order; `start`: from that time on; `topics`: only of these."""
         wanted = {
             channel: topic for channel, topic in self._channels.items() if topics is None or topic in topics
         }
@@ -122,7 +123,7 @@ class McapFile(McapBytes):
     def _by_publish_time(
         self, segments: list[Segment], wanted: dict[int, str], start: int | None
     ) -> list[tuple[int, Segment]]:
-        """Nothing in a file says when the messages of a chunk were published, but they."""
+        """Messages by publish time. It needs all messages, because an index only has log times."""
         places = []
         for segment in segments:
             times, _ = self._entries(segment, wanted, 5)
@@ -133,7 +134,8 @@ class McapFile(McapBytes):
     def _in_order(
         self, segment: Segment, wanted: dict[int, str], start: int | None, by: Order
     ) -> Iterator[tuple[int, tuple[Segment, int]]]:
-        """Times and places of messages, and not these: they would keep their chunks in memory."""
+        """Messages in order. It sorts times and positions, because messages themselves would keep their
+        chunks in memory."""
         times, positions = self._entries(segment, wanted, 4 if by == "log_time" else 5)
         if self._waiting + len(times) > _MOST_WAITING:
             self._problem(segment.offset, f"{len(times)} messages are skipped: too many overlap in time")
@@ -151,7 +153,7 @@ class McapFile(McapBytes):
             self._waiting -= len(times)
 
     def _message(self, segment: Segment, position: int, wanted: dict[int, str]) -> BagMessage | None:
-        """The message at a place of a segment; None: its chunk could not be read again."""
+        """The message at a position in a segment; None if its chunk could not be read again."""
         data = self._loaded.get(segment.offset) or self._load(segment)
         if position + _HEAD > len(data):
             return None
@@ -163,7 +165,7 @@ class McapFile(McapBytes):
     def _entries(
         self, segment: Segment, wanted: dict[int, str], at: int
     ) -> tuple["array[int]", "array[int]"]:
-        """Times and positions of the messages that are wanted; `at`: the offset of the time in heads."""
+        """Times and positions of the wanted messages; `at`: offset of the time in heads."""
         times, positions = array("Q"), array("Q")
         unpack_head = MESSAGE.unpack_from
         for opcode, position, data in self._walk(segment):
@@ -200,8 +202,8 @@ class McapFile(McapBytes):
         self._segments.clear()
 
     def _read_index(self) -> None:
-        """Raises ValueError if no index can be used; without a text if there is nothing to report about
-        that."""
+        """Read the index. Raises ValueError if no index is usable; its text is empty if there is nothing to
+        report."""
         begin = self._size - len(MAGIC) - FOOTER_SIZE
         footer = self._read(begin, FOOTER_SIZE + len(MAGIC))
         if (
@@ -253,7 +255,8 @@ class McapFile(McapBytes):
             raise ValueError("its index is damaged: its CRC is wrong")
 
     def _records(self, position: int, end: int) -> Iterator[tuple[int, int, bytes]]:
-        """Opcode, offset and content of the records between two places. Raises ValueError for none."""
+        """Opcode, offset and content of the records between two positions. Raises ValueError for an invalid
+        record."""
         while position < end:
             opcode, length = RECORD.unpack(self._peek(position, 9)) if position + 9 <= end else (0, end)
             if length > min(_MAX_RECORD, end - position - 9):
@@ -267,7 +270,7 @@ class McapFile(McapBytes):
             position += 9 + length
 
     def _add_index(self, content: bytes) -> None:
-        """The index of a chunk. It is not read by `mcap.records`, because a long recording has 100,000 of
+        """Add the index of a chunk. `mcap.records` would be too slow: a long recording has 100,000 of
         them."""
         if len(content) < _CHUNK_INDEX.size:
             raise ValueError("no valid ChunkIndex record")
@@ -292,7 +295,7 @@ class McapFile(McapBytes):
             self._problem(offset, str(error))
 
     def _describe(self, opcode: int, content: bytes) -> None:
-        """Take in a schema, a channel or a metadata record. Raises ValueError if it is no such record."""
+        """Handle a schema, a channel or a metadata record. Raises ValueError if it is not valid."""
         if opcode == Opcode.SCHEMA:
             schema = decode("Schema", content)
             self.schemas[schema.id] = schema
@@ -334,7 +337,7 @@ class McapFile(McapBytes):
             self.definitions.setdefault(schema.name, schema.data.decode(errors="replace"))
 
     def _scan(self) -> None:
-        """Go through all records once, for there is no index of them."""
+        """Read all records once, because there is no index of them."""
         scan = _Scan()
         position = len(MAGIC)
         chunk: Segment | None = None
@@ -357,7 +360,7 @@ class McapFile(McapBytes):
                 elif opcode == Opcode.ATTACHMENT:
                     self.attachments += 1
             position += 9 + length
-        scan.indexed.clear()  # those of the last chunk may be missing
+        scan.indexed.clear()  # the last chunk's indexes may be incomplete
         self._settle(chunk, scan)
         self._end_scan(position, scan)
 
@@ -402,8 +405,8 @@ class McapFile(McapBytes):
     def _settle(self, chunk: Segment | None, scan: "_Scan") -> None:
         """Count the messages of a chunk: by its message indexes, or, without these, by its contents.
 
-        Its contents are also read if it has messages of an unknown channel, whose description may be in the
-        chunk.
+        Its contents are also read if it has messages of an unknown channel, because its description may be in
+        the chunk.
         """
         if chunk is None:
             return
@@ -441,6 +444,6 @@ class _Scan:
 
     def __init__(self) -> None:
         self.counts: Counter[int] = Counter()
-        """Channel -> messages."""
+        """Channel -> number of messages."""
         self.indexed: Counter[int] = Counter()
-        """The same of the present chunk, by the message indexes behind it."""
+        """Channel -> number of messages of the current chunk, by the message indexes after it."""

@@ -1,4 +1,4 @@
-"""MCAP as a storage: bags are written to it and read from it."""
+"""MCAP as a storage, for reading and writing bags."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["McapStorage"]
 
 _UNCHUNKED = 1 << 20
-"""So many bytes are written at once if a file has no chunks."""
+"""Number of bytes written at once in a file without chunks."""
 
 
 class McapStorage:

@@ -1,4 +1,4 @@
-"""The end of an MCAP file: its types and topics once more, and where everything is. Pure."""
+"""The end of an MCAP file: copies of its types and topics, and positions of everything. Pure."""
 
 import zlib
 from collections.abc import Mapping, Set
@@ -14,47 +14,48 @@ class McapSummary:
 
     def __init__(self) -> None:
         self.size = 0
-        """About so many bytes it will have; more than there will be rather than less."""
+        """Estimated size of the summary; rather too large than too small."""
         self._schemas: dict[int, bytes] = {}
         self._channels: dict[int, bytes] = {}
         self._chunks: list[bytes] = []
         self._metadata: list[tuple[int, int, str]] = []
-        """Offset, length, name."""
+        """Offset, length and name of each metadata record."""
 
     def has_channels(self, channels: Set[int]) -> bool:
         """Whether all of these were added."""
         return channels <= self._channels.keys()
 
     def add_schema(self, schema: Any) -> bytes:
-        """A record of `mcap.records`; returns its bytes."""
+        """Add a schema, a record of `mcap.records`; returns its bytes."""
         record = self._schemas[schema.id] = encode(schema)
         self.size += len(record)
         return record
 
     def add_channel(self, channel: Any) -> bytes:
-        """The same."""
+        """Add a channel, a record of `mcap.records`; returns its bytes."""
         record = self._channels[channel.id] = encode(channel)
         self.size += len(record)
         return record
 
     def add_chunk(self, index: bytes) -> None:
-        """The index record of one more chunk."""
+        """Add the index record of a chunk."""
         self._chunks.append(index)
         self.size += len(index)
 
     def add_metadata(self, offset: int, length: int, name: str) -> None:
-        """A metadata record that was written at `offset`."""
+        """Add a metadata record that was written at `offset`."""
         self._metadata.append((offset, length, name))
         self.size += length + 100
 
     def take_back(self, offset: int, *, has_chunk: bool) -> None:
-        """The file ends at `offset` again, without its last chunk if that is behind it."""
+        """Shorten the file to `offset`. `has_chunk`: the last chunk is after that offset and goes, too."""
         if has_chunk:
             self._chunks.pop()
         self._metadata = [one for one in self._metadata if one[0] < offset]
 
     def encode(self, start: int, counts: Mapping[int, int], starting_time: int, end_time: int) -> bytes:
-        """All from the end of the data on, which is at `start`; `counts`: channel -> messages."""
+        """All bytes from the end of the data on; `start` is the position of that end. `counts`: channel ->
+        number of messages."""
         records = package()
         data_end = encode(records.DataEnd(data_section_crc=0))
         start += len(data_end)

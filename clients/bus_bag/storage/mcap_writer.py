@@ -1,8 +1,9 @@
-"""One MCAP file, written from its header to its footer.
+"""Writes one MCAP file, from its header to its footer.
 
-Everything is appended, so a file that was cut off anywhere is readable up to its last whole chunk. If nothing
-more fits, the file ends behind its last whole record, and can still be closed. A part of the disk is kept for
-that (`Reserve`). If the limit is one of the file's size, its last chunks make room.
+Writing only appends, so a file that was cut off anywhere is readable up to its last complete chunk. If
+nothing more fits, the file ends after its last complete record, and can still be closed. A part of the disk
+is reserved for that (`Reserve`). If the file's size has a limit instead, its last chunks are removed to make
+room.
 """
 
 import errno
@@ -29,18 +30,18 @@ __all__ = ["PRESETS", "McapWriter", "Preset"]
 
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _MAX_PIECES = 1024
-"""Of one call of writev (IOV_MAX)."""
+"""Most buffers in one call of writev (IOV_MAX)."""
 _LEAST_ROOM = 16 << 10
-"""For the last metadata records, and the end."""
+"""Room for the last metadata records, and for the end."""
 
 
 class Preset(msgspec.Struct, frozen=True):
-    """How a file is written."""
+    """The form in which a file is written."""
 
     chunk_bytes: int = 1 << 20
     """0: no chunks, and no index."""
     compression: str = ""
-    """None, or `zstd`."""
+    """Empty for no compression, or `zstd`."""
     level: int = 0
 
 
@@ -54,17 +55,17 @@ PRESETS: Mapping[str, Preset] = {
 
 
 class McapWriter:
-    """A file that is being written. Not for several threads at a time; but counters may be read from any.
+    """A file that is being written. Not for several threads at a time, but any thread may read its counters.
 
-    Raises BagFull if nothing more fits: `write_metadata` and `close` still do then. OSError for other
-    faults.
+    Raises BagFull if nothing more fits; `write_metadata` and `close` still work then. Raises OSError for
+    other faults.
     """
 
     def __init__(self, path: Path, preset: Preset) -> None:
         package()
         self.path = path
         self.counts: Counter[int] = Counter()
-        """Channel -> messages in the file."""
+        """Channel -> number of messages in the file."""
         self.size = 0
         """Bytes in the file."""
         self.starting_time = 0
@@ -73,12 +74,12 @@ class McapWriter:
         self._compressor = _compressor(preset)
         self._summary = McapSummary()
         self._last: deque[_Written] = deque()
-        """The chunks that can still be taken back."""
+        """The chunks that can still be removed."""
         self._is_full = False
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._reserve = Reserve(path.parent)
         with suppress(OSError):  # some file systems have no locks
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # readers know by it that it goes on
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # a locked file is being written
         try:
             self._append([MAGIC, encode(package().Header(profile="ros2", library=f"busd {RELEASE}"))])
         except BaseException:
@@ -95,15 +96,15 @@ class McapWriter:
         return self.counts.total()
 
     def write_schema(self, number: int, name: str, definition: str) -> None:
-        """A type, before the first channel of it."""
+        """Write a type, before its first channel."""
         self.add_schema(package().Schema(id=number, name=name, encoding="ros2msg", data=definition.encode()))
 
     def add_schema(self, schema: Any) -> None:
-        """The same, as a record of `mcap.records`."""
+        """Write a type, given as a record of `mcap.records`."""
         self._append_record(self._summary.add_schema(schema))
 
     def write_channel(self, number: int, schema: int, topic: TopicMetadata, extra: Mapping[str, str]) -> None:
-        """A topic, before its first message."""
+        """Write a topic, before its first message."""
         channel = package().Channel(
             id=number,
             topic=topic.name,
@@ -118,17 +119,16 @@ class McapWriter:
         self.add_channel(channel)
 
     def add_channel(self, channel: Any) -> None:
-        """The same, as a record of `mcap.records`."""
+        """Write a topic, given as a record of `mcap.records`."""
         self._append_record(self._summary.add_channel(channel))
 
     def _append_record(self, record: bytes) -> None:
-        """One that is also in the summary."""
+        """Append a record that the summary repeats."""
         self._reserve.hold(self._summary.size)
         self._append([record])
 
     def write_chunk(self, chunk: Chunk) -> None:
-        """Write messages whose channels were written before. Without these, or once the file is full, nothing
-        is written."""
+        """Write messages. If a channel was not written before, or the file is full, writes nothing."""
         if self._is_full or not self._summary.has_channels(chunk.index.keys()):
             return
         before = self.size
@@ -138,7 +138,7 @@ class McapWriter:
             return
         pieces: Sequence[Buffer] = chunk.pieces
         stored = chunk.size
-        # A CRC costs a look at every byte: too much where images go by without being copied.
+        # A CRC reads every byte: this is too slow for images, which are not even copied.
         crc = 0 if chunk.has_long_parts else chunk.crc()
         if self._compressor is not None:
             pieces = [self._compressor.compress(pieces[0] if len(pieces) == 1 else b"".join(pieces))]
@@ -164,7 +164,8 @@ class McapWriter:
         self._count(_Written(before, chunk.counts, record, self.starting_time, self.end_time), chunk)
 
     def _append_chunk(self, pieces: Sequence[Buffer]) -> None:
-        """Where it doesn't fit, so much is taken back that the end will: what is counted then stays."""
+        """Append a chunk. Without room, remove chunks so that the end still fits; counters then match the
+        file."""
         before = self.size
         try:
             self._append(pieces)
@@ -187,13 +188,13 @@ class McapWriter:
             self._last.popleft()
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """A record of texts."""
+        """Write a metadata record."""
         record = encode(package().Metadata(name=name, metadata=dict(values)))
         offset = self._append_surely([record])
         self._summary.add_metadata(offset, len(record), name)
 
     def close(self) -> None:
-        """Write the summary, which completes the file. The file is closed even if that fails."""
+        """Complete the file with the summary. The file is closed even if that fails."""
         try:
             self._reserve.give_back()
             self._append_surely([], is_end=True)
@@ -201,19 +202,21 @@ class McapWriter:
             self.abandon()
 
     def abandon(self) -> None:
-        """Close the file as it is."""
+        """Close the incomplete file."""
         self._reserve.give_back()
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
 
     def _end(self) -> bytes:
-        """All from the end of the data on, if that is here."""
+        """All bytes from the end of the data on, if the data end here."""
         return self._summary.encode(self.size, self.counts, self.starting_time, self.end_time)
 
     def _append_surely(self, pieces: Sequence[Buffer], *, is_end: bool = False) -> int:
-        """Append a part that the file needs. If there is no room, give back the reserve, then drop the last
-        chunks. Returns the position of its beginning."""
+        """Append a part that the file needs. Without room, free the reserve, then remove the last chunks.
+
+        Returns the position of the beginning of the part.
+        """
         while True:
             try:
                 before = self.size
@@ -226,7 +229,7 @@ class McapWriter:
                     raise
 
     def _take_back(self) -> bool:
-        """Take the last chunk out of the file, with all behind it; False if there is none."""
+        """Remove the last chunk with everything after it; False if there is none."""
         if not self._last:
             return False
         written = self._last.pop()
@@ -240,7 +243,7 @@ class McapWriter:
         return True
 
     def _append(self, pieces: Sequence[Buffer]) -> None:
-        """Write all, or nothing at all."""
+        """Write everything or nothing."""
         before = self.size
         try:
             for first in range(0, len(pieces), _MAX_PIECES):
@@ -257,7 +260,7 @@ class McapWriter:
 
 
 class _Written(msgspec.Struct):
-    """A chunk in the file, and how things were before it."""
+    """A chunk in the file, and the state of the file before it."""
 
     offset: int
     counts: dict[int, int]

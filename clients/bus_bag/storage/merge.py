@@ -1,4 +1,4 @@
-"""What is at several places in the order of time. Pure.
+"""Merges items from several places in the order of time. Pure.
 
 A place (a chunk of a file, a file of a bag) is opened when its first time is reached. So only one place is in
 memory if places don't overlap.
@@ -16,15 +16,16 @@ T = TypeVar("T")
 
 
 class Place(NamedTuple, Generic[T]):
-    """Where things are: from when on, and how to get them in order, each with its time."""
+    """A source of items: its first time, and a function that returns its items in order, each with its
+    time."""
 
     start: int
     open: Callable[[], Iterator[tuple[int, T]]]
 
 
 def merge(places: Iterable[Place[T]]) -> Iterator[T]:
-    """Everything in the order of time. Items of one time are in the order of their places, and within a place
-    in its order."""
+    """All items in the order of time. Items of the same time keep the order of their places, and the order
+    within a place."""
     waiting = sorted(enumerate(places), key=lambda one: (one[1].start, one[0]), reverse=True)
     heads: list[tuple[int, int, T, Iterator[tuple[int, T]]]] = []
 
@@ -49,7 +50,7 @@ def merge(places: Iterable[Place[T]]) -> Iterator[T]:
 
 
 def timed(messages: Iterator[BagMessage], by: Order) -> Iterator[tuple[int, BagMessage]]:
-    """Messages with that time."""
+    """Messages with the time that `by` selects."""
     if by == "log_time":
         return ((message.log_time, message) for message in messages)
     return ((message.publish_time, message) for message in messages)

@@ -1,4 +1,4 @@
-"""A bag that is read: a folder, or a file alone."""
+"""Reads a bag: a folder, or a single file."""
 
 import re
 from collections import Counter
@@ -29,10 +29,10 @@ _MAX_METADATA = 64 << 20
 
 
 def open_bag(path: Path) -> "BagReader":
-    """The bag in a folder, or of a lone file, complete or cut.
+    """Open the bag in a folder, or a single file, complete or cut off.
 
     Opens its files and reads their descriptions, but no messages. Raises BagError with one sentence if there
-    is no bag, or if nothing of it can be read; OSError if it can't be opened.
+    is no bag, or if no part of it is readable; OSError if it can't be opened.
     """
     if not path.exists():
         raise BagError(f"Bag path '{path}' does not exist!")
@@ -42,8 +42,8 @@ def open_bag(path: Path) -> "BagReader":
 class BagReader:
     """An open bag, made by `open_bag`.
 
-    What can't be read is passed over, and is in `problems`. With `all_files`, all files of the folder count,
-    whatever metadata.yaml says.
+    Unreadable parts are skipped, and are in `problems`. With `all_files`, it reads all files of the folder,
+    without regard to metadata.yaml.
     """
 
     def __init__(self, path: Path, *, all_files: bool = False) -> None:
@@ -53,9 +53,9 @@ class BagReader:
         self.topics: dict[str, TopicMetadata] = {}
         """Topics by name, in the order of their names."""
         self.extra: dict[str, dict[str, str]] = {}
-        """Topic -> what else the files say of it: `busd.type_hash`, `busd.schema`."""
+        """Topic -> further metadata in the files: `busd.type_hash`, `busd.schema`."""
         self.definitions: dict[str, str] = {}
-        """Type -> its definition, in the language of .msg files, with the definitions of all types that it
+        """Type -> its definition in the language of .msg files, including definitions of all types that it
         needs."""
         self._problems: list[Problem] = []
         self._said: BagMetadata | None = None
@@ -65,32 +65,33 @@ class BagReader:
             self.close()
             raise
         self.metadata = self._metadata()
-        """The metadata of the files as they are, with custom data and the like from metadata.yaml or the
-        files."""
+        """The metadata of the present files, with further values such as custom data from metadata.yaml or
+        the files."""
 
     @property
     def is_cut(self) -> bool:
-        """Whether a file was not closed: its recorder was killed, or its end is missing."""
+        """Whether a file was not closed properly: its recorder was killed, or its end is missing."""
         return any(file.is_cut for file in self.files)
 
     @property
     def is_being_written(self) -> bool:
-        """Whether a recorder still writes it, as far as files say so."""
+        """Whether a recorder still writes it, if the files show that."""
         return any(file.is_being_written for file in self.files)
 
     @property
     def problems(self) -> list[Problem]:
-        """All that could not be read until now."""
+        """All unreadable parts so far."""
         return [*self._problems, *(problem for file in self.files for problem in file.problems)]
 
     def messages(
         self, start: int | None = None, topics: Collection[str] | None = None, by: Order = "log_time"
     ) -> Iterator[BagMessage]:
-        """Messages of all files in the order of that time; `start`: from then on; `topics`: only of these."""
+        """Messages of all files in the order of the time `by`; `start`: from that time on; `topics`: only of
+        these."""
         wanted = None if topics is None else frozenset(topics)
 
         def place(file: BagFile) -> Place[BagMessage]:
-            # When messages were published is known once they are read.
+            # Publish times are only known after reading the messages.
             begin = file.summary.starting_time if by == "log_time" else 0
             return Place(begin, lambda: timed(file.messages(start, wanted, by), by))
 
@@ -117,8 +118,8 @@ class BagReader:
         self.close()
 
     def _find_files(self) -> list[Path]:
-        """The files of a folder: those that metadata.yaml names, or, without it, all files that may be a
-        bag's."""
+        """The files of a folder: the ones that metadata.yaml names; without it, all files that may belong to
+        a bag."""
         self._said = self._read_metadata(self.path / NAME)
         if self._said is not None and self._said.relative_file_paths and not self._takes_all:
             return [self._inside(name) for name in self._said.relative_file_paths]
@@ -130,7 +131,7 @@ class BagReader:
         return sorted(found, key=_number_first)
 
     def _inside(self, name: str) -> Path:
-        """Versions below 4 had the folder in the name."""
+        """The path of a file. Versions below 4 had the folder in the name."""
         path = self.path / name
         beside = self.path / Path(name).name
         return beside if beside.exists() or not path.exists() else path
@@ -206,8 +207,7 @@ class BagReader:
 
 
 def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
-    """With everything that only metadata.yaml has: files of older versions and of other tools lack some of
-    it."""
+    """A topic completed by metadata.yaml: files of older versions and of other tools lack some values."""
     if said is None or said.type != topic.type:
         return topic
     return msgspec.structs.replace(
@@ -226,7 +226,7 @@ def _open_file(path: Path) -> BagFile:
 
 
 def _is_bag_file(path: Path) -> bool:
-    """Whether its name is that of a file of a bag."""
+    """Whether its name is a name of a bag's file."""
     inner = path.with_suffix("") if path.suffix == COMPRESSED else path
     return find_storage(inner.suffix) is not None
 

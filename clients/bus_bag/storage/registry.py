@@ -1,7 +1,7 @@
 """The storages: formats of the files of bags, by the suffix of these files.
 
-The rest of bus_bag and the command line ask here, and know no format. docs/architecture.md says how a storage
-is added. `bus bag record --help` loads this module, too, so a storage imports what it needs when it is used.
+The rest of bus_bag and the command line ask here, and know no format. docs/architecture.md explains how to
+add a storage. `bus bag record --help` loads this module, too. So a storage imports packages when it is used.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ __all__ = [
 
 @runtime_checkable
 class Storage(Protocol):
-    """A format of files that bags are read from."""
+    """A format of files from which bags are read."""
 
     @property
     def identifier(self) -> str:
@@ -39,36 +39,37 @@ class Storage(Protocol):
 
     @property
     def suffix(self) -> str:
-        """How the names of its files end, with the dot."""
+        """The end of the names of its files, with the dot."""
         ...
 
     @property
     def magic(self) -> bytes:
-        """How its files begin: those with other names are recognized by it."""
+        """The first bytes of its files, to recognize files with other names."""
         ...
 
     def open(self, path: Path, content: Path | None = None) -> BagFile:
-        """Open the file `path` to read it. With `content` its bytes are there, perhaps only for this call.
+        """Open the file `path` for reading. With `content`, its bytes are in that file, perhaps only during
+        this call.
 
-        Raises BagError if it is no such file, OSError if it can't be opened.
+        Raises BagError if it does not have this format, OSError if it can't be opened.
         """
         ...
 
     def repair(self, file: BagFile, metadata: BagMetadata) -> list[str] | None:
-        """Write one of its files anew if that lacks its end or its index; `metadata`: of the bag.
+        """Write a file again if it lacks its end or its index; `metadata`: of the bag.
 
-        Returns what was left out, as texts; None if there was nothing to do.
+        Returns texts about parts that were left out; None if there was nothing to do.
         """
         ...
 
 
 @runtime_checkable
 class WritableStorage(Storage, Protocol):
-    """A format of files that bags are also written to."""
+    """A format of files to which bags are also written."""
 
     @property
     def presets(self) -> Sequence[str]:
-        """Ways to write a file, for `--storage-preset-profile`; `none` is one of them, and the default."""
+        """Presets for `--storage-preset-profile`; `none` is one of them, and the default."""
         ...
 
     def check(self) -> None:
@@ -76,37 +77,37 @@ class WritableStorage(Storage, Protocol):
         ...
 
     def chunk_bytes(self, preset: str) -> int:
-        """So many bytes of messages are gathered before they are written."""
+        """Number of bytes of messages to gather before writing."""
         ...
 
     def gather(self) -> Gatherer:
-        """Gathers messages before they are written."""
+        """Make a Gatherer for messages."""
         ...
 
     def create(self, path: Path, preset: str) -> BagFileWriter:
-        """Begin a file, for what was gathered. Raises BagError or OSError if it can't be made."""
+        """Start a file for gathered messages. Raises BagError or OSError if it can't be made."""
         ...
 
 
 DEFAULT = McapStorage()
-"""The storage for new bags, unless the user asks for another."""
+"""The storage for new bags, if the user does not choose another."""
 
 _storages: dict[str, Storage] = {one.suffix: one for one in (DEFAULT, SqliteStorage())}
-"""By suffix."""
+"""Storages by suffix."""
 
 
 def register(storage: Storage) -> None:
-    """Have bags read from files of this storage, and written to them if it is a WritableStorage."""
+    """Register a storage to read bags, and also to write them if it is a WritableStorage."""
     _storages[storage.suffix] = storage
 
 
 def storages() -> list[Storage]:
-    """All of them."""
+    """All storages."""
     return list(_storages.values())
 
 
 def writable_storages() -> list[WritableStorage]:
-    """Those that bags can be written to."""
+    """The storages to which bags can be written."""
     return [one for one in _storages.values() if isinstance(one, WritableStorage)]
 
 
@@ -120,12 +121,12 @@ def writable_storage(identifier: str) -> WritableStorage:
 
 
 def find_storage(suffix: str) -> Storage | None:
-    """The storage whose files have this suffix."""
+    """The storage with this suffix."""
     return _storages.get(suffix)
 
 
 def storage_of(path: Path) -> Storage:
-    """The storage of a file: by its suffix or, if no storage has that, by how it begins."""
+    """The storage of a file by its suffix. If no storage has that suffix, by the file's first bytes."""
     known = _storages.get(path.suffix)
     if known is not None:
         return known
@@ -135,5 +136,5 @@ def storage_of(path: Path) -> Storage:
 
 
 def suffix_list() -> str:
-    """The suffixes, for people: `.mcap or .db3`."""
+    """The suffixes as a text for users: `.mcap or .db3`."""
     return " or ".join(_storages)

@@ -1,4 +1,4 @@
-"""Space on the disk for the end of a file."""
+"""Reserves space on the disk for the end of a file."""
 
 import os
 from pathlib import Path
@@ -6,27 +6,29 @@ from pathlib import Path
 __all__ = ["UNIT", "Reserve"]
 
 UNIT = 1 << 20
-"""It is held in multiples of so many bytes."""
+"""The reserve is a multiple of this number of bytes."""
 
 
 class Reserve:
-    """Space in the file system of `folder`: a file without a name, which no crash leaves behind."""
+    """Reserved space in the file system of `folder`: a file without a name, so a crash leaves nothing
+    behind."""
 
     def __init__(self, folder: Path) -> None:
         self._size = 0
         try:
             self._descriptor = os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600)
         except (OSError, AttributeError):
-            self._descriptor = -1  # no system for that: the file's last chunks make room
+            self._descriptor = -1  # the system has no such files: the bag's last chunks make room
         self.hold(0)
 
     @property
     def size(self) -> int:
-        """How much there is of it."""
+        """The reserved bytes."""
         return self._size
 
     def hold(self, size: int) -> None:
-        """Have room for a summary of `size` bytes, and for the metadata, which is as long as a part of it."""
+        """Reserve space for a summary of `size` bytes, and for the metadata, which has the length of a part
+        of it."""
         wanted = -(-3 * size // UNIT) * UNIT or UNIT
         if self._descriptor < 0 or wanted <= self._size:
             return
@@ -37,7 +39,7 @@ class Reserve:
         self._size = wanted
 
     def give_back(self) -> bool:
-        """Free it; False if there was none."""
+        """Free the space; False if there was none."""
         if self._descriptor < 0:
             return False
         os.close(self._descriptor)

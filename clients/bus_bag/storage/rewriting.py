@@ -1,4 +1,4 @@
-"""An MCAP file made whole: written anew beside the old one, with an index, and put in its place."""
+"""Repairs an MCAP file: writes it again beside the old one, with an index, and replaces the old one."""
 
 import os
 from pathlib import Path
@@ -13,10 +13,10 @@ __all__ = ["rewrite"]
 
 
 def rewrite(file: McapFile, metadata: BagMetadata) -> None:
-    """All that can be read of `file`, and what is known of its bag.
+    """Write all readable messages of `file`, and the known metadata of its bag, into a new file.
 
-    The old file is there until the new one is on the disk. Raises BagError or OSError if the new file can't
-    be written; then the old file is unchanged.
+    The old file stays until the new one is on the disk. Raises BagError or OSError if the new file can't be
+    written; then the old file is unchanged.
     """
     if file.is_being_written:
         raise BagError(f"'{file.path}' is still being written")

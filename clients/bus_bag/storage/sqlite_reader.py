@@ -1,6 +1,6 @@
-"""One SQLite file of a bag (.db3), read: what ROS 2 wrote by default before Iron.
+"""Reads one SQLite file of a bag (.db3), the default format of ROS 2 before Iron.
 
-Whatever bytes a file has, reading it ends, and raises nothing but BagError. What can't be read is a Problem.
+A file may contain any bytes. Reading it ends, and raises only BagError. Unreadable parts become a Problem.
 """
 
 import sqlite3
@@ -24,14 +24,14 @@ _MAGIC = b"SQLite format 3\0"
 
 
 class SqliteFile:
-    """See `BagFile`. `path` is what problems name; its bytes may be at another place, `content`.
+    """See `BagFile`. Problems name `path`; the bytes may be in another file, `content`.
 
-    Raises BagError for what is no such file of a bag, OSError if it can't be opened.
+    Raises BagError if it is not such a file of a bag, OSError if it can't be opened.
     """
 
     storage = "sqlite3"
     has_index = True
-    is_being_written = False  # nobody tells
+    is_being_written = False  # SQLite files do not show it
 
     def __init__(self, path: Path, content: Path | None = None) -> None:
         self.path = path
@@ -74,7 +74,8 @@ class SqliteFile:
             return None
 
     def messages(self, start: int | None, topics: frozenset[str] | None, by: Order) -> Iterator[BagMessage]:
-        """Messages in order; `start`: from that time on; `topics`: of these. One time stands for both."""
+        """Messages in order; `start`: from that time on; `topics`: only of these. Log and publish time are
+        the same."""
         wanted = {number: name for number, name in self._names.items() if topics is None or name in topics}
         conditions, values = [], []
         if start is not None:
@@ -118,7 +119,7 @@ class SqliteFile:
             self._problem(f"the file is cut off: {size:,} bytes of {whole:,}")
 
     def _find_tables(self) -> dict[str, set[str]]:
-        """Tables -> their columns. Views don't count: they may be anything."""
+        """Tables -> their columns. Views are left out, because a view may be anything."""
         found = {}
         for (name,) in self._database.execute(
             "SELECT name FROM sqlite_master WHERE type = 'table'"
@@ -131,7 +132,7 @@ class SqliteFile:
         return found
 
     def _rows(self, table: str, *columns: str) -> list[tuple[Any, ...]]:
-        """Some columns, with an empty text for columns that the file's version does not have."""
+        """Rows of some columns. Columns that the file's version does not have are empty texts."""
         chosen = [column if column in self._tables[table] else f"'' AS {column}" for column in columns]
         return self._database.execute(f"SELECT {', '.join(chosen)} FROM {table} ORDER BY id").fetchall()
 
@@ -190,8 +191,8 @@ class SqliteFile:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """For reading only. If nothing can be written there, changes that wait in a file beside it are not
-    seen."""
+    """Open a file for reading only. In a folder without write permission, changes in a separate file beside
+    it are ignored."""
     place = f"file:{quote(str(path.absolute()))}"
     for options in ("mode=ro", "immutable=1"):
         database = sqlite3.connect(f"{place}?{options}", uri=True, check_same_thread=False)

@@ -1,4 +1,4 @@
-"""SQLite as a storage: bags of ROS 2 before Iron are read from it; none is written to it."""
+"""SQLite as a storage: reads bags of ROS 2 before Iron. It does not write bags."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,4 +25,4 @@ class SqliteStorage:
         return SqliteFile(path, content)
 
     def repair(self, file: BagFile, metadata: BagMetadata) -> None:
-        """SQLite keeps its files whole by itself."""
+        """Nothing to do: SQLite repairs its files itself."""

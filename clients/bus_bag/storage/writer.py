@@ -1,4 +1,4 @@
-"""A bag that is being written: a folder of files, and metadata.yaml when it is closed."""
+"""Writes a bag: a folder of files, and metadata.yaml at the end."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -28,13 +28,13 @@ _MAX_CHANNELS = 1 << 16
 class BagWriter:
     """Writes a bag: `<folder>/<folder>_0.mcap` and so on, as files of `storage`, then metadata.yaml.
 
-    Messages are gathered in the caller's thread. Everything that touches files is a job. `run` gets each job
-    with the bytes of messages that it writes. By default a job runs at once. A recorder hands jobs to a
+    Messages are gathered in the caller's thread. Everything that touches files is a job. `run` gets each job,
+    and the size of the messages that it writes. By default a job runs at once. A recorder passes jobs to a
     thread, which must run them one at a time, in order. A job raises BagFull if nothing more fits, and
-    OSError for other faults. After both, `write_metadata` and `close` must still be called, which make a
-    readable bag of the written part. Jobs call `on_split(closed, opened)` when a further file was begun.
+    OSError for other faults. After both, the caller must still call `write_metadata` and `close`. They make a
+    readable bag of the written part. Jobs call `on_split(closed, opened)` after the start of a further file.
 
-    `preset` is one of the storage's. If there are more than `most_files` files, the oldest is deleted; 0: no
+    `preset` is a preset of the storage. With more than `most_files` files, the oldest is deleted; 0: no
     limit. Raises BagError if the folder exists, for an unknown preset, and if a package of the storage is
     missing; OSError if the folder can't be made.
     """
@@ -55,7 +55,7 @@ class BagWriter:
             valid = ", ".join(f"'{name}'" for name in storage.presets)
             kind = storage.identifier.upper()
             raise BagError(f"unknown {kind} storage preset profile (valid options are {valid}): {preset}")
-        storage.check()  # before the folder: if it is missing, nothing is left behind
+        storage.check()  # before the folder is made: an error leaves nothing behind
         self.folder = folder
         self._storage = storage
         self._custom_data = dict(custom_data or {})
@@ -75,10 +75,10 @@ class BagWriter:
         self._write_own_metadata()
 
     def add_topic(self, topic: TopicMetadata, definition: str, extra: Mapping[str, str] | None = None) -> int:
-        """A topic to be recorded; returns its channel, for `write`.
+        """Add a topic to record; returns its channel, for `write`.
 
-        `definition` describes its type, in the language of .msg files, with the definitions of all types that
-        it needs. `extra` is kept with the topic.
+        `definition` describes its type in the language of .msg files, with the definitions of all types that
+        it needs. `extra` is stored with the topic.
         """
         if len(self._topics) == _MAX_CHANNELS:
             raise BagError(f"a bag can have at most {_MAX_CHANNELS} topics")
@@ -97,14 +97,15 @@ class BagWriter:
         return channel
 
     def update_topic(self, channel: int, topic: TopicMetadata) -> None:
-        """More is known of a topic, such as what publishers offer: further files and metadata.yaml say so."""
+        """Update a topic, for example the publishers' profiles, in further files and in metadata.yaml."""
         schema, _, extra = self._topics[channel]
         self._topics[channel] = (schema, topic, extra)
 
     def write(
         self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
     ) -> int:
-        """Add a message, in parts whose `len` is their number of bytes; returns the bytes that it takes.
+        """Add a message in parts; the `len` of each part is its number of bytes. Returns the bytes that it
+        uses.
 
         The parts must not change until the job that writes them has run. Times are nanoseconds since 1970.
         """
@@ -114,10 +115,9 @@ class BagWriter:
         return taken
 
     def write_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
-        """Add short messages of one topic, of one part each, in less time than one by one; returns the bytes
-        that they take.
+        """Add short messages of one topic, with one part each; returns the bytes that they use.
 
-        They go into one chunk, however many they are.
+        This is faster than one by one. They go into one chunk, whatever their number.
         """
         taken = self._builder.add_many(channel, stamps, messages)
         if self._builder.size >= self._limit:
@@ -125,13 +125,13 @@ class BagWriter:
         return taken
 
     def flush(self) -> None:
-        """Have written what was gathered."""
+        """Write the gathered messages."""
         chunk = self._builder.close()
         if chunk is not None:
             self._run(lambda: self._files.present.write_chunk(chunk), chunk.size)
 
     def split(self) -> None:
-        """Go on in the next file."""
+        """Continue in the next file."""
         self.flush()
         topics, schemas = list(self._topics), dict(self._schemas)
 
@@ -151,7 +151,7 @@ class BagWriter:
         self._run(split, 0)
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Add a record of texts to the present file, behind what was written."""
+        """Add a metadata record to the current file, after everything written."""
         self.flush()
         kept = dict(values)
         self._run(lambda: self._files.present.write_metadata(name, kept), 0)
@@ -173,22 +173,23 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes in all files, without what is still gathered or waits for a job."""
+        """Bytes in all files, without gathered messages and waiting jobs."""
         return self._files.size
 
     def counts(self) -> dict[str, int]:
-        """Topic -> messages in the files, also in those deleted since, without waiting and lost messages."""
+        """Topic -> number of messages in the files, including deleted files, without waiting and lost
+        messages."""
         return dict(self._by_topic(self._files.counts()))
 
     def _by_topic(self, counts: Mapping[int, int]) -> Counter[str]:
-        """The same for names of topics, of which one may have several channels."""
+        """Sum up channels by topic. A topic may have several channels."""
         found: Counter[str] = Counter()
         for channel, (_, topic, _) in enumerate(list(self._topics)):
             found[topic.name] += counts.get(channel, 0)
         return found
 
     def metadata(self) -> BagMetadata:
-        """The metadata of everything in the files. For jobs, or once all jobs have run."""
+        """The metadata of all files. For jobs, or after all jobs have run."""
         files = self._files.information()
         start, duration = time_span(files)
         counts = self._by_topic(self._files.counts_there())
@@ -208,17 +209,17 @@ class BagWriter:
         )
 
     def _write_own_metadata(self) -> None:
-        """What is known of the whole bag, into the present file."""
+        """Write the known metadata of the whole bag into the current file."""
         self._files.present.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
 
     def _close_file(self) -> None:
-        if self._files.present.is_open:  # else there was no room for a further one
+        if self._files.present.is_open:  # otherwise there was no room for a further file
             self._write_own_metadata()
             self._files.close()
 
 
 def write_metadata_file(folder: Path, metadata: BagMetadata) -> None:
-    """Write metadata.yaml in one step. Raises OSError; then the old one, if any, is as it was."""
+    """Write metadata.yaml in one step. Raises OSError; then an existing file is unchanged."""
     beside = folder / f"{NAME}.tmp"
     try:
         beside.write_text(to_yaml(metadata))

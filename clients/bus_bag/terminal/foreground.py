@@ -1,4 +1,4 @@
-"""Whether this program is in the foreground of its terminal."""
+"""Checks whether this program is in the foreground of its terminal."""
 
 import errno
 import os
@@ -7,8 +7,9 @@ __all__ = ["is_in_foreground"]
 
 
 def is_in_foreground(terminal: int) -> bool:
-    """Whether this program may use a terminal; in the background that would stop it, or disturb others."""
+    """Whether this program may use a terminal. In the background, use would stop the program, or disturb
+    others."""
     try:
         return os.tcgetpgrp(terminal) == os.getpgrp()
     except OSError as error:
-        return error.errno == errno.ENOTTY  # no shell's, which has a foreground; else it has gone
+        return error.errno == errno.ENOTTY  # ENOTTY: no shell uses it; other errors: it has gone

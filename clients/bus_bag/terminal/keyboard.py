@@ -1,6 +1,6 @@
-"""Keys of a terminal on the event loop; the terminal is put back whatever ends the program, or stops it.
+"""Reads keys of a terminal on the event loop; restores the terminal at every end or stop of the program.
 
-Owns: the terminal's mode, and the signals that would leave it as it is. Must not know what keys mean.
+Owns: the terminal's mode, and the signals that would leave it changed. Must not know the meaning of keys.
 """
 
 import asyncio
@@ -17,16 +17,16 @@ from bus_bag.terminal.foreground import is_in_foreground
 __all__ = ["Keyboard"]
 
 _DEADLY = ("SIGHUP", "SIGQUIT", "SIGTERM", "SIGINT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM", "SIGPROF")
-"""Signals that end a program that does not know them."""
+"""Signals that end a program without a handler."""
 _LOOK_S = 0.5
-"""How often a program in the background looks whether it has come to the foreground."""
+"""Period in which a program in the background checks whether it is in the foreground."""
 
 
 class Keyboard:
-    """Hands what is typed to `read`, key by key, without an echo, until `close`.
+    """Passes typed keys to `read`, key by key, without an echo, until `close`.
 
     It only does so while the program is in the foreground of its terminal. `stopped` is called before Ctrl-Z
-    stops it, and `continued` when it goes on. Make it on the main thread.
+    stops the program, and `continued` when it continues. Make it on the main thread.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Keyboard:
         return sys.stdin is not None and sys.stdin.isatty()
 
     def close(self) -> None:
-        """Put the terminal back."""
+        """Restore the terminal."""
         self._detach()
         if self._look is not None:
             self._look.cancel()
@@ -75,15 +75,15 @@ class Keyboard:
         self._loop.remove_signal_handler(signal.SIGCONT)
 
     def _attach(self) -> None:
-        """Listen to the keys once in the foreground: in the background this would stop the program."""
+        """Start to read keys when in the foreground: in the background this would stop the program."""
         if self._look is not None:
             self._look.cancel()
         if not is_in_foreground(self._terminal):
-            self._look = self._loop.call_later(_LOOK_S, self._attach)  # a shell's `fg` need not tell
+            self._look = self._loop.call_later(_LOOK_S, self._attach)  # a shell's `fg` may send no signal
             return
         termios = self._termios
         now = termios.tcgetattr(self._terminal)
-        if not self._is_attached:  # until then it may be as the shell has it for itself
+        if not self._is_attached:  # until then the shell may have its own mode
             self._before = termios.tcgetattr(self._terminal)
         now[3] &= ~(termios.ICANON | termios.ECHO)
         now[6][termios.VMIN], now[6][termios.VTIME] = 1, 0
@@ -111,7 +111,7 @@ class Keyboard:
                 data = os.read(self._terminal, 64)
         if data:
             self._read(data)
-        else:  # it has gone, or is another program's for now
+        else:  # the terminal has gone, or belongs to another program now
             self._detach()
             self._attach()
 
@@ -125,7 +125,7 @@ class Keyboard:
         self._detach()
         self._loop.remove_signal_handler(signal.SIGTSTP)
         signal.raise_signal(signal.SIGTSTP)
-        # Here it goes on, once SIGCONT has come.
+        # The program continues here after SIGCONT.
         self._loop.add_signal_handler(signal.SIGTSTP, self._stop)
 
     def _continue(self) -> None:

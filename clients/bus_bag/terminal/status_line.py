@@ -1,4 +1,4 @@
-"""A line at the bottom of a terminal that is written again and again, with the log above it."""
+"""A line at the bottom of a terminal that is rewritten again and again, with the log above it."""
 
 import logging
 import sys
@@ -13,7 +13,7 @@ _ERASE: Final = "\r\x1b[K"
 
 
 class StatusLine(logging.Filter):
-    """Writes to the standard output if that is a terminal; else writes nothing."""
+    """Writes to the standard output if that is a terminal; otherwise writes nothing."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -21,18 +21,18 @@ class StatusLine(logging.Filter):
         """Whether there is a terminal to show it on."""
         self._is_written = False
         if self.is_shown:
-            # Whatever is logged erases it first; the next `show` brings it back.
+            # Each log line erases it first; the next `show` writes it again.
             for handler in logging.getLogger(TOP_NAME).handlers:
                 handler.addFilter(self)
 
     def show(self, text: str) -> None:
-        """In place of what stood there."""
+        """Replace the text of the line."""
         if self.is_shown and is_in_foreground(sys.stdout.fileno()):
             self._write(f"{_ERASE}{text}")
             self._is_written = True
 
     def erase(self) -> None:
-        """Have an empty line there."""
+        """Erase the line."""
         if self._is_written:
             self._write(_ERASE)
             self._is_written = False
