@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: measure, print tables, write the result as JSON."""
+"""`python -m benchmarks`: runs benchmarks, prints tables, writes the result as JSON."""
 
 import argparse
 import sys
@@ -41,7 +41,7 @@ _QUICK_REPETITIONS, _REPETITIONS = 1, 5
 
 
 def main() -> int:
-    """Run; returns 0, or 1 where a measurement failed, or 130 after Ctrl-C."""
+    """Run the benchmarks; returns 0, 1 if a measurement failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
     end_on_signals()
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
@@ -53,7 +53,7 @@ def main() -> int:
         if plan.quick:
             print("quick: too few messages and repetitions for more than a first look\n", flush=True)
         for name in options.only or BENCHMARKS:
-            with deferred():  # modules that are imported may swallow an interrupt
+            with deferred():  # an import may swallow an interrupt
                 measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
             begin_s = monotonic()
             section = measure(plan)
@@ -63,7 +63,7 @@ def main() -> int:
             if not options.no_save:
                 result = report.Result(report.FORMAT, began, plan.quick, plan.repetitions, machine, sections)
                 path = options.output or RESULTS / report.file_name(result)
-                report.save(result, path)  # after each: a run takes long, and what is measured is not lost
+                report.save(result, path)  # after each one, because a run takes long
     except KeyboardInterrupt:
         print(f"interrupted; {_saved(path) if path else 'nothing saved'}", file=sys.stderr)
         return 130

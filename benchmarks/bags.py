@@ -1,6 +1,6 @@
-"""Recording and replaying: a recorder beside programs that take the same and do less, a replay beside timers.
+"""Recording and replaying: a recorder beside simpler programs with the same messages, a replay beside timers.
 
-Bags and what is compared with them are files in memory, where there is a place for such.
+Bags and the files for comparison are in memory, if there is a file system for that.
 """
 
 import re
@@ -76,7 +76,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each beside what it is compared with."""
+    """Measure each case beside its reference."""
     missing = BUS.missing() or ("" if find_spec("mcap") else "mcap is not installed")
     cases: list[Case] = []
     for size in _SIZES:
@@ -103,7 +103,7 @@ def run(plan: Plan) -> Section:
 
 
 def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
-    """Each beside what it is compared with."""
+    """The ratio of each case to its reference."""
     found: list[Comparison] = []
     for size in _SIZES:
         ours, theirs = _flood(size, _RECORDED), _flood(size, _COUNTED)
@@ -140,7 +140,7 @@ def _start(group: Group, role: str, work: msgspec.Struct, *, is_ready: bool = Tr
 
 
 def measure_flood(work: Work) -> Figures:
-    """A flood to one who records it, or counts. Raises Failure where something was lost."""
+    """A flood that is recorded or counted. Raises Failure if a message was lost."""
     with _in_memory() as folder:
         publisher = "benchmarks.adapters.bus_string"
         system = BUS._replace(module=_MODULE, publisher=publisher, environ={FOLDER: folder})
@@ -154,7 +154,7 @@ def measure_flood(work: Work) -> Figures:
 
 
 def measure_robot(robot: Robot) -> Figures:
-    """What a robot says, recorded or written."""
+    """The messages of a robot, recorded or written."""
     with _in_memory() as folder, Group() as group:
         group.environ[FOLDER] = folder
         group.start_busd()
@@ -176,7 +176,7 @@ def measure_robot(robot: Robot) -> Figures:
 
 
 def measure_publisher(work: Work, way: str) -> Figures:
-    """How long a publisher's calls take."""
+    """The duration of a publisher's calls."""
     with _in_memory() as folder, Group() as group:
         group.environ[FOLDER] = folder
         group.start_busd()
@@ -200,7 +200,7 @@ def measure_publisher(work: Work, way: str) -> Figures:
 
 
 def measure_replay(instants: Instants) -> Figures:
-    """What `bus bag play` says of its lateness. Raises Failure where not all was played."""
+    """The lateness that `bus bag play` reports. Raises Failure if it did not play all messages."""
     with _in_memory() as folder, Group() as group:
         bag = Path(folder) / "bag"
         write_bag(bag, instants)
@@ -216,7 +216,7 @@ def measure_replay(instants: Instants) -> Figures:
 
 
 def write_bag(folder: Path, instants: Instants) -> None:
-    """A bag with a message at each instant."""
+    """Write a bag with a message at each instant."""
     codec = codec_of(bus.MessageSchema.of(String))
     writer = BagWriter(folder)
     topic = TopicMetadata("/bench", codec.type_name, "cdr", (bus.QoSProfile(1000),), codec.type_hash)
@@ -229,7 +229,7 @@ def write_bag(folder: Path, instants: Instants) -> None:
 
 
 def measure_timer(instants: Instants) -> Figures:
-    """How late timers are that do nothing."""
+    """The lateness of timers without work."""
     with Group() as group:
         child = _start(group, "timer", instants)
         child.send("go")
@@ -239,7 +239,7 @@ def measure_timer(instants: Instants) -> Figures:
 
 
 def measure_topics(topics: Topics) -> Figures:
-    """From a recorder's beginning until it has subscribed to all topics."""
+    """The time from a recorder's start until it has subscribed to all topics."""
     with _in_memory() as folder, Group() as group:
         group.environ[FOLDER] = folder
         group.start_busd()

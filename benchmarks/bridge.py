@@ -1,7 +1,7 @@
-"""Bridges: what they add to what carries their messages, what many mirrors cost, and a far side that hangs.
+"""Bridges: their cost beside their transport alone, the cost of many mirrors, and a far side that hangs.
 
-Beside plain zenoh and plain cyclonedds, by the same loopback, and busd alone. What goes from bus to bus takes
-both: so the bound of its latency is made of theirs, measured in the same repetition.
+References are plain zenoh and plain cyclonedds on the same loopback, and busd alone. A message from bus to
+bus uses both. So the limit for its latency is the sum of theirs, measured in the same repetition.
 """
 
 import os
@@ -110,7 +110,7 @@ def run(plan: Plan) -> Section:
 
 
 def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
-    """What the bridges should reach beside what they are made of."""
+    """The ratios that the bridges should reach."""
     found: list[Comparison] = []
     found += _against_both(outcomes, BY_ZENOH, PLAIN_ZENOH, buses=2)
     large = _name(_LATENCY, BY_ZENOH, _LARGE)
@@ -137,7 +137,7 @@ def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
 def _against_both(
     outcomes: Mapping[str, Outcome], ours: System, theirs: System, *, buses: int
 ) -> list[Comparison]:
-    """The p50 over that of what carries the messages and of so many buses together, in each repetition."""
+    """The p50 relative to the sum of the transport's and of `buses` times busd's, in each repetition."""
     names = [_name(_LATENCY, system, _SMALL) for system in (ours, theirs, BUS)]
     if any(name not in outcomes for name in names):
         return []
@@ -150,7 +150,7 @@ def _against_both(
 
 
 def measure_crowd(crowd: Crowd, watch_s: float) -> Figures:
-    """How long a crowd takes to be on the other bus, and what the bridges use after that."""
+    """The time until a crowd's endpoints are on the other bus, and the load of the bridges after that."""
     with Group() as group:
         *_, far_bridge, near_bridge = serve_two(group, "")
         child = start_worker(group, "crowd", crowd)
@@ -166,7 +166,7 @@ def measure_crowd(crowd: Crowd, watch_s: float) -> Figures:
 
 
 def measure_hang(torrent: Torrent, hangs_s: float) -> Figures:
-    """What the near bridge grows by while the far one is stopped, and messages for that go on and on."""
+    """The growth of the near bridge while the far one is stopped, and messages continue."""
     with Group() as group:
         *_, far_bridge, near_bridge = serve_two(group, "")
         sink = start_worker(group, "sink", torrent, bus=FAR)
@@ -188,7 +188,7 @@ def measure_hang(torrent: Torrent, hangs_s: float) -> Figures:
 def start_worker(
     group: Group, role: str, what: msgspec.Struct, *, bus: str = "busd", name: str = ""
 ) -> Child:
-    """A process of `adapters.bridging` on the bus of that name; returns when it is ready."""
+    """Start a process of `adapters.bridging` on the bus with that name; returns when it is ready."""
     environ = {"BUSD_SOCKET": str(group.folder / f"{bus}.sock")}
     words = ("-m", _MODULE, role, msgspec.json.encode(what).decode())
     child = group.start(name or role, sys.executable, *words, environ=environ)
@@ -197,7 +197,7 @@ def start_worker(
 
 
 def wait_for_mirrors(path: Path, prefix: str, count: int) -> None:
-    """Until the bus at `path` has so many endpoints on topics that begin so. Raises Failure."""
+    """Wait until the bus at `path` has `count` endpoints on topics with that prefix. Raises Failure."""
     end = monotonic() + _CROWD_LIMIT_S
     with Query(path, may_start=False) as query:
         while (found := count_endpoints(query, prefix)) < count:
@@ -207,13 +207,13 @@ def wait_for_mirrors(path: Path, prefix: str, count: int) -> None:
 
 
 def count_endpoints(query: Query, prefix: str) -> int:
-    """How many endpoints a bus has on topics that begin with `prefix`."""
+    """The number of endpoints on a bus on topics with that prefix."""
     graph = query.graph()
     return sum(one.topic.startswith(prefix) for one in (*graph.publishers, *graph.subscriptions))
 
 
 def cpu_percent(child: Child, watch_s: float) -> float:
-    """Of one CPU, over so long."""
+    """The CPU time of a process over `watch_s`, in percent of one CPU."""
     began, before_ns = monotonic(), child.cpu_ns()
     sleep(watch_s)
     return (child.cpu_ns() - before_ns) / 1e7 / (monotonic() - began)

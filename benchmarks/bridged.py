@@ -1,6 +1,6 @@
-"""Two buses with bridges between them, a bus with a bridge to DDS, and the rivals that have no bus at all.
+"""Two buses with bridges between them, a bus with a bridge to DDS, and rivals without a bus.
 
-All on loopback: nothing that a network does is part of a figure.
+Everything runs on loopback, so no figure includes a network.
 """
 
 import signal
@@ -15,13 +15,13 @@ from benchmarks.systems import BUS, CYCLONE, ZENOH, Speed
 from bus.base.optional import how_to_install
 
 ENGINES = {"zenoh": ("zenoh", "eclipse-zenoh"), "ros2": ("cyclonedds", "cyclonedds")}
-"""By engine: the module that it needs and the distribution that has it."""
+"""For each engine, the module that it needs and the distribution with that module."""
 FAR = "far"
 """The name of the second bus: its socket is far.sock."""
 
 
 def missing(engine: str) -> str:
-    """Why a bridge can't be measured here; empty where it can."""
+    """The reason why a bridge can't be measured here; empty if it can."""
     module, distribution = ENGINES[engine]
     if find_spec(module) is None:
         return f"{module} is not installed: {how_to_install(distribution)}"
@@ -29,7 +29,7 @@ def missing(engine: str) -> str:
 
 
 def free_port() -> int:
-    """A TCP port of loopback that nobody has just now."""
+    """A free TCP port of loopback."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
@@ -37,14 +37,14 @@ def free_port() -> int:
 
 
 def start_bridge(group: Group, engine: str, *arguments: str, name: str, bus: str = "busd") -> Child:
-    """`bus bridge`, of the bus of that name."""
+    """Start `bus bridge` for the bus with that name."""
     command = (sys.executable, "-m", "bus_cli", "bridge", engine, *arguments)
     environ = {"BUSD_SOCKET": str(group.folder / f"{bus}.sock")}
     return group.start(name, *command, environ=environ, stop_signal=signal.SIGINT)
 
 
 def serve_two(group: Group, module: str) -> list[Child]:
-    """Two buses and their bridges, joined by zenoh. Who is started later is on the first one."""
+    """Start two buses and their bridges, connected by zenoh. Processes started later use the first bus."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     far = group.start_busd(name=FAR)
     near = group.start_busd()
@@ -57,7 +57,7 @@ def serve_two(group: Group, module: str) -> list[Child]:
 
 
 def serve_ros2(group: Group, module: str) -> list[Child]:
-    """A bus and its bridge to a domain of DDS on loopback."""
+    """Start a bus, and its bridge to a domain of DDS on loopback."""
     domain = ros.environ(group.folder)["ROS_DOMAIN_ID"]
     group.environ["BENCH_ROS"] = domain
     busd = group.start_busd()
@@ -102,4 +102,4 @@ TO_DDS = BUS._replace(
 FROM_DDS = TO_DDS._replace(name="cyclonedds - busd", publisher=CYCLONE.module, module=BUS.module, route="")
 
 SYSTEMS = (PLAIN_ZENOH, NUMBERED_ZENOH, PLAIN_DDS, BUS, BY_ZENOH, TO_DDS, FROM_DDS)
-"""Rivals first."""
+"""The rivals come first."""

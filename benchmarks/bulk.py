@@ -1,4 +1,5 @@
-"""Messages a second of one field of bytes, as a camera's: copied in and out, or written and read in place."""
+"""Messages a second with one field of bytes, like a camera's: copied in and out, or written and read in
+place."""
 
 from functools import partial
 
@@ -15,7 +16,7 @@ from bus_cli.bench.figures import bytes_text
 NAME = "bulk"
 _SIZES = (1 << 16, 1 << 20, 4 << 20)
 _COMPARED = 1 << 20
-"""The size on which goals rest."""
+"""The size that the goals use."""
 _LOANED, _COPIED, _SOCKET = (
     f"{BUS_BYTES.name}, loaned and viewed",
     f"{BUS_BYTES.name}, copied",
@@ -26,7 +27,7 @@ _POLLING, _RIVAL_POLLING = (f"{way}, busy polling" for way in (_LOANED, _RIVAL))
 _BUSY_POLL_S = 0.002
 _IN_PLACE = Speed(300_000, 20e9)
 _GOALS = [
-    # ours, theirs, of which sizes, at least
+    # ours, theirs, sizes, least ratio
     (_LOANED, _RIVAL, _SIZES, 1.0),
     (_POLLING, _RIVAL_POLLING, (1 << 16, 4 << 20), 1.0),
     (_COPIED, _RIVAL, _SIZES, None),
@@ -44,7 +45,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure the sizes of the plan that are long."""
+    """Measure the long sizes of the plan."""
     sizes = [size for size in _SIZES if size in plan.sizes]
     cases = [one for size in sizes for one in _cases(plan, size)]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))

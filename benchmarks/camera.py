@@ -1,4 +1,4 @@
-"""A camera: RGB frames of 1080p, 30 a second, to four readers: latency, CPU time of each process, losses."""
+"""A camera with RGB frames of 1080p, 30 a second, and four readers: latency, CPU time, losses."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -20,7 +20,7 @@ READERS = 4
 _RATE = 30.0
 _FRAME = Work(size=1920 * 1080 * 3, count=1, warm_up=10, rate=_RATE, subscribers=READERS)
 _LATE_S = 2.0
-"""What has not come so long after the last frame was due counts as lost."""
+"""A frame counts as lost if it has not arrived this long after the due time of the last frame."""
 _WAYS: list[tuple[System, dict[str, str]]] = [
     (BUS_BYTES, {"publish_by": "loan", "take_by": "views"}),
     (ICEORYX, {"publish_by": "loan", "take_by": "event"}),
@@ -52,7 +52,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each system's camera."""
+    """Measure the camera of each system."""
     work = replace(_FRAME, count=plan.choose(30, 100))
     cases = [
         Case(
@@ -72,12 +72,12 @@ def run(plan: Plan) -> Section:
 
 
 def name_of(system: System) -> str:
-    """Its row."""
+    """The name of the system's row."""
     return f"{READERS} readers, {system.name}"
 
 
 def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
-    """busd beside the systems that lost nothing, and its facade beside ROS 2."""
+    """busd beside all lossless systems, and its facade beside ROS 2."""
     rivals = [name_of(system) for system, _ in _WAYS if system.kind != "ours"]
     found: list[Comparison] = []
     for key in ("p50", "p99", "cpu_publisher", "cpu_reader"):
@@ -89,7 +89,8 @@ def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
 
 
 def measure(system: System, work: Work) -> Figures:
-    """One stream; of one that reached no reader, the CPU time only. Raises Failure where a process ended."""
+    """Measure one stream. If a stream reached no reader, only its CPU time. Raises Failure if a process
+    ended."""
     with Group() as group:
         servers = system.start_servers(group)
         publisher, readers = system.start_fan(group, work, work.subscribers)

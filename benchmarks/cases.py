@@ -1,4 +1,4 @@
-"""Repetitions of what is to be compared, in turns, and what came of each."""
+"""Repetitions of cases for comparison, in turns, and their results."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -11,10 +11,10 @@ Figures = dict[str, float]
 
 
 class Case(NamedTuple):
-    """One line of a table: `measure` does it once; `missing` says why it can't be done here.
+    """One row of a table. `measure` runs it once; `missing` is the reason if it can't run here.
 
-    In a picture it is the point of `series` (a system, and how it is used) at `at` of the section's axis.
-    `rounds`: it takes part in the first so many repetitions only; 0: in all.
+    In a picture, it is the point of `series` (a system and a way to use it) at `at` on the section's axis.
+    `rounds`: it is in the first repetitions only, up to that number; 0: in all.
     """
 
     name: str
@@ -27,7 +27,7 @@ class Case(NamedTuple):
 
 @dataclass
 class Outcome:
-    """What the repetitions of a case gave, and why there are no more of them where it failed."""
+    """The figures of a case's repetitions. If one failed, its error; there are no more repetitions then."""
 
     name: str
     repetitions: list[Figures] = field(default_factory=list)
@@ -37,7 +37,7 @@ class Outcome:
     at: float = 0.0
 
     def spreads(self) -> dict[str, Spread]:
-        """Each figure over the repetitions that have it."""
+        """Each figure, over the repetitions that have it."""
         keys = dict.fromkeys(key for one in self.repetitions for key in one)
         return {key: Spread.of(one[key] for one in self.repetitions if key in one) for key in keys}
 
@@ -45,10 +45,10 @@ class Outcome:
 def interleave(
     cases: Sequence[Case], repetitions: int, tell: Callable[[str], None] = lambda _: None
 ) -> dict[str, Outcome]:
-    """All cases once, then all once more from the last to the first, and so on.
+    """Run all cases once, then once more from the last to the first, and so on.
 
-    So what the machine does meanwhile falls on all of them alike. A case that failed is not tried again: one
-    that hangs would cost its time limit each time.
+    So other load on the machine affects all cases alike. A failed case is not repeated: a case that hangs
+    would cost its time limit each time.
     """
     outcomes = {
         case.name: Outcome(case.name, missing=case.missing, series=case.series, at=case.at) for case in cases

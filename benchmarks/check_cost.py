@@ -1,4 +1,4 @@
-"""What `publish` and `take` are made of: the check of the types, encoding and decoding, all of it."""
+"""The parts of `publish` and `take`: the check of types, encoding and decoding, and the whole call."""
 
 import msgspec
 
@@ -28,7 +28,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each message; a round takes them in turns."""
+    """Measure each message; each round measures all of them in turn."""
     outcomes = {name: Outcome(name, series=name) for name in messages()}
     try:
         with Group() as group:

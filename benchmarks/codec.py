@@ -1,4 +1,4 @@
-"""What CDR costs: a payload to CDR and back, beside JSON by msgspec, and rosbags with messages of its own."""
+"""The cost of CDR: a payload to CDR and back, beside msgspec's JSON, and rosbags with its own messages."""
 
 from collections.abc import Callable
 from typing import Any
@@ -33,7 +33,7 @@ _GOALS = {("Imu", "to_json_us"): 1.2, ("tf of 4", "serialize_us"): 0.5}
 
 
 def run(plan: Plan) -> Section:
-    """Measure each message, all calls of one in turns."""
+    """Measure each message; the calls of one message take turns."""
     outcomes: list[Outcome] = []
     comparisons = []
     for name, message in _messages().items():
@@ -75,7 +75,7 @@ def _messages() -> dict[str, msgspec.Struct]:
 
 
 def _calls(message: msgspec.Struct) -> dict[str, tuple[Callable[[Any], object], Any]]:
-    """What is measured, each with what it is given."""
+    """The calls to measure, each with its argument."""
     cls = type(message)
     codec = codec_of(bus.MessageSchema.of(cls))
     pack, to_json = msgspec.msgpack.Encoder().encode, msgspec.json.Encoder().encode

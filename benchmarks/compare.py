@@ -1,6 +1,6 @@
-"""`python -m benchmarks.compare A.json B.json`: what differs between two results, and is more than noise.
+"""`python -m benchmarks.compare A.json B.json`: the differences of two results that are larger than noise.
 
-Knows results only. The rule of what counts as noise is `judge`.
+Only knows results. `judge` has the rule for noise.
 """
 
 import argparse
@@ -15,9 +15,9 @@ from benchmarks.machine import Machine
 from benchmarks.report import Result, Section, Unreadable, load, number, spread, table
 
 THRESHOLD = 0.05
-"""The smallest relative change that is shown where figures have a spread."""
+"""The smallest relative change that is shown for figures with a spread."""
 SINGLE_FACTOR = 5
-"""How many times the threshold a figure must change that was measured once, and so has no spread."""
+"""The factor on the threshold for figures that were measured only once, and so have no spread."""
 
 Verdict = Literal["better", "worse", "changed", "same"]
 _RULE = f"""
@@ -31,7 +31,7 @@ at the top.
 
 
 class Change(NamedTuple):
-    """One figure in both results. `ratio` is that of the medians, after / before; inf where before is 0."""
+    """One figure in both results. `ratio` is the ratio of the medians, after / before; inf if before is 0."""
 
     section: str
     row: str
@@ -43,12 +43,13 @@ class Change(NamedTuple):
 
     @property
     def size(self) -> float:
-        """How large it is, whichever way it went."""
+        """The size of the change in either direction."""
         return abs(math.log(self.ratio)) if 0 < self.ratio < math.inf else math.inf
 
 
 class Difference(NamedTuple):
-    """All that two results differ in. `only` are rows of one of them; `goals` changed between met and not."""
+    """All differences of two results. `only`: rows in one of them; `goals`: changes between met and not
+    met."""
 
     warnings: list[str]
     changes: list[Change]
@@ -58,7 +59,7 @@ class Difference(NamedTuple):
 
 
 def differ(before: Result, after: Result, threshold: float = THRESHOLD) -> Difference:
-    """Compare figure by figure what has the same section, row and column."""
+    """Compare the figures with the same section, row and column."""
     changes: list[Change] = []
     goals: list[str] = []
     for section in after.sections:
@@ -74,7 +75,7 @@ def differ(before: Result, after: Result, threshold: float = THRESHOLD) -> Diffe
 
 
 def judge(before: Spread, after: Spread, better: str, threshold: float = THRESHOLD) -> tuple[float, Verdict]:
-    """The ratio of the medians, and whether it says something; see --help."""
+    """The ratio of the medians, and whether it is significant; see --help."""
     if before.median == after.median:
         return 1.0, "same"
     ratio = after.median / before.median if before.median else math.inf
@@ -89,7 +90,7 @@ def judge(before: Spread, after: Spread, better: str, threshold: float = THRESHO
 
 
 def render(found: Difference, *, show_all: bool = False) -> str:
-    """For people: what to beware of, then the changes of each section, the largest first."""
+    """A text for people: warnings first, then the changes of each section, the largest first."""
     lines = [f"! {text}" for text in found.warnings]
     lines = [*(lines or ["the same machine and versions, and as thorough"]), ""]
     shown = [one for one in found.changes if show_all or one.verdict != "same"]
@@ -117,7 +118,7 @@ def render(found: Difference, *, show_all: bool = False) -> str:
 
 
 def main() -> int:
-    """Print what changed; returns 0, or 2 where a file can't be read. A change is no failure."""
+    """Print the changes; returns 0, or 2 if a file can't be read. A change is not a failure."""
     options = _parser().parse_args()
     try:
         results = load(options.before), load(options.after)

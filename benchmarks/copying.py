@@ -1,4 +1,4 @@
-"""How fast this machine copies memory: the limit of whatever hands on bytes by a copy."""
+"""The speed at which this machine copies memory: the limit for every system that copies bytes."""
 
 from benchmarks.adapters.floor_c import PROGRAM
 from benchmarks.cases import Figures
@@ -8,7 +8,7 @@ NAME = "C, memcpy"
 
 
 def measure_copying(size: int, count: int) -> Figures:
-    """`count` copies of `size` bytes by memcpy, in one process. Raises Failure where it does not end."""
+    """`count` copies of `size` bytes by memcpy, in one process. Raises Failure if it does not end."""
     with Group() as group:
         program = group.start(NAME, str(PROGRAM), "memcpy", str(size), str(count))
         seconds = group.expect(program, "copied", within_s=START_S)["ns"] / 1e9

@@ -1,4 +1,5 @@
-"""The CPU time and memory of messages that come one by one, so that every process sleeps between any two."""
+"""The CPU time and memory for single messages with pauses, so that every process sleeps between two of
+them."""
 
 from msgspec.structs import replace
 

@@ -1,7 +1,7 @@
-"""How long it takes until a large system has found itself, and until a tool has listed it.
+"""The time until all endpoints of a large system are matched, and until a tool has listed the system.
 
-Twenty processes that run already declare a node and their share of the topics, all at the same time. Knows
-nothing of how the bus does it.
+Twenty running processes each declare a node and their share of the topics, all at the same time. This module
+does not depend on the bus's method of discovery.
 """
 
 import sys
@@ -74,7 +74,7 @@ def run(plan: Plan) -> Section:
 def measure(
     system: System, topics: int, *, processes: int = _PROCESSES, at_once: bool = False, listings: int = 0
 ) -> Figures:
-    """Do it once, and list the topics so many times. Raises Failure where it does not come to its end."""
+    """Measure once, and list the topics `listings` times. Raises Failure if it does not end."""
     with Group() as group:
         (busd,) = system.start_servers(group)
         shares = [Share(index, processes, topics, at_once=at_once) for index in range(processes)]
@@ -107,9 +107,9 @@ def _start(group: Group, share: Share) -> Child:
 
 
 def _list(group: Group, number: int) -> Figures:
-    """Median times in ms of so many listings of the topics, in turn with those of an empty bus.
+    """Median times in ms of listings of the topics, in turn with listings of an empty bus.
 
-    From the start of the process to its end.
+    Each time is from the start of the process to its end.
     """
     if not number:
         return {}
@@ -121,5 +121,5 @@ def _list(group: Group, number: int) -> Figures:
                 begin_ns = monotonic_ns()
                 bus.wait(bus.start("listing", *_LIST, ends=True), within_s=START_S)
                 times_ms.append((monotonic_ns() - begin_ns) / 1e6)
-    # The first of each found cold caches.
+    # The first listing of each bus had cold caches.
     return {key: median(times_ms[1:]) for key, times_ms in took_ms.items()}

@@ -1,9 +1,9 @@
-"""The facade of rclpy beside the asyncio API, and beside ROS 2's own rclpy, in turns: latency, CPU time,
-memory, throughput and start of the same work, and an action beside as many messages.
+"""The facade of rclpy beside the asyncio API, and beside ROS 2's own rclpy, in turns.
 
-Both are programs of their kind: a timer publishes and a callback takes, in `rclpy.spin` or on the event loop.
-The latency of single messages is measured by the schedule that all systems have, too. Floods are also taken
-by an executor of two threads, beside the executor that a program has which names none.
+Measures latency, CPU time, memory, throughput and start of the same work, and an action beside the same
+number of messages. Both programs are typical ones: a timer publishes and a callback takes, in `rclpy.spin` or
+on the event loop. The latency of single messages is also measured with the schedule of all other systems.
+Floods are also taken by an executor of two threads, beside the default executor.
 """
 
 import os
@@ -44,12 +44,12 @@ _WITHOUT = {
     (_SCHEDULED, _THREADS),
     (_TIMED, _THREADS),
     (_LONG, _THREADS),
-    (_FLOOD, _GENUINE),  # is in throughput
+    (_FLOOD, _GENUINE),  # measured in throughput
     (_START, _THREADS),
     (_START, _ASYNCIO),
 }
 _GOALS = [
-    # what, which of which, figure, at most, at least
+    # work, systems, figure, at most, at least
     (_SCHEDULED, _BOTH, "p50", 1.25, None),
     (_SCHEDULED, _BOTH, "p99", None, None),
     (_SCHEDULED, _BOTH, "cpu", None, None),
@@ -111,7 +111,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each work by both, with busd as its users have it."""
+    """Measure each work with both, with an installed busd as users have it."""
     plan.tell(f"{NAME} installing busd")
     with installed() as found:
         return _run(plan, found)
@@ -181,13 +181,14 @@ def _run(plan: Plan, found: Installed) -> Section:
 
 
 def run_by(system: System, python: str) -> System:
-    """`system` with another Python than this one, where its programs are run by this one."""
+    """`system` with another Python, if this one would run its programs."""
     first, *rest = system.runner
     return system._replace(runner=(python, *rest)) if first == sys.executable else system
 
 
 def measure_start(system: System, work: Work) -> Figures:
-    """A talker's start until its message is there, and a listener's until it listens. Raises Failure."""
+    """The time from a talker's start to its message's arrival, and from a listener's start until it listens.
+    Raises Failure."""
     talker = measure_first_message(system)
     with Group() as group:
         system.start_servers(group)
@@ -198,9 +199,9 @@ def measure_start(system: System, work: Work) -> Figures:
 
 
 def measure_round_trips(is_action: bool, count: int, cpus: list[int]) -> Figures:
-    """From the first message of each round trip to the last. Raises Failure where it did not end.
+    """The time from the first message of each round trip to the last. Raises Failure if it did not end.
 
-    The server runs on the first of `cpus`, as busd does, the client on the last.
+    The server runs on the first of `cpus`, like busd, and the client on the last.
     """
     runner = RCLPY.runner if is_action else (sys.executable,)
     command = (*runner, "-m", "benchmarks.adapters.round_trips", "action" if is_action else "messages")
@@ -216,7 +217,7 @@ def measure_round_trips(is_action: bool, count: int, cpus: list[int]) -> Figures
 
 
 def measure_lossy(system: System, work: Work) -> Figures:
-    """One flood of which some, but not the last, may be lost. Raises Failure where it did not end."""
+    """One flood that may lose messages, except the last. Raises Failure if it did not end."""
     with Group() as group:
         system.start_servers(group)
         publisher, subscriber = system.start_pair(group, work)

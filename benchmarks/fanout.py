@@ -1,7 +1,8 @@
-"""One publisher's process to many subscribers' processes: deliveries a second, and when the last one has it.
+"""One publisher's process to many subscribers' processes: deliveries a second, and the arrival at the last
+one.
 
-Of every system that fans out, losing none where it can. Of busd also what a publish costs where the
-publisher waits for no subscriber, and what became of each message.
+Measures every system that fans out, without losses if the system can. For busd it also measures the cost of a
+publish without waiting for subscribers, and the outcome of each message.
 """
 
 from collections.abc import Callable, Mapping
@@ -43,7 +44,7 @@ _GOAL_NUMBERS = (8, 16)
 _LOSSY_NUMBERS = (1, 16)
 _SLOW_NUMBER = 8
 _FAST = (BUS, BUS_SOCKET, PYZMQ, PYZMQ_PROXY, ICEORYX)
-"""The others are measured with so many subscribers only, and in fewer rounds."""
+"""The other systems are measured with this number of subscribers only, and in fewer rounds."""
 _LIMIT_S = 30.0
 _LOOK_S = 0.3
 _REASONS = ("replaced", "overrun", "publisher_queue", "memory_limit")
@@ -90,8 +91,8 @@ def run(plan: Plan) -> Section:
 
 
 def comparisons(outcomes: Mapping[str, Outcome], systems: list[System]) -> list[Comparison]:
-    """The goals, as far as `outcomes` can tell."""
-    # A system that loses messages in a flood may deliver all of the paced stream.
+    """The goals for which `outcomes` has figures."""
+    # A system that loses messages in a flood may deliver all messages of the paced stream.
     paced = {
         name: replace(one, repetitions=[figures | {"lost": 0.0} for figures in one.repetitions])
         for name, one in outcomes.items()
@@ -133,7 +134,8 @@ def comparisons(outcomes: Mapping[str, Outcome], systems: list[System]) -> list[
 
 
 def measure(system: System, flood: Callable[[], Figures], paced: Work) -> Figures:
-    """A flood and a paced stream. Raises Failure where one did not end, or lost what it may not lose."""
+    """A flood and a paced stream. Raises Failure if one did not end, or lost messages that it must not
+    lose."""
     return flood() | measure_last(PLAIN.get(system.name, system), paced)
 
 
@@ -168,7 +170,7 @@ def measure_flood(system: System, work: Work) -> Figures:
 
 
 def measure_last(system: System, work: Work) -> Figures:
-    """How long it takes until the last subscriber has a message, in µs."""
+    """The time until the last subscriber has a message, in µs."""
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, work, work.subscribers)
@@ -182,7 +184,7 @@ def measure_last(system: System, work: Work) -> Figures:
 
 
 def measure_lossy(system: System, fan: Fan) -> Figures:
-    """One flood without waiting for subscribers. Raises Failure where a message is unaccounted for."""
+    """One flood without waiting for subscribers. Raises Failure if the outcome of a message is unknown."""
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, fan, fan.subscribers)
@@ -209,14 +211,14 @@ def measure_lossy(system: System, fan: Fan) -> Figures:
 
 
 def name_of(system: System, number: int) -> str:
-    """The row of `system` with so many subscribers."""
+    """The row of `system` with `number` subscribers."""
     return f"{number} subscriber{'s' if number > 1 else ''}, {system.name}"
 
 
 def _case(plan: Plan, system: System, number: int) -> Case:
-    # Two CPUs: what two subscribers take side by side, more of them take one after the other.
+    # With two CPUs, two subscribers run in parallel; more of them take turns.
     count = system.guess.messages_in(flood_s(plan), _SIZE) // max(1, number // 2)
-    # No warm-up where messages may be lost: there is no telling when it has come.
+    # No warm-up if messages may be lost, because its end can't be detected.
     warm_up = 0 if system.may_lose else count // 10
     work = Work(size=_SIZE, count=count, warm_up=warm_up, take_by=system.takes_by, subscribers=number)
     flood = Lasting(partial(measure_flood, system), work, least_s(plan))
@@ -252,7 +254,7 @@ def _expect(group: Group, subscribers: list[Child]) -> list[Event]:
 
 
 def _look(group: Group, subscribers: list[Child]) -> list[Event]:
-    """What has come to each, once nothing comes to any of them any more."""
+    """The arrivals at each subscriber, after all arrivals have stopped."""
     before: list[Event] = []
     while True:
         for child in subscribers:

@@ -1,4 +1,4 @@
-"""Numbers out of samples: percentiles, spreads over repetitions, ratios. Pure; knows no processes."""
+"""Figures from samples: percentiles, spreads over repetitions, ratios. Pure; knows no processes."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
@@ -9,7 +9,7 @@ from bus_cli.bench.figures import PERCENTILES, percentile
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """One figure over all repetitions: its median, and between which values it lay."""
+    """One figure over all repetitions: its median, and its least and greatest value."""
 
     median: float
     min: float
@@ -17,7 +17,7 @@ class Spread(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, values: Iterable[float]) -> "Spread":
-        """Raises ValueError where there are no values."""
+        """The spread of values. Raises ValueError if there are none."""
         held = list(values)
         if not held:
             raise ValueError("no values to make a spread of")
@@ -34,16 +34,16 @@ def percentiles(samples: Iterable[float], *, prefix: str = "", scale: float = 1.
 
 
 def per_100k(seconds: float, messages: int) -> float:
-    """Seconds spent for each 100,000 messages."""
+    """CPU seconds per 100,000 messages."""
     return seconds * 100_000 / messages
 
 
 def ratios(
     ours: Sequence[dict[str, float]], theirs: Sequence[dict[str, float]], key: str, their_key: str = ""
 ) -> list[float]:
-    """`key` of the one over that of the other (or `their_key`), repetition by repetition.
+    """The ratio of `key` of one case to `key` (or `their_key`) of the other, repetition by repetition.
 
-    Neighbours in time share what the machine was doing, so pairs are compared and not medians.
+    It compares pairs, not medians, because neighbours in time had the same load on the machine.
     """
     return [
         our[key] / their[their_key or key]

@@ -1,8 +1,8 @@
-"""`python -m benchmarks.fleet`: many buses on one machine, each with a bridge and some topics.
+"""`python -m benchmarks.fleet`: measures many buses on one machine, each with a bridge and some topics.
 
-How long it takes until every bus shows all topics of all others, what the bridges use for that and then, and
-how both grow with buses and topics: a table for docs/bridge.md. Not a part of `make bench`, since one machine
-stands for all, so that the times are those of its CPUs.
+It measures the time until every bus shows all topics of all others, and the load of the bridges until then
+and after that. It prints a table of the growth of both with buses and topics, for docs/bridge.md. It is not
+part of `make bench`: one machine runs all buses, so the times depend on its CPUs.
 """
 
 import argparse
@@ -21,7 +21,8 @@ from benchmarks.machine import look_at_machine
 from bus_cli.query import Query
 
 Shape = Literal["mesh", "star"]
-"""Each bridge goes to all others; or all go to that of one bus, which passes on what came (`transit`)."""
+"""Mesh: each bridge connects to all others. Star: all connect to the bridge of one bus, which forwards
+(`transit`)."""
 _TRANSIT = '[[bridge.zenoh.topics]]\npattern = "/**"\ntransit = true\n'
 _PREFIX = "/fleet"
 _LIMIT_S, _LOOK_S = 240.0, 0.1
@@ -31,7 +32,8 @@ _LARGE = (20, 50)
 
 
 class Found(NamedTuple):
-    """What one fleet took. MiB and percent are of a bridge; CPU seconds too, over all that was mirrored."""
+    """The figures of one fleet. MiB and percent are per bridge, and so are CPU seconds, until all was
+    mirrored."""
 
     shape: Shape
     buses: int
@@ -44,7 +46,7 @@ class Found(NamedTuple):
 
 
 class Fleet:
-    """So many buses, bus_0 to bus_N, with a bridge each."""
+    """A number of buses, from bus_0 on, each with a bridge."""
 
     def __init__(self, group: Group, shape: Shape, buses: int) -> None:
         self.group = group
@@ -63,18 +65,18 @@ class Fleet:
                 words += ["--listen", endpoints[number]]
             for endpoint in endpoints[:number] if shape == "mesh" else endpoints[: min(number, 1)]:
                 words += ["--connect", endpoint]
-            self.group.start_busd(name=name)  # which leaves soon where nobody comes
+            self.group.start_busd(name=name)  # it ends soon without a client
             yield start_bridge(self.group, "zenoh", *words, name=f"bridge_{number}", bus=name)
 
     def wait_until_all_have(self, topics: int) -> None:
-        """Every bus shows so many topics of each. Raises Failure."""
+        """Wait until every bus shows `topics` topics of each other bus. Raises Failure."""
         wanted, end = topics * len(self.names), monotonic() + _LIMIT_S
         waiting = set(self.names)
         while waiting:
             if monotonic() > end:
                 raise Failure(f"after {_LIMIT_S:g} s {len(waiting)} buses don't show all {wanted} topics yet")
             sleep(_LOOK_S)
-            for name in sorted(waiting):  # one is asked again and again, so that asking costs little
+            for name in sorted(waiting):  # stop at the first unready bus: queries cost time
                 with Query(self.group.folder / f"{name}.sock", may_start=False) as query:
                     if count_endpoints(query, _PREFIX) < wanted:
                         break
@@ -82,7 +84,7 @@ class Fleet:
 
 
 def measure(shape: Shape, buses: int, topics: int) -> Found:
-    """A fleet from nothing. Raises Failure."""
+    """Measure the start of a fleet. Raises Failure."""
     with Group() as group:
         fleet = Fleet(group, shape, buses)
         crowds = [
@@ -116,7 +118,7 @@ def _cpu_percent_of_all(children: Sequence[Child]) -> list[float]:
 
 
 def table(found: Sequence[Found]) -> str:
-    """As Markdown."""
+    """The figures as a table in Markdown."""
     lines = [
         "| joined by | buses | topics each | mirrors on each bus | s until all are there "
         "| CPU s of a bridge for that | MiB of a bridge (the largest) | CPU % of a bridge, then |",
@@ -132,7 +134,7 @@ def table(found: Sequence[Found]) -> str:
 
 
 def main() -> int:
-    """Measure; returns 0, or 1 where one came to nothing."""
+    """Measure; returns 0, or 1 if a measurement failed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fleet", description=__doc__)
     parser.add_argument("--shape", choices=("mesh", "star"), action="append", help="(default: both)")
     parser.add_argument("--buses", type=int, metavar="N", help="one fleet of so many (default: several)")

@@ -1,7 +1,7 @@
-"""One-way latency beside a process that only uses a CPU and knows nothing of any bus: a steady foreign load.
+"""One-way latency beside a process that only uses a CPU and knows no bus: a steady foreign load.
 
-With two CPUs a pair then has one for itself, if the scheduler sees to it. How often its processes gave up
-their CPU, and how often it was taken from them, stands beside the latencies; each is measured alone as well.
+With two CPUs, a pair then has one CPU for itself, if the scheduler arranges that. The section also shows the
+context switches of its processes, voluntary and forced. Each system is also measured alone.
 """
 
 from functools import partial

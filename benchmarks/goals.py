@@ -1,7 +1,7 @@
-"""What the figures should reach, in one place: the ratios that the report shows first.
+"""The goals for the figures, in one place: the ratios at the beginning of the report.
 
-Each is made within a repetition by the benchmark of its section, from cases that are alike: event against
-event, polling against polling, malloc set alike, publishers alike.
+The benchmark of its section computes each ratio within a repetition, from cases that are alike: event with
+event, polling with polling, the same settings of malloc, the same kind of publisher.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from benchmarks.versus import against
 
 
 class Goal(NamedTuple):
-    """`key` of the case `ours` over that of `theirs`; the figure itself where `theirs` is empty."""
+    """The ratio of `key` of the case `ours` to `theirs`; the figure itself if `theirs` is empty."""
 
     section: str
     headline: str
@@ -168,7 +168,7 @@ GOALS = (
 
 
 def reached(section: str, outcomes: Mapping[str, Outcome]) -> list[Comparison]:
-    """The goals of a section, as far as `outcomes` can tell."""
+    """The goals of a section for which `outcomes` has figures."""
     found: list[Comparison] = []
     for one in GOALS:
         if one.section != section:

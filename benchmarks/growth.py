@@ -1,6 +1,6 @@
-"""How the cost of a message grows with what there is besides it, and that of an endpoint with their number.
+"""Growth of the cost of a message with the size of the system, and of an endpoint with their number.
 
-One thing grows at a time: topics, nodes, subscriptions of a topic, messages a second, endpoints.
+Each series varies one number: topics, nodes, subscriptions of a topic, messages a second, endpoints.
 """
 
 from functools import partial
@@ -42,7 +42,7 @@ _NOTES = [
 
 
 class Step(NamedTuple):
-    """`at` of what grows, by which `system`, and what that is to do."""
+    """One point: the varied number `at`, the `system`, and its work."""
 
     what: str
     at: int
@@ -59,7 +59,7 @@ class Step(NamedTuple):
 
 
 def steps(plan: Plan) -> list[Step]:
-    """All that is to be measured; quickly, only the least and the most of each by shared memory."""
+    """All steps; a quick run only has the smallest and the largest of each kind by shared memory."""
     change = partial(msgspec.structs.replace, Load())
     grown = {
         "topics": {at: change(topics=at) for at in (1, 10, 100, 1000)},
@@ -80,7 +80,7 @@ def steps(plan: Plan) -> list[Step]:
 
 
 def run(plan: Plan) -> Section:
-    """Measure each step; what several of them begin with is measured once."""
+    """Measure each step; a step that is shared by several kinds is measured once."""
     todo = steps(plan)
     cases: dict[tuple[str, Load], Case] = {}
     for step in todo:
@@ -99,7 +99,7 @@ def run(plan: Plan) -> Section:
 
 
 def measure(system: System, load: Load) -> Figures:
-    """One paced stream. Raises Failure where it did not come to its end."""
+    """One paced stream. Raises Failure if it did not end."""
     system = system._replace(module=_ADAPTER)
     with Group() as group:
         servers = system.start_servers(group)
@@ -133,7 +133,7 @@ def measure(system: System, load: Load) -> Figures:
 
 
 def measure_endpoints(system: System, load: Load) -> Figures:
-    """Declarations of one process, one after the other. Raises Failure where it did not come to its end."""
+    """Declarations of one process, one after the other. Raises Failure if they did not end."""
     system = system._replace(module=_ADAPTER)
     with Group() as group:
         servers = system.start_servers(group)
@@ -149,7 +149,7 @@ def measure_endpoints(system: System, load: Load) -> Figures:
 
 
 def _compare(outcomes: list[tuple[Step, Outcome]]) -> list[Comparison]:
-    """The most of each against the least."""
+    """Compare the largest step of each kind with the smallest."""
     series: dict[str, list[tuple[Step, Outcome]]] = {}
     for step, outcome in outcomes:
         series.setdefault(step.series, []).append((step, outcome))

@@ -10,7 +10,7 @@ __all__ = ["START_S", "STOP_S", "Child", "Event", "Failure", "Group"]
 
 
 class Group(harness.Group):
-    """In the folder of this tree, with its busd."""
+    """A group in the folder of this tree, with its busd."""
 
     def __init__(self) -> None:
         super().__init__(ROOT, (sys.executable, "-m", "busd"))

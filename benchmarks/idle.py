@@ -1,7 +1,8 @@
-"""What a system costs that is matched and has nothing to do: CPU time and wake-ups of all its processes.
+"""The cost of a matched system without work: CPU time and wake-ups of all its processes.
 
-busd with five processes and twenty topics, and one publisher and one subscriber of each system, all of them
-side by side: they are idle. By the kernel's clock, and for busd also by the ticks that `top` shows.
+Measures busd with five processes and twenty topics, and one publisher and one subscriber of each system, all
+of them at the same time, because they are idle. It uses the kernel's clock, and for busd also the ticks that
+`top` shows.
 """
 
 import os
@@ -24,10 +25,10 @@ NAME = "idle"
 _PROCESSES, _TOPICS_EACH = 5, 4
 MANY = f"busd, {_PROCESSES} processes, {_PROCESSES * _TOPICS_EACH} topics"
 _PAIR = Work(size=64, count=0, warm_up=0, rate=1.0)
-"""Of no messages: what is idle for long has its default settings."""
+"""Without messages: systems that are idle for long use their default settings."""
 _SETTLE_S = 1.5
 _QUICK_RIVALS = (NATS, REDIS)
-_UTIME, _STIME = 13, 14  # of /proc/<pid>/stat, counted from 0
+_UTIME, _STIME = 13, 14  # indices in /proc/<pid>/stat, from 0
 
 _COLUMNS = [
     Column("us_per_s", "µs CPU/s: all", "lower"),
@@ -39,7 +40,7 @@ _COLUMNS = [
 
 
 class Reading(NamedTuple):
-    """What a process has used so far."""
+    """The resources that a process has used so far."""
 
     ticks: int
     cpu_ns: int
@@ -47,14 +48,14 @@ class Reading(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """The processes of a system, the servers among them first."""
+    """The processes of a system; the servers come first."""
 
     servers: list[Child]
     others: list[Child]
 
 
 def run(plan: Plan) -> Section:
-    """Watch idle systems."""
+    """Measure idle systems."""
     seconds = plan.choose(3, 15)
     systems = [BUS, BUS_SOCKET, *(_QUICK_RIVALS if plan.quick else RIVALS)]
     outcomes = {MANY: Outcome(MANY)}
@@ -76,7 +77,7 @@ def run(plan: Plan) -> Section:
 def measure(
     outcomes: dict[str, Outcome], systems: list[System], seconds: float, *, settle_s: float = _SETTLE_S
 ) -> None:
-    """Start all, let them settle, watch them for so long, and put what was found into `outcomes`."""
+    """Start all systems, let them settle, measure them for `seconds`, and add the figures to `outcomes`."""
     with ExitStack() as stack:
         watched: dict[str, Watched] = {}
         for name, outcome in outcomes.items():
@@ -101,7 +102,7 @@ def measure(
 
 
 def start_many(group: Group) -> Watched:
-    """busd and some processes with some topics each, all of which have been used."""
+    """Start busd and some processes with some topics each; all topics have been used."""
     busd, clients = group.start_busd(), []
     for index in range(_PROCESSES):
         place = msgspec.json.encode(Place(index, _PROCESSES, _TOPICS_EACH)).decode()
@@ -112,17 +113,17 @@ def start_many(group: Group) -> Watched:
 
 
 def start_pair(group: Group, system: System) -> Watched:
-    """A publisher and a subscriber that have met."""
+    """Start a publisher and a subscriber that are matched."""
     servers = system.start_servers(group)
     work = msgspec.structs.replace(_PAIR, take_by=system.takes_by)
     return Watched(servers, list(system.start_pair(group, work)))
 
 
 def read(child: Child) -> Reading:
-    """Of all its threads. Raises Failure where the process is gone."""
+    """Sums over all threads of a process. Raises Failure if it has ended."""
     folder = Path("/proc") / str(child.pid)
     try:
-        # The second field is the program's name and may have blanks in it.
+        # The second field is the program's name and may contain blanks.
         fields = (folder / "stat").read_text().rpartition(")")[2].split()
         wakeups = sum(_wakeups_of(task) for task in (folder / "task").iterdir())
     except OSError:
@@ -134,12 +135,12 @@ def _wakeups_of(task: Path) -> int:
     try:
         lines = (task / "status").read_text().splitlines()
     except (FileNotFoundError, ProcessLookupError):
-        return 0  # a thread that ended meanwhile
+        return 0  # a thread that has ended
     return next((int(line.split()[1]) for line in lines if line.startswith("voluntary_")), 0)
 
 
 def _read_all(watched: dict[str, Watched], outcomes: dict[str, Outcome]) -> dict[str, list[Reading]]:
-    """Of each system that is still there."""
+    """Readings of each system that still runs."""
     readings = {}
     for name, (servers, others) in watched.items():
         try:

@@ -1,7 +1,7 @@
-"""busd as its users have it: this tree installed with what it requires and nothing else, for one measurement.
+"""busd as users have it: this tree installed with its requirements and nothing else, for one measurement.
 
-In the environment of the developers modules are found by a finder of their own, which costs each process some
-20 ms and 2 MiB.
+The developers' environment finds modules by a separate finder, which costs each process about 20 ms and 2
+MiB.
 """
 
 import shutil
@@ -20,7 +20,7 @@ _LIMIT_S = 300.0
 
 
 class Installed(NamedTuple):
-    """The Python that has busd, or this one and why that is so."""
+    """The Python with the installed busd; or this Python, and the reason why."""
 
     python: str
     why_not: str = ""
@@ -28,7 +28,7 @@ class Installed(NamedTuple):
 
 @contextmanager
 def installed(root: Path = ROOT) -> Iterator[Installed]:
-    """Install the tree at `root` into an environment that goes with this."""
+    """Install the tree at `root` into an environment that exists until the end of the block."""
     with TemporaryDirectory(prefix="busd-bench-") as name:
         yield _installed(root, Path(name))
 
@@ -45,7 +45,7 @@ def _installed(root: Path, folder: Path) -> Installed:
 
 
 def _install(root: Path, folder: Path) -> str:
-    """Raises OSError and SubprocessError."""
+    """Install the tree; returns the Python. Raises OSError and SubprocessError."""
     source, environment = folder / "source", folder / "environment"
     source.mkdir()
     leave_out = shutil.ignore_patterns("__pycache__", "*.so", "*.egg-info")

@@ -1,7 +1,7 @@
 """One-way latency of paced messages, from the call that publishes to the message in the subscriber's hands.
 
-Every system at every size, in turns: busd by both routes, the floors, the rivals. All wait for events, but
-for those that are marked as polling. Where the processes run is the scheduler's choice.
+Measures every system at every size, in turns: busd by both routes, the floors, the rivals. All wait for
+events, except the ones marked as polling. The scheduler chooses the CPUs of processes.
 """
 
 import os
@@ -52,7 +52,7 @@ _BUSY_POLL_S = 0.002
 
 
 class _Stream(NamedTuple):
-    """How many messages a second, and how many of them: in a quick run, and else."""
+    """The messages a second, and their number in a quick and in a normal run."""
 
     rate: float
     warm_up: int
@@ -72,7 +72,7 @@ _POLLED = (_SMALL, 1 << 16, 1 << 20)
 _BY_FACADE = (_SMALL, 1 << 20)
 _LARGE = (1 << 20, 4 << 20)
 _COMPARED = (_SMALL, 1 << 16, 1 << 20)
-"""The sizes of which there are more rounds than one."""
+"""The sizes that are measured in more than one round."""
 _TUNED_AT = 1 << 20
 _QUICK_TUNED = (BUS, PIPE, PYZMQ, ICEORYX, ECAL)
 _TUNED = (BUS, BUS_BLOCKING, BUS_SOCKET, PIPE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, ICEORYX, ZENOH, ECAL)
@@ -146,7 +146,7 @@ def _cases(plan: Plan, size: int) -> list[Case]:
 
 
 def _more(plan: Plan, work: Work) -> list[Case]:
-    """The optional cases; once or twice, since no goal rests on them."""
+    """The optional cases: once or twice, because no goal uses them."""
     case = partial(_case, plan, work, rounds=plan.rounds(is_essential=False))
     cases = []
     if work.size in _BY_FACADE:
@@ -181,7 +181,7 @@ def _case(plan: Plan, work: Work, series: str, system: System, *, rounds: int = 
 
 
 def _as_used(work: Work, system: System) -> Work:
-    """A system that blocks is plain programs at both ends; all others publish from programs of asyncio."""
+    """A system that blocks has plain programs at both ends; all others publish from programs of asyncio."""
     return replace(work, take_by=system.takes_by, gives_turns=system.takes_by != "blocking")
 
 

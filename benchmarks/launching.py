@@ -1,6 +1,7 @@
-"""How long `bus launch` takes until nodes written for rclpy have been heard, each in a process of its own.
+"""The time of `bus launch` until each node, written for rclpy in a separate process, has been heard.
 
-From the moment before `bus launch` is started, until another process that ran already has a message of each.
+It is measured from the start of `bus launch` until a message of each node has arrived in another process,
+which was running before.
 """
 
 import select
@@ -82,7 +83,7 @@ def run(plan: Plan) -> Section:
 
 
 def measure(nodes: int) -> Figures:
-    """Do it once. Raises Failure where one is not heard."""
+    """Measure once. Raises Failure if a node's message does not arrive."""
     with Group() as group, TemporaryDirectory() as folder:
         BUS.start_servers(group)
         Path(folder, "talker.py").write_text(_TALKER)

@@ -1,4 +1,4 @@
-"""`bus top` on a large bus: a look and what it takes to show it; and how long until it shows anything."""
+"""`bus top` on a large bus: the cost of a look, with showing it, and the time until the first output."""
 
 import os
 import pty
@@ -48,7 +48,7 @@ def run(plan: Plan) -> Section:
         ),
     ]
     with compiling():
-        interleave(cases[len(_TOPICS) :], 1)  # so that all is compiled
+        interleave(cases[len(_TOPICS) :], 1)  # compiles all modules
         outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     large = [one["ms"] for one in outcomes[_look(_TOPICS[-1])].repetitions]
     comparisons = compare(f"{_look(_TOPICS[-1])}, ms", large, at_most=50.0)
@@ -63,7 +63,7 @@ def run(plan: Plan) -> Section:
 
 
 def measure_looks(topics: int, looks: int) -> Figures:
-    """The median of so many looks. Raises Failure."""
+    """The median of `looks` looks. Raises Failure."""
     with Group() as group:
         group.start_busd()
         world = group.start_python("world", "-m", _PROGRAM, _text(Load(topics=topics)))
@@ -74,7 +74,7 @@ def measure_looks(topics: int, looks: int) -> Figures:
 
 
 def measure_start() -> Figures:
-    """From the start of the process until the table is on the terminal. Raises Failure."""
+    """The time from the start of the process until the table is on the terminal. Raises Failure."""
     with Group() as group:
         group.start_busd()
         begin_ns = monotonic_ns()

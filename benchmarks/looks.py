@@ -1,21 +1,21 @@
-"""How a series looks in pictures and tables: its kind and its colour. Knows only the systems' names."""
+"""The appearance of a series in pictures and tables: its kind and its colour. Only knows systems' names."""
 
 from typing import NamedTuple
 
 from benchmarks.systems import SYSTEMS, System, of_kind
 
 POLLING = "polling"
-"""The word in a series' name that says that it does not wait for events."""
+"""The word in the name of a series that polls instead of waiting for events."""
 
 OURS, SOCKET, GREY = "#0A7BC8", "#56B4E9", "#8A8A8A"
-# Okabe and Ito's, which colour-blind people can tell apart; the markers differ as well.
+# The palette of Okabe and Ito, which colour-blind people can distinguish; the markers differ as well.
 _RIVALS = ("#E69F00", "#009E73", "#D55E00", "#CC79A7", "#A6761D", "#7F6FC6", "#C2364F", "#8C8C00")
 _KINDS = {"ours": OURS, "floor": GREY, "direct": "#E69F00", "brokered": "#CC79A7"}
 _MARKERS = "osD^vP*Xph<>d8"
 
 
 class Look(NamedTuple):
-    """What is drawn for a series: `colour` as #RRGGBB, `marker` and `dashes` in matplotlib's words."""
+    """The style of a series: `colour` as #RRGGBB, `marker` and `dashes` in matplotlib's words."""
 
     colour: str
     marker: str
@@ -24,19 +24,19 @@ class Look(NamedTuple):
 
 
 def system_of(series: str) -> System | None:
-    """The system whose series it is; the longest name that fits, as "pyzmq" begins "pyzmq, ... proxy"."""
+    """The system of a series: the longest matching name, because "pyzmq" also begins "pyzmq, ... proxy"."""
     found = [one for one in SYSTEMS if series == one.name or series.startswith(f"{one.name}, ")]
     return max(found, key=lambda one: len(one.name), default=None)
 
 
 def is_main(series: str) -> bool:
-    """Whether it is how its system is used, waiting for events, and no variant of that."""
+    """Whether it is the standard use of its system, waiting for events, and not a variant."""
     system = system_of(series)
     return system is not None and series.removeprefix(system.name) in ("", ", event-driven", ", blocking")
 
 
 def kind_colour(series: str) -> str:
-    """Where a name stands beside it: ours, a limit, a rival without or with a broker."""
+    """The colour for the kind of a system: ours, a limit, a rival without or with a broker."""
     system = system_of(series)
     look = look_of(series)
     return look.colour if system is None or look.is_ours else _KINDS[system.kind]
@@ -47,7 +47,8 @@ def is_polling(series: str) -> bool:
 
 
 def look_of(series: str) -> Look:
-    """The same for one series in every picture: ours blue, limits grey, brokered rivals dashed."""
+    """The style of a series, the same in every picture: ours blue, limits grey, rivals with a broker
+    dashed."""
     system = system_of(series)
     if system is None or system.kind == "floor":
         return Look(GREY, ".", ":")

@@ -1,4 +1,4 @@
-"""What a figure depends on: processor, kernel, versions, commit. No host name, no user, no path."""
+"""The conditions of a figure: processor, kernel, versions, commit. No host name, no user, no path."""
 
 import os
 import platform
@@ -14,7 +14,8 @@ import msgspec
 ROOT = Path(__file__).resolve().parent.parent
 
 ROS_VENV = ROOT / ".venv-jazzy"
-"""Where `make peers` puts ROS 2's rclpy, whose modules are named as those of busd's facade."""
+"""The folder in which `make peers` installs ROS 2's rclpy. Its modules have the same names as busd's
+facade."""
 _PACKAGES = (
     "busd",
     "msgspec",
@@ -36,10 +37,10 @@ _CLOCK = "/sys/devices/system/clocksource/clocksource0/current_clocksource"
 
 
 class Machine(msgspec.Struct, frozen=True):
-    """Where and with what a run was made. `load` is the machine's load average when it began.
+    """The machine and the versions of a run. `load` is the machine's load average at its start.
 
-    `servers` are those of rivals that are no Python packages; `governor` (of the CPU's frequency) and `clock`
-    (the kernel's source of time) are empty where the kernel does not say.
+    `servers` are rivals' servers that are not Python packages. `governor` (of the CPU's frequency) and
+    `clock` (the kernel's source of time) are empty if the kernel does not report them.
     """
 
     processor: str
@@ -56,7 +57,7 @@ class Machine(msgspec.Struct, frozen=True):
     clock: str = ""
 
     def describe(self) -> str:
-        """Lines for people: the machine, and what runs on it."""
+        """Lines for people: the machine, and the software on it."""
         programs = (self.packages | self.servers).items()
         return (
             f"{self.hardware()}, load {self.load:.2f} at the start\n"
@@ -65,7 +66,7 @@ class Machine(msgspec.Struct, frozen=True):
         )
 
     def hardware(self) -> str:
-        """Processor, memory, kernel, and what they say of their clocks."""
+        """Processor, memory, kernel, and their clocks."""
         kind = "virtual machine" if self.is_virtual else "machine"
         clocks = [f"governor {self.governor}"] if self.governor else []
         clocks += [f"clock {self.clock}"] if self.clock else []
@@ -121,7 +122,7 @@ def _ros_version() -> str:
 
 
 def path_of(program: str) -> str:
-    """Where a server is, also where only root looks for it; empty where it is not."""
+    """The path of a server, also in folders that only root searches; empty if it is missing."""
     return shutil.which(program, path=_PATH) or ""
 
 
@@ -132,7 +133,7 @@ def _server_version(program: str) -> str:
 
 
 def _commit() -> str:
-    """The short commit, with a + where files differ from it; empty where there is no git to ask."""
+    """The short commit, with a + if files differ from it; empty without git."""
     commit = _git("rev-parse", "--short=12", "HEAD")
     return commit + ("+" if commit and _git("status", "--porcelain", "--untracked-files=no") else "")
 
@@ -142,7 +143,7 @@ def _git(*arguments: str) -> str:
 
 
 def _output(*command: str) -> str:
-    """What a command prints; empty where there is none, or it fails."""
+    """The output of a command; empty if the command is missing or fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_COMMAND_S, check=False)
     except (OSError, subprocess.TimeoutExpired):

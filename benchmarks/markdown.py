@@ -1,6 +1,6 @@
-"""A result as Markdown: the report, and the short table of the README. Pure: text out of a result.
+"""A result as Markdown: the report, and the short table of the README. Pure: makes text from a result.
 
-Knows which figures matter most; draws no pictures, it only names their files.
+Knows which figures matter most. Draws no pictures, only names their files.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -23,9 +23,9 @@ from benchmarks.systems import (
 from bus_cli.bench.figures import bytes_text
 
 FOLDER = "pictures"
-"""Where the pictures are, beside the report."""
+"""The folder of the pictures, beside the report."""
 SPEED = ("<!-- speed -->", "<!-- /speed -->")
-"""What stands before and after the table in the README."""
+"""The marks before and after the table in the README."""
 
 _MATRICES = {
     "latency": ("p50", "p99"),
@@ -36,9 +36,9 @@ _SHORT_ROWS = 24
 
 
 class _Essential(NamedTuple):
-    """A column of the short tables; `at` is None where the section has one row of each system.
+    """A column of the short tables; `at` is None if the section has one row for each system.
 
-    `way`: of the rows whose series ends with that, after the system's name.
+    `way`: selects rows whose series is the system's name with this ending.
     """
 
     heading: str
@@ -64,7 +64,7 @@ _ESSENTIALS = (
 
 
 def report_of(result: Result, source: str) -> str:
-    """The report. `source` is the path of the result's file from the report's folder."""
+    """The report. `source` is the path of the result's file, relative to the report's folder."""
     parts = [
         "# Benchmark report",
         f"Made by `make bench-report RESULT=benchmarks/{source}` from [{source}]({source}); edit neither. "
@@ -83,7 +83,7 @@ def report_of(result: Result, source: str) -> str:
 
 
 def speed_of(result: Result) -> str:
-    """What stands between the marks in the README: busd by both routes, the best rivals, and a limit."""
+    """The text between the marks in the README: busd by both routes, the best rivals, and a limit."""
     columns = [one for one in _measured(result) if one.is_in_readme]
     if not columns:
         return "No result yet."
@@ -115,14 +115,14 @@ def _like_for_like(columns: Sequence[_Essential]) -> str:
 
 
 def between_marks(text: str) -> str | None:
-    """What stands between the marks in `text`; None where they are not there."""
+    """The text between the marks in `text`; None without marks."""
     _, begin, rest = text.partition(SPEED[0])
     inside, end, _ = rest.partition(SPEED[1])
     return inside.strip() if begin and end else None
 
 
 def with_speed(text: str, speed: str) -> str:
-    """`text` with `speed` between its marks. Raises ValueError where it has none."""
+    """`text` with `speed` between its marks. Raises ValueError if it has none."""
     if between_marks(text) is None:
         raise ValueError(f"no {SPEED[0]} ... {SPEED[1]}")
     before, _, rest = text.partition(SPEED[0])
@@ -161,7 +161,7 @@ def _in_short(result: Result) -> Iterator[str]:
 
 
 def _headlines(result: Result) -> Iterator[str]:
-    """The goals of `benchmarks.goals`: each with what came of it, met or missed."""
+    """The goals of `benchmarks.goals`, each with its result, met or missed."""
     rows, asked = [], [one for part in result.sections for one in part.comparisons if one.headline]
     if not asked:
         return
@@ -198,7 +198,7 @@ def _goals(result: Result) -> Iterator[str]:
 
 
 def _troubles(result: Result) -> Iterator[str]:
-    """What could not be measured, said once for a system and a reason."""
+    """The cases that could not be measured, once for each system and reason."""
     found: dict[tuple[str, str], list[str]] = {}
     for section in result.sections:
         for row in section.rows:
@@ -257,7 +257,7 @@ def _has_matrix(section: Section, key: str) -> bool:
 
 
 def _matrix(section: Section, key: str) -> str:
-    """The medians of each series by its places on the axis; ours in bold."""
+    """The medians of each series by the axis; ours in bold."""
     lines = section.lines(key)
     places = sorted({at for points in lines.values() for at in points})
     rows = []
@@ -374,7 +374,7 @@ def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _text(text: str) -> str:
-    """With what Markdown would take for its own made harmless."""
+    """Escape characters that have a meaning in Markdown."""
     for mark in "|*<":
         text = text.replace(mark, f"\\{mark}")
     return text

@@ -1,4 +1,4 @@
-"""What publishers and subscriptions of the default QoS cost in memory: KiB, from the growth by many."""
+"""Memory of publishers and subscriptions with the default QoS: KiB, from the growth by many."""
 
 from functools import partial
 
@@ -46,7 +46,7 @@ def run(plan: Plan) -> Section:
 
 
 def measure(system: System) -> Figures:
-    """One after the other: publishers, subscriptions to them. Raises Failure where one is not made."""
+    """Measure publishers, then subscriptions to them. Raises Failure if one can't be made."""
     holding = Holding(_NUMBER)
     system = system._replace(module=_ADAPTER, route="")
     found: Figures = {}

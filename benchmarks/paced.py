@@ -1,6 +1,6 @@
-"""One paced stream from process to process: how long each message took, what CPU time, what memory.
+"""One paced stream from process to process: the time of each message, CPU time, memory.
 
-Shared by the benchmarks of latency and of cost.
+The benchmarks of latency and of cost share this module.
 """
 
 import os
@@ -38,14 +38,14 @@ LATENCY_NOTES = [
     "counts in `since due`, which is the age from when it should have been sent",
 ]
 PARTS = ("publisher", "broker", "subscriber")
-"""Whose CPU time and memory is told: `cpu_publisher`, `mib_publisher`, ..."""
+"""Parts with separate CPU time and memory: `cpu_publisher`, `mib_publisher`, ..."""
 PLAIN = {BUS.name: BUS_PLAIN, BUS_SOCKET.name: BUS_SOCKET_PLAIN}
-"""Systems whose publisher is another one where publishers are to be plain programs."""
+"""The systems with a plain program as publisher, by the name of the normal system."""
 _BUSY = "while True: pass"
 
 
 def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = (), rounds: int = 0) -> Case:
-    """A line of a table: `work` done by `system`, as the point of `series` at its size."""
+    """A row of a table: `work` done by `system`, as the point of `series` at its size."""
     name = f"{bytes_text(work.size)}, {series}"
     measured = partial(measure, system, work, on_cpus)
     return Case(name, measured, system.missing(), series, work.size, rounds)
@@ -54,11 +54,11 @@ def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = (), r
 def measure(
     system: System, work: Work, on_cpus: Sequence[int] = (), *, neighbours: int | None = None
 ) -> Figures:
-    """Do it once: on CPUs of the scheduler's choice, or with the publisher on the first of `on_cpus` and the
-    others, in turns, on the next ones. Raises Failure where it did not come to its end.
+    """Measure once. Raises Failure if it did not end.
 
-    Beside so many `neighbours`, processes that only use a CPU; then, also with none, the kernel's switches
-    of the publisher and the subscriber are among the figures.
+    Without `on_cpus`, the scheduler chooses the CPUs. With it, the publisher runs on the first, and the
+    others run in turns on the next ones. `neighbours` is a number of processes that only use a CPU. If it is
+    given, even 0, the figures include context switches of the publisher and the subscriber.
     """
     with Group() as group:
         for number in range(neighbours or 0):
@@ -96,7 +96,7 @@ def measure(
 
 
 def put_on(child: Child, cpu: int) -> None:
-    """Let all threads of a process run there only. Raises Failure where that can't be."""
+    """Run all threads of a process on one CPU only. Raises Failure if that is not possible."""
     try:
         for thread in _threads(child):
             with suppress(ProcessLookupError):  # a thread that has ended: zenoh's come and go
@@ -106,7 +106,7 @@ def put_on(child: Child, cpu: int) -> None:
 
 
 def switches(child: Child) -> tuple[int, int]:
-    """How often its threads gave up their CPU, and had it taken away. Raises Failure if it is gone."""
+    """Voluntary and forced context switches of its threads. Raises Failure if it has ended."""
     counts = [0, 0]
     try:
         found = _threads(child)
@@ -125,12 +125,13 @@ def switches(child: Child) -> tuple[int, int]:
 
 
 def _threads(child: Child) -> list[Path]:
-    """Where the kernel tells of its threads; each may end at any time. Raises OSError if all have."""
+    """The folders of its threads in /proc. Each thread may end at any time. Raises OSError if all have
+    ended."""
     return list((Path("/proc") / str(child.pid) / "task").iterdir())
 
 
 def memory_mib(child: Child) -> float:
-    """MiB of a process: its own, and its part of what it shares with others. Raises Failure if it is gone."""
+    """MiB of a process: its own, and its part of shared memory. Raises Failure if it has ended."""
     try:
         lines = (Path("/proc") / str(child.pid) / "smaps_rollup").read_text().splitlines()
     except OSError:

@@ -1,6 +1,6 @@
 """The pictures of a report, as SVG for light and for dark pages. Needs matplotlib, which it imports late.
 
-Knows results and how a series looks; nothing of how it was measured. The same result gives the same files.
+Knows results and the style of series, and nothing of the measurements. The same result gives the same files.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 THEMES = {"light": ("#1f2328", "#d1d9e0"), "dark": ("#e6edf3", "#3d444d")}
-"""For each kind of page the colour of text and that of lines of the grid; the ground is transparent."""
+"""Colours of text and of the grid for each kind of page; the background is transparent."""
 PROCESSES = {"cpu_publisher": "publisher", "cpu_broker": "broker", "cpu_subscriber": "subscriber"}
 _PROCESS_COLOURS = ("#0072B2", "#D55E00", "#CC79A7")
 _WIDTH_IN, _LINE_IN, _PANEL_IN = 9.2, 0.24, 3.9
 _LABEL_PT = 8.5
 _BARS = ((64, ""), (1 << 20, ""), (1 << 20, TUNED))
-"""Of which sizes, and of which way to use each system."""
+"""The sizes, and the ways to use each system."""
 _BAR_KEYS = ("p50", "p99", "p99.9")
 
 Points = Mapping[float, Spread]
 
 
 class Picture(NamedTuple):
-    """One picture: of which section, the name of its file, what it shows in words, and how it is drawn."""
+    """One picture: its section, its file name, its description, and its function to draw."""
 
     section: str
     name: str
@@ -43,7 +43,7 @@ class Picture(NamedTuple):
 
 
 def available(result: Result) -> list[Picture]:
-    """Those for which `result` has figures. Needs no matplotlib."""
+    """The pictures for which `result` has figures. Needs no matplotlib."""
     found = []
     for picture, keys in _PICTURES:
         section = result.section(picture.section)
@@ -58,7 +58,7 @@ def draw(result: Result, folder: Path) -> list[Path]:
     from matplotlib import pyplot
 
     matplotlib.use("svg")
-    rc_context: Any = matplotlib.rc_context  # which takes names only
+    rc_context: Any = matplotlib.rc_context  # matplotlib's types only allow known names
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for picture in available(result):
@@ -181,7 +181,7 @@ def _fan_out(section: Section) -> Any:
 
 
 def _growth(section: Section) -> Any:
-    """A row for each kind of work, with the first two figures that it has: cost over how much there is."""
+    """A row for each kind of work, with its first two figures: cost over the varied number."""
     from matplotlib import pyplot
 
     headings = section.headings()
@@ -202,7 +202,7 @@ def _growth(section: Section) -> Any:
 
 
 def _growth_panels(section: Section) -> dict[str, list[str]]:
-    """Of each kind of work the keys of the figures to draw."""
+    """The keys of the figures to draw, for each kind of work."""
     found: dict[str, list[str]] = {}
     for column in section.columns:
         for series in section.lines(column.key):
@@ -214,7 +214,7 @@ def _growth_panels(section: Section) -> dict[str, list[str]]:
 
 
 def _lines(section: Section, key: str) -> dict[str, Points]:
-    """The series that are drawn: of each system what is its way, and the limits."""
+    """The series to draw: the standard way of each system, and the limits."""
     lines = section.lines(key)
     return {name: points for name, points in lines.items() if is_main(name) or ": " in name}
 
@@ -226,7 +226,8 @@ def _keys(section: Section) -> list[str]:
 def _panels(
     panels: Sequence[tuple[str, Mapping[str, Points], str]], xlabel: str, tick: Callable[[int], str]
 ) -> Any:
-    """One above the other; the names to the right are in the order in which the first's lines begin."""
+    """Panels one below the other. The names on the right have the order in which the first panel's lines
+    begin."""
     from matplotlib import pyplot
 
     figure, grid = pyplot.subplots(
@@ -265,7 +266,7 @@ def _draw_lines(axes: "Axes", lines: Mapping[str, Points], tick: Callable[[int],
     ticks = sorted({at for points in lines.values() for at in points})
     axes.set_xticks(ticks, [tick(int(at)) for at in ticks])
     axes.minorticks_off()
-    # A decade at least: else noise fills the picture.
+    # Show at least a decade; otherwise noise fills the picture.
     values = [spread.median for points in lines.values() for spread in points.values()]
     low, high = min(values), max(values)
     room = max(1.3, (10 * low / high) ** 0.5)
@@ -305,11 +306,11 @@ def _only(points: Points) -> float:
     return next(iter(points.values())).median if points else 0.0
 
 
-# --- small things
+# --- helpers
 
 
 def _name_rows(axes: "Axes", names: Sequence[str]) -> None:
-    """The first row at the top; ours in bold."""
+    """Names of rows, the first at the top; ours in bold."""
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
@@ -330,7 +331,7 @@ def _beside(axes: "Axes", x: float, y: float, text: str, *, to_the_right: bool =
 
 
 def plain_ticks(axis: Any) -> None:
-    """10, 20, 50, 100, ... 10k, as many as there is room for, and not powers of ten."""
+    """Use 10, 20, 50, 100, ... 10k as ticks, as many as fit, instead of powers of ten."""
     from matplotlib.ticker import LogLocator
 
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
@@ -338,7 +339,7 @@ def plain_ticks(axis: Any) -> None:
 
 
 def _short(value: float) -> str:
-    """Without the zeros that `number` ends with."""
+    """A number without the zeros at the end of `number`."""
     text = number(value)
     unit = text[-1] if text[-1] in "kMG" else ""
     return f"{float(text.rstrip('kMG')):g}{unit}"

@@ -1,4 +1,4 @@
-"""Results as a table for people and as JSON for programs. Knows nothing of how they were measured."""
+"""Results as a table for people and as JSON for programs. Knows nothing of the measurements."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -13,13 +13,13 @@ from benchmarks.figures import Spread
 from benchmarks.machine import Machine
 
 FORMAT = 2
-"""Version of the JSON; a change that readers must know of counts it up."""
+"""Version of the JSON. Increase it for each incompatible change."""
 WIDTH = 120
-"""Columns that a table on a terminal may use; one that needs more is shown in parts."""
+"""Width of a table on a terminal. A wider table is shown in parts."""
 
 
 class Column(msgspec.Struct, frozen=True):
-    """A figure that a table shows: its key, the heading with the unit, and which way is `better`."""
+    """A figure in a table: its key, the heading with the unit, and which direction is `better`."""
 
     key: str
     heading: str
@@ -27,7 +27,7 @@ class Column(msgspec.Struct, frozen=True):
 
 
 class Row(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One case. `trouble` says why it failed, or that it is missing; figures may stand beside it.
+    """One case. `trouble` is the reason why it failed or is missing; it may still have figures.
 
     `series` and `at` as in `cases.Case`.
     """
@@ -51,9 +51,9 @@ class Row(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A figure that was asked for: of each repetition, and within which bound it should lie.
+    """A ratio with its values from each repetition, and its bounds.
 
-    `headline`: its name among the goals that a report begins with (`benchmarks.goals`); empty elsewhere.
+    `headline`: its name among the goals at the beginning of a report (`benchmarks.goals`); empty for others.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def is_met(self) -> bool:
-        """Whether the median is within the bound."""
+        """Whether the median is within the bounds."""
         return (self.at_most is None or self.value.median <= self.at_most) and (
             self.at_least is None or self.value.median >= self.at_least
         )
@@ -75,7 +75,7 @@ class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Section(msgspec.Struct, frozen=True):
-    """What one benchmark found. `axis` says what `Row.at` counts, with its unit: "size in B"."""
+    """The results of one benchmark. `axis` is the meaning of `Row.at`, with its unit: "size in B"."""
 
     name: str
     title: str
@@ -90,7 +90,7 @@ class Section(msgspec.Struct, frozen=True):
         return any(row.has_failed for row in self.rows)
 
     def lines(self, key: str) -> dict[str, dict[float, Spread]]:
-        """The figure `key` of each series, by `Row.at`: for a picture. Rows of no series are left out."""
+        """The figure `key` of each series, by `Row.at`, for a picture. Rows without a series are left out."""
         found: dict[str, dict[float, Spread]] = {}
         for row in self.rows:
             if row.series and key in row.figures:
@@ -100,7 +100,7 @@ class Section(msgspec.Struct, frozen=True):
     def headings(self) -> dict[str, str]:
         """Each column's heading by its key, with the unit that it shares with the columns before it.
 
-        In a table "CPU s: publisher" is followed by "broker", which here is "CPU s: broker".
+        In a table "CPU s: publisher" is followed by "broker", which is "CPU s: broker" here.
         """
         found: dict[str, str] = {}
         group = ""
@@ -133,14 +133,14 @@ class Result(msgspec.Struct, frozen=True):
 def compare(
     name: str, values: Sequence[float], *, at_most: float | None = None, at_least: float | None = None
 ) -> list[Comparison]:
-    """A comparison, where there is something to compare."""
+    """A comparison, if there are values to compare."""
     if not values:
         return []
     return [Comparison(name=name, value=Spread.of(values), at_most=at_most, at_least=at_least)]
 
 
 def number(value: float) -> str:
-    """Three digits that count, and k, M or G for what is long: 94.1, 1273, 755k, 1.02M."""
+    """A number with three significant digits, and k, M or G for large ones: 94.1, 1273, 755k, 1.02M."""
     if value == 0:
         return "0"
     value = float(f"{value:.3g}") if abs(value) >= 1e4 else value
@@ -154,7 +154,7 @@ def number(value: float) -> str:
 
 
 def spread(value: Spread) -> str:
-    """`median (min - max)`, or the one number where they are the same."""
+    """`median (min - max)`, or one number if they are the same."""
     middle, low, high = number(value.median), number(value.min), number(value.max)
     return middle if low == high else f"{middle} ({low} - {high})"
 
@@ -191,7 +191,7 @@ def began_now() -> str:
 
 
 def file_name(result: Result) -> str:
-    """Sorts by time; what a quick run gave is told by its name."""
+    """A file name that sorts by time; the name shows a quick run."""
     stamp = result.began.replace(":", "").replace("-", "")
     commit = result.machine.commit.rstrip("+") or "unknown"
     return f"{stamp}-{commit}{'-quick' if result.is_quick else ''}.json"
@@ -205,11 +205,11 @@ def save(result: Result, path: Path) -> None:
 
 
 class Unreadable(Exception):
-    """Why a file is no result, in words for people."""
+    """The reason why a file is not a result, as a text for people."""
 
 
 def load(path: Path) -> Result:
-    """A result that was saved. Raises Unreadable."""
+    """Read a saved result. Raises Unreadable."""
     try:
         data = path.read_bytes()
         version = msgspec.json.decode(data, type=_Head).format
@@ -223,16 +223,16 @@ def load(path: Path) -> Result:
 
 
 def goal(one: Comparison) -> str:
-    """Its bounds in words: "at most 1.50"; empty where there is none."""
+    """The bounds of a comparison as text: "at most 1.50"; empty without bounds."""
     bounds = [f"at most {number(one.at_most)}"] if one.at_most is not None else []
     bounds += [f"at least {number(one.at_least)}"] if one.at_least is not None else []
     return " and ".join(bounds)
 
 
 def _tables(section: Section) -> list[str]:
-    """The table, cut into as many as WIDTH asks for, each with the names of its rows.
+    """The table, split into parts of at most WIDTH, each with the names of its rows.
 
-    Where it is cut, a part has no rows without a figure in it.
+    A part of a split table leaves out rows without figures in it.
     """
     names = [row.name for row in section.rows]
     first = ["median (min - max)", *names]
@@ -246,7 +246,7 @@ def _tables(section: Section) -> list[str]:
             cells[0] = in_full[column.key]
         parts[-1].append(cells)
     lines = [list(zip(*part, strict=True)) for part in parts]
-    if len(parts) > 1:  # rows may be of several kinds, each with columns of its own
+    if len(parts) > 1:  # rows may be of several kinds with different columns
         lines = [[head, *(line for line in rest if set(line[1:]) != {"-"})] for head, *rest in lines]
         lines = [part for part in lines if len(part) > 1]
     return [table(head, rest) for head, *rest in lines]

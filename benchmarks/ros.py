@@ -1,6 +1,6 @@
-"""ROS 2's own rclpy, which is in a virtual environment of its own (`make peers`): where, and how it is set.
+"""ROS 2's own rclpy, in a separate virtual environment (`make peers`): finds it, and has its settings.
 
-Also how much what was installed takes, of it and of busd.
+It also measures the size of the installation, of ROS 2 and of busd.
 """
 
 import re
@@ -13,7 +13,7 @@ from benchmarks.machine import ROOT, ROS_VENV
 
 PYTHON = ROS_VENV / "bin" / "python"
 PACKAGES = ("ros-jazzy-rclpy", "ros-jazzy-std-msgs", "ros-jazzy-sensor-msgs", "ros-jazzy-rmw-fastrtps-cpp")
-"""What its users install; the rest comes with it."""
+"""The packages that users install; their dependencies are installed with them."""
 _DOMAINS = 100
 _LARGE_SEGMENT = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
 <transport_descriptors><transport_descriptor>
@@ -25,23 +25,23 @@ _LARGE_SEGMENT = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS
 <useBuiltinTransports>false</useBuiltinTransports>
 </rtps></participant></profiles>
 """
-"""Fast DDS moves what is long in pieces of 64 KiB through half a MiB, unless it is told so."""
+"""Without this setting, Fast DDS moves long messages in pieces of 64 KiB through half a MiB."""
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 
 def missing() -> str:
-    """Why it can't be measured here; empty where it can."""
+    """The reason why it can't be measured here; empty if it can."""
     return "" if version() else "it is not installed here: make peers, which needs x86_64"
 
 
 def version() -> str:
-    """Of the package rclpy; empty where there is none."""
+    """The version of the package rclpy; empty if it is missing."""
     found = _installed(_site()).get("ros-rclpy")
     return found.version if found and PYTHON.exists() else ""
 
 
 def environ(folder: Path) -> dict[str, str]:
-    """A domain of its own for the run in `folder`, on this machine only, and no files elsewhere."""
+    """A separate domain for the run in `folder`, on this machine only, without files elsewhere."""
     return {
         "ROS_DOMAIN_ID": str(1 + crc32(folder.name.encode()) % _DOMAINS),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -51,19 +51,20 @@ def environ(folder: Path) -> dict[str, str]:
 
 
 def with_large_segment(folder: Path) -> dict[str, str]:
-    """What has Fast DDS use shared memory that holds many messages of some MiB, each in one piece."""
+    """The setting for a large segment of shared memory in Fast DDS, so each message of some MiB is one
+    piece."""
     profile = folder / "fastdds.xml"
     profile.write_text(_LARGE_SEGMENT)
     return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
 
 
 def installed() -> dict[str, float]:
-    """What an installation of PACKAGES takes."""
+    """The size of an installation of PACKAGES."""
     return _size_of(PACKAGES, _site())
 
 
 def busd_installed() -> dict[str, float]:
-    """What an installation of busd takes: its packages as they are in this tree, and all that they need."""
+    """The size of an installation of busd: its packages in this tree, and all their dependencies."""
     found = _size_of(one for one in requires("busd") or () if "extra ==" not in one)
     ours = (path for name in ("clients/bus", "busd") for path in (ROOT / name).rglob("*") if path.is_file())
     found["mib"] += sum(path.stat().st_size for path in ours if path.suffix != ".pyc") / (1 << 20)
@@ -72,9 +73,9 @@ def busd_installed() -> dict[str, float]:
 
 
 def _size_of(names: Iterable[str], site: Iterable[str] | None = None) -> dict[str, float]:
-    """MiB of packages and all that they need, without compiled Python files, and their number.
+    """MiB of packages with all dependencies, without compiled Python files, and their number.
 
-    In the folders `site`, or where this program finds its own.
+    Searches the folders `site`, or the folders of this Python.
     """
     have = _installed(site)
     wanted, found = [_key(name) for name in names], set[str]()
@@ -97,7 +98,7 @@ def _installed(site: Iterable[str] | None) -> Mapping[str, Distribution]:
 
 
 def _key(requirement: str) -> str:
-    """The name that a requirement begins with, as packages are compared."""
+    """The name at the beginning of a requirement, in a form for comparisons."""
     match = _NAME.match(requirement.strip())
     return re.sub(r"[-_.]+", "-", match.group()).lower() if match else ""
 

@@ -1,6 +1,6 @@
-"""The servers of rivals: found, started for one measurement in its folder, and awaited.
+"""The servers of rivals: finds them, and starts each for one measurement in its folder.
 
-Where one listens stands in the environment of the processes started later (BENCH_SERVER). Nothing is kept.
+The address of a server is in the environment of processes started later (BENCH_SERVER). No data is kept.
 """
 
 import json
@@ -25,7 +25,7 @@ _LOOK_S = 0.005
 
 
 def serve_nats(group: Group, module: str) -> list[Child]:
-    """A nats-server on a free port of loopback. Raises Failure if it does not come up."""
+    """Start a nats-server on a free port of loopback. Raises Failure if it does not start."""
     config = group.folder / "nats.conf"
     config.write_text(_NATS)
     where = ("--addr", "127.0.0.1", "--port", "-1", "--ports_file_dir", str(group.folder))
@@ -37,7 +37,7 @@ def serve_nats(group: Group, module: str) -> list[Child]:
 
 
 def serve_redis(group: Group, module: str) -> list[Child]:
-    """A redis-server on a UNIX socket that keeps nothing on disk. Raises Failure if it does not come up."""
+    """Start a redis-server on a UNIX socket, without data on disk. Raises Failure if it does not start."""
     path = str(group.folder / "redis.sock")
     arguments = (*_REDIS, "--unixsocket", path, "--dir", str(group.folder))
     child = group.start("redis-server", path_of("redis-server"), *arguments, stop_signal=signal.SIGTERM)
@@ -56,7 +56,8 @@ def serve_redis(group: Group, module: str) -> list[Child]:
 
 
 def _await(child: Child, look: Callable[[], str]) -> str:
-    """What `look` returns once it raises nothing: these servers don't say when they are ready."""
+    """Call `look` until it does not raise, and return its result: these servers don't report when they are
+    ready."""
     deadline = monotonic() + START_S
     while True:
         try:

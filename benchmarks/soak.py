@@ -1,8 +1,8 @@
-"""`python -m benchmarks.soak`: a steady load for a long time, and whether anything grows or is lost.
+"""`python -m benchmarks.soak`: runs a steady load for a long time, and checks for growth and losses.
 
-What the load is, `benchmarks/soaking/load.py` says; what counts as growth, `benchmarks/soaking/slope.py`. It
-ends with tables, a result as JSON and a picture, and exits with 1 where something grew, or was lost that must
-not be.
+`benchmarks/soaking/load.py` has the load, and `benchmarks/soaking/slope.py` the definition of growth. At the
+end it writes tables, a result as JSON and a picture. The exit code is 1 if there is growth, or a forbidden
+loss.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from bus_cli.bench.interrupts import end_on_signals
 RESULTS = ROOT / "benchmarks" / "results"
 _LIST = (sys.executable, "-m", "bus_cli", "topic", "list")
 _INTERVALS, _LEAST_S, _MOST_S = 360, 0.25, 10.0
-"""So many of a run are wished for, and how long one may be."""
+"""The wanted number of intervals of a run, and the least and greatest length of one."""
 _QUERY_S = 5.0
 _TELL_S = 60.0
 _SETTLE_S = 20.0
@@ -35,7 +35,7 @@ _LOOK_S = 0.05
 
 
 class Result(msgspec.Struct, frozen=True):
-    """What is saved of a soak. `quantities` names what stands in `Interval.usage`."""
+    """The saved result of a soak. `quantities` names the values in `Interval.usage`."""
 
     began: str
     seconds: float
@@ -48,7 +48,7 @@ class Result(msgspec.Struct, frozen=True):
 
 
 def main() -> int:
-    """Run; returns 0, or 1 where something grew, was lost or failed, or 130 after Ctrl-C."""
+    """Run the soak; returns 0, 1 after growth, a loss or a failure, or 130 after Ctrl-C."""
     options = _parser().parse_args()
     end_on_signals()
     seconds = options.seconds or 60.0 * options.minutes
@@ -92,7 +92,7 @@ def main() -> int:
 
 
 class Soak:
-    """One run. Everything that it finds goes to `record`; Failure where a process does not do its part."""
+    """One run. All its findings go to `record`. Raises Failure if a process does not work as expected."""
 
     def __init__(self, group: Group, record: Record, seconds: float) -> None:
         self._group = group
@@ -102,7 +102,7 @@ class Soak:
         self._children: dict[str, Child] = {}
 
     def run(self) -> None:
-        """Start all, watch them, let the accounts close."""
+        """Start all processes, watch them, and check at the end that the counters add up."""
         self._start()
         begin_s = monotonic()
         for name in (*TALKERS, *LISTENERS, *VISITORS):
@@ -120,7 +120,7 @@ class Soak:
                 self._say(interval)
         self._settle()
 
-    # --- begin
+    # --- start
 
     def _start(self) -> None:
         self._children["busd"] = self._group.start_busd()
@@ -148,10 +148,10 @@ class Soak:
         self._children[name] = child
         return child
 
-    # --- meanwhile
+    # --- run
 
     def _look(self, at_s: float) -> Interval:
-        """What all processes did since the last look, and what they hold."""
+        """The activity of all processes since the last look, and their resources."""
         ages: dict[str, list[Histogram]] = {}
         for name in TALKERS:
             self._ask(name)
@@ -180,7 +180,7 @@ class Soak:
         self._record.failures += [f"{name}: {fault}" for fault in event["faults"]]
 
     def _query(self) -> None:
-        """Run `bus topic list`, as a curious user would."""
+        """Run `bus topic list`, as a user would."""
         child = self._group.start("bus_topic_list", *_LIST, ends=True)
         self._group.wait(child, within_s=START_S)
         self._group.let_go(child)
@@ -195,7 +195,7 @@ class Soak:
     # --- end
 
     def _settle(self) -> None:
-        """No talker publishes any more: all that was published must soon be delivered or dropped."""
+        """No talker publishes any more, so all published messages must soon be delivered or dropped."""
         record = self._record
         for name in VISITORS:
             event = self._stop(name)

@@ -1,8 +1,8 @@
-"""How long it takes until something happens: `bus topic list`, `bus run`, imports, first messages.
+"""Times of starts: `bus topic list`, `bus run`, imports, first messages.
 
-Against `python -c pass`, which nothing written in Python can beat, and first messages against those of the
-rivals. Times are of the wall, from the moment before a process is started; the files are in the page cache
-and compiled.
+The reference is `python -c pass`, which no Python program can beat. For first messages it is the rivals.
+Times are wall-clock times from the moment before the start of a process. The files are in the page cache and
+compiled.
 """
 
 import os
@@ -109,7 +109,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each way to begin."""
+    """Measure each way to start."""
     cases = [
         Case(name, partial(measure_program, [sys.executable, "-c", code])) for name, code in _IMPORTS.items()
     ]
@@ -135,7 +135,7 @@ def run(plan: Plan) -> Section:
     cases.append(Case(_ROS_INSTALLED, ros.installed, ros.missing(), rounds=1))
     repetitions = plan.repetitions
     with compiling():
-        interleave(cases, 1)  # so that all is compiled
+        interleave(cases, 1)  # compiles all modules
         outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))
     comparisons = reached(NAME, outcomes)
     for name, floor in [
@@ -166,7 +166,7 @@ def run(plan: Plan) -> Section:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Have the programs keep what they compile, in a folder of their own, whatever the environment says."""
+    """Let programs keep compiled modules in a separate folder, even if the environment forbids it."""
     names = ("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX")
     before = {name: os.environ.pop(name) for name in names if name in os.environ}
     with TemporaryDirectory(prefix="busd-bench-") as folder:
@@ -179,9 +179,9 @@ def compiling() -> Iterator[None]:
 
 
 def measure_program(command: list[str], *, on_bus: bool = False, script: str | None = None) -> Figures:
-    """From start to end of a program that does one thing. Raises Failure where it does not end with 0.
+    """The time of a program that does one thing, from start to end. Raises Failure if it does not end with 0.
 
-    `script`: the text of a file, whose name ends the command.
+    `script`: the text of a file; its name is added to the command.
     """
     with Group() as group:
         if script is not None:
@@ -194,7 +194,7 @@ def measure_program(command: list[str], *, on_bus: bool = False, script: str | N
 
 
 def measure_first_message(system: System, talker: str = "") -> Figures:
-    """From the start of a talker (another than its own) to the message in a subscriber's hands."""
+    """The time from the start of a talker (by default its own) until the subscriber has the message."""
     work = msgspec.structs.replace(FIRST, take_by=system.takes_by)
     name = talker or system.module.rpartition(".")[2]
     with Group() as group:
@@ -235,7 +235,7 @@ def _write(group: Group, code: str) -> str:
 
 
 def measure_with_autostart() -> Figures:
-    """From the start of a program to its own first message, with busd started on the way."""
+    """The time from the start of a program to its own first message, including the start of busd."""
     with Group() as group:
         path = group.folder / "busd.sock"
         environ = {"BUSD_SOCKET": str(path), "BUSD_AUTOSTART": "1"}
@@ -251,7 +251,7 @@ def measure_with_autostart() -> Figures:
 
 
 def end_busd(path: Path) -> None:
-    """End the busd that listens at `path`, which is no child of ours, and wait until it has gone."""
+    """End the busd that listens at `path` and is not a child of this process, and wait for its end."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
         try:
             sock.connect(str(path))

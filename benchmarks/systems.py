@@ -1,4 +1,4 @@
-"""Which systems there are, as the parent starts them. What their processes do is in benchmarks.adapters."""
+"""The measured systems, as the parent starts them. benchmarks.adapters has the code of their processes."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -21,13 +21,14 @@ _NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class Speed(NamedTuple):
-    """About what a system can do. A guess, which only chooses how many messages a flood has."""
+    """The approximate speed of a system. A guess, which only chooses the number of messages of a flood."""
 
     per_s: float = 100_000
     bytes_per_s: float = 500e6
 
     def messages_in(self, seconds: float, size: int) -> int:
-        """So many messages of `size` bytes take about so long; a round number, and never just a few."""
+        """The approximate number of messages of `size` bytes in that time: a round number, and never just a
+        few."""
         count = seconds / (1 / self.per_s + size / self.bytes_per_s)
         return max(20, int(float(f"{count:.2g}")))
 
@@ -43,16 +44,20 @@ def _no_place(group: Group, role: str) -> Mapping[str, str]:
 class System(NamedTuple):
     """A way to get messages from one process to another.
 
-    `serve` starts the processes between the two, whose CPU time is the broker's; `missing` says why the
-    system can't be measured here, or nothing. `environ` is added to that of its processes. Where `route` is
-    set, a publisher that is matched by another one is a Failure.
-
-    `kind`: ours, a limit to compare with, or a rival without or with a process in the middle. `may_lose`: in
-    a flood it can't be lossless. `fans_out`: to many subscribers, not one to one only. `takes_by`: the
-    `Work.take_by` by which it waits for events. `floods`: it can do more than paced messages. `largest`: no
-    larger messages, in bytes. `gives_turns`: its publisher needs an event loop, that wants its turns.
-    `publisher`: the module of its publisher, where that is another than its subscriber's. `runner`: what
-    runs its modules. `place`: what else stands in the environment of the publisher, or of a subscriber.
+    - `serve`: starts the processes between both ends. Their CPU time is the broker's.
+    - `missing`: returns the reason why the system can't be measured here, or "".
+    - `environ`: additional environment of its processes.
+    - `route`: if set, a publisher matched by another route is a Failure.
+    - `kind`: ours, a limit for comparison, or a rival without or with a process in the middle.
+    - `may_lose`: a flood can't be lossless.
+    - `fans_out`: to many subscribers, not only from one to one.
+    - `takes_by`: the `Work.take_by` that waits for events.
+    - `floods`: it can do more than paced messages.
+    - `largest`: the largest message, in bytes.
+    - `gives_turns`: its publisher has an event loop that needs turns.
+    - `publisher`: the module of its publisher, if it is not the subscriber's.
+    - `runner`: the command that runs its modules.
+    - `place`: further environment of the publisher, or of a subscriber.
     """
 
     name: str
@@ -74,7 +79,7 @@ class System(NamedTuple):
     guess: Speed = Speed()
 
     def start_servers(self, group: Group) -> list[Child]:
-        """Start what stands between the publisher and the subscriber."""
+        """Start the processes between the publisher and the subscriber."""
         group.environ["BENCH_FOLDER"] = str(group.folder)
         group.environ.update(self.environ)
         return self.serve(group, self.module)
@@ -84,14 +89,14 @@ class System(NamedTuple):
         return self._expect_ready(group, self.launch(group, role, work, name=name))
 
     def launch(self, group: Group, role: str, work: msgspec.Struct, *, name: str = "") -> Child:
-        """Start one and don't wait for it."""
+        """Start the publisher or a subscriber without waiting for it."""
         module = self.publisher or self.module if role == "publisher" else self.module
         arguments = (module, role, msgspec.json.encode(work).decode())
         environ = self.place(group, role)
         return group.start(name or role, *self.runner, "-m", *arguments, environ=environ)
 
     def start_fan(self, group: Group, work: msgspec.Struct, number: int) -> tuple[Child, list[Child]]:
-        """Start so many subscribers side by side, and then the publisher, which comes first."""
+        """Start `number` subscribers in parallel, and then the publisher. Returns the publisher first."""
         names = [f"subscriber_{index}" for index in range(number)]
         subscribers = [self.launch(group, "subscriber", work, name=name) for name in names]
         for child in subscribers:
@@ -99,7 +104,7 @@ class System(NamedTuple):
         return self.start_role(group, "publisher", work), subscribers
 
     def start_pair(self, group: Group, work: Work) -> tuple[Child, Child]:
-        """Start the subscriber and then the publisher, which are returned the other way round."""
+        """Start the subscriber and then the publisher. Returns the publisher first."""
         subscriber = self.start_role(group, "subscriber", work)
         return self.start_role(group, "publisher", work), subscriber
 
@@ -116,7 +121,7 @@ def _serve_bus(group: Group, module: str) -> list[Child]:
 
 
 def with_busd(system: System, program: str) -> System:
-    """`system` with the busd of another checkout; that of ours where `program` is empty."""
+    """`system` with the busd of another checkout; with ours if `program` is empty."""
     return system._replace(serve=lambda group, module: [group.start_busd(program)])
 
 
@@ -146,17 +151,17 @@ def _needs(package: str, *, server: str = "") -> Callable[[], str]:
 
 
 def no_shared_memory() -> str:
-    """Why the route by shared memory can't be measured here; empty where it can."""
+    """The reason why the shared memory route can't be measured here; empty if it can."""
     return shm.why_not()
 
 
 def no_c_program() -> str:
-    """Why the floors in C can't be measured here; empty where they can."""
+    """The reason why the floors in C can't be measured here; empty if they can."""
     return "" if PROGRAM.exists() else "it has not been built: make -C benchmarks/floors"
 
 
 TUNED = "tuned malloc"
-"""The end of the name of a series in which all processes have MALLOC in their environment."""
+"""The end of the name of a series with MALLOC in the environment of all processes."""
 MALLOC = MappingProxyType(
     {
         "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
@@ -164,11 +169,11 @@ MALLOC = MappingProxyType(
         "MALLOC_TOP_PAD_": str(1 << 20),
     }
 )
-"""What busd asks of glibc in its own processes (bus.transport.memory): to keep the memory that was freed."""
+"""busd sets this in its own processes by glibc (bus.transport.memory): keep freed memory."""
 
 
 def tuned(system: System) -> System:
-    """`system` with malloc set for long messages in all its processes, as busd does it by itself."""
+    """`system` with settings of malloc for long messages in all its processes, as busd sets them itself."""
     return system._replace(name=f"{system.name}, {TUNED}", environ={**system.environ, **MALLOC})
 
 
@@ -204,7 +209,7 @@ BUS_BLOCKING = BUS._replace(
 BUS_PLAIN, BUS_SOCKET_PLAIN = (
     system._replace(publisher=BUS_BLOCKING.module, gives_turns=False) for system in (BUS, BUS_SOCKET)
 )
-"""With a publisher that is a plain program, as those of most rivals are: it sends, and then it sleeps."""
+"""With a publisher that is a plain program, like most rivals' publishers: it sends, and then it sleeps."""
 RCLPY = BUS._replace(
     name="busd, rclpy",
     module="benchmarks.adapters.rclpy_string",
@@ -305,7 +310,7 @@ ZENOH = System(
     guess=Speed(500_000, 4e9),
 )
 SHIPPED = "BENCH_ECAL_SHIPPED"
-"""Where this is set, eCAL's processes look for each other as often as eCAL does by default."""
+"""If this is set, eCAL's processes look for each other in eCAL's default interval."""
 ECAL = System(
     "eclipse-ecal",
     "benchmarks.adapters.ecal_shm",
@@ -331,9 +336,9 @@ ROS = System(
     runner=(str(ros.PYTHON),),
     guess=Speed(6_000, 200e6),
 )
-"""ROS 2's own rclpy, as shipped."""
+"""ROS 2's own rclpy, with its default settings."""
 ROS_LARGE = ROS._replace(name=f"{ROS.name}, large segment", serve=_serve_ros_large)
-"""The same, told to use shared memory that is large enough for long messages."""
+"""The same with a segment of shared memory that is large enough for long messages."""
 
 FLOORS = (FLOOR, TWO_HOPS, C_FLOOR, C_SOCKET)
 RIVALS = (PIPE, QUEUE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, NATS, REDIS, ICEORYX, ZENOH, ECAL, CYCLONE, ROS)
@@ -346,9 +351,9 @@ ESSENTIAL = frozenset(
         *(PIPE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, ICEORYX, ECAL),
     )
 )
-"""By name those that goals compare, which are measured more often than the others."""
+"""Names of systems that goals compare. They are measured more often than the others."""
 
 
 def of_kind(*kinds: Kind) -> list[System]:
-    """Those of `SYSTEMS`, in their order."""
+    """The systems of these kinds, in the order of `SYSTEMS`."""
     return [system for system in SYSTEMS if system.kind in kinds]

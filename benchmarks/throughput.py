@@ -1,7 +1,7 @@
-"""Messages a second from one publisher's process to one subscriber's process, as fast as it goes.
+"""Messages a second from one publisher's process to one subscriber's process, at full speed.
 
-The rate is counted from the first publish to the last message taken. CPU time is that of whole processes
-over the same time, by the kernel's clock for each process. A system that can be lossless must be.
+The rate is counted from the first publish to the last message taken. CPU time is the time of whole processes
+over the same period, by the kernel's clock for each process. A system that can be lossless must be.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,15 +46,15 @@ from bus_cli.bench.figures import bytes_text
 NAME = "throughput"
 _LIMIT_S = 30.0
 _QUIET_S = 0.3
-"""After so long without a message, a subscriber that may lose some has all that it will get."""
+"""After this time without a message, a lossy subscriber has all messages that it will get."""
 _KiB = 1024
 _SMALL = 64
 _FLOOD_S = (0.3, 2.0)
-"""So long a flood takes: about, in a quick run, and else at least."""
+"""Length of a flood: the approximate one in a quick run, and the least one in a normal run."""
 _TRIES, _LONGER, _MOST_LONGER = 3, 1.2, 20.0
-"""How often a flood that was over too soon is tried in all, and how many times as long it may be made."""
+"""Number of tries for a flood that was too short, and the factors by which it may be lengthened."""
 _GENTLE = 2.0
-"""A flood that took so many times what was asked for is shortened, for the next repetition."""
+"""A flood that took more than this factor too long is shortened in the next repetition."""
 _CODEC, _COPY = Speed(3_000_000, 3e9), Speed(20_000_000, 20e9)
 _CODEC_NAME = "codec alone"
 _POLLING, _ICEORYX_POLLING = (f"{system.name}, busy polling" for system in (BUS, ICEORYX))
@@ -68,7 +68,7 @@ _SEVERAL = {
     64 * _KiB: (BUS, BUS_SOCKET, PYZMQ_PROXY, ICEORYX),
     1 << 20: (BUS, BUS_SOCKET, PYZMQ_PROXY, ICEORYX),
 }
-"""Of which sizes and systems there are several rounds, since goals rest on them."""
+"""Sizes and systems with several rounds, because goals use them."""
 _FEW = (BUS, BUS_SOCKET, *FLOORS, PYZMQ, PYZMQ_PROXY, ICEORYX)
 """The systems that are measured at the other sizes."""
 _LIMIT_FLOOD_S = 0.5
@@ -112,16 +112,16 @@ def run(plan: Plan) -> Section:
 
 
 def case(series: str, system: System, work: Work, seconds: float = 0.0, rounds: int = 0) -> Case:
-    """A line of a table: `work` done by `system`, as the point of `series` at its size."""
+    """A row of a table: `work` done by `system`, as the point of `series` at its size."""
     name = f"{bytes_text(work.size)}, {series}"
     measured = Lasting(partial(measure, system), work, seconds)
     return Case(name, measured, system.missing(), series, work.size, rounds)
 
 
 class Lasting:
-    """A flood that is measured again, with more messages, where it was over too soon.
+    """A flood that is measured again with more messages if it was too short.
 
-    How fast a system is here is only guessed beforehand. What was learned holds for the repetitions.
+    The speed of a system on this machine is only a guess at first. Later repetitions use the measured speed.
     """
 
     def __init__(self, measure_it: Callable[[Work], Figures], work: Work, seconds: float) -> None:
@@ -130,7 +130,7 @@ class Lasting:
         self._seconds = seconds
 
     def __call__(self) -> Figures:
-        """Raises Failure as the measurement does."""
+        """Raises Failure if the measurement does."""
         for _ in range(_TRIES):
             found = self._measure(self._work)
             times = _LONGER * self._seconds / found["seconds"]
@@ -144,23 +144,23 @@ class Lasting:
 
 
 def least_s(plan: Plan) -> float:
-    """How long a flood must have taken, or is measured again; a quick run takes it as it is."""
+    """The least time of a flood; a shorter one is measured again. 0 in a quick run."""
     return 0.0 if plan.quick else flood_s(plan)
 
 
 def flood_s(plan: Plan) -> float:
-    """About how long a flood takes."""
+    """The approximate time of a flood."""
     return _FLOOD_S[not plan.quick]
 
 
 def work_of(plan: Plan, speed: Speed, size: int, **ways: Any) -> Work:
-    """A flood that takes about as long as those of others."""
+    """A flood that takes about as long as other systems' floods."""
     count = speed.messages_in(_LONGER * flood_s(plan), size)
     return replace(Work(size=size, count=count, warm_up=max(8, count // 10), take_by="callback"), **ways)
 
 
 def copying_case(plan: Plan, size: int) -> Case:
-    """The limit of whatever copies."""
+    """The limit for every system that copies."""
     measure_it = partial(copying.measure_copying, size, _COPY.messages_in(_LIMIT_FLOOD_S, size))
     return Case(f"{bytes_text(size)}, {copying.NAME}", measure_it, no_c_program(), copying.NAME, size)
 
@@ -237,7 +237,7 @@ def _compare(outcomes: Mapping[str, Outcome], size: int) -> list[Comparison]:
 
 
 def measure(system: System, work: Work) -> Figures:
-    """One flood. Raises Failure where it did not come to its end, or lost something that it should not."""
+    """One flood. Raises Failure if it did not end, or lost messages that it must not lose."""
     with Group() as group:
         servers = system.start_servers(group)
         children = (*system.start_pair(group, work), *servers)
@@ -280,7 +280,7 @@ def measure(system: System, work: Work) -> Figures:
 
 
 def _settle(group: Group, subscriber: Child, total: int) -> dict[str, Any]:
-    """What the subscriber has when it has `total`, or some and for a while no more of them came."""
+    """The subscriber's arrivals: all `total`, or fewer if no more of them have arrived for a while."""
     last = -1
     for _ in range(int(_LIMIT_S / _QUIET_S)):
         subscriber.send("look")
@@ -293,7 +293,7 @@ def _settle(group: Group, subscriber: Child, total: int) -> dict[str, Any]:
 
 
 def measure_codec(work: Work) -> Figures:
-    """What can't be saved by any transport: a message object made, encoded and decoded, here."""
+    """Costs that no transport can save: make a message object, encode and decode it, in this process."""
     encode, decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(String).decode
     text = text_of(work.size)
     begin_ns = monotonic_ns()

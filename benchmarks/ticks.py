@@ -1,4 +1,4 @@
-"""What a periodic timer is to do in each library, and when its calls came. Must not know any library."""
+"""The work of a periodic timer for all libraries, and the times of its calls. Must not know any library."""
 
 from time import monotonic_ns, process_time
 from typing import Any, Literal
@@ -9,7 +9,7 @@ _WARM_UP_NS = 300_000_000
 
 
 class Ticks(msgspec.Struct, frozen=True):
-    """A timer of `rate` calls a second, watched for so many seconds. `loop`: for programs of asyncio."""
+    """A timer with `rate` calls a second, watched for `seconds`. `loop`: for programs of asyncio."""
 
     rate: float
     seconds: float
@@ -23,7 +23,8 @@ class Ticks(msgspec.Struct, frozen=True):
 
 
 class Calls(msgspec.Struct, frozen=True):
-    """Calls came at `at_ns` of the monotonic clock; one was due at `due_ns`, and one each period after that.
+    """The calls came at `at_ns` of the monotonic clock; the first was due at `due_ns`, and one each period
+    after it.
 
     `cpu_s`: CPU time of the whole process from the first call to the last.
     """
@@ -34,7 +35,7 @@ class Calls(msgspec.Struct, frozen=True):
 
 
 class Watch:
-    """Notes the calls of a timer whose first call is due at `due_ns` of the monotonic clock."""
+    """Records the calls of a timer whose first call is due at `due_ns` of the monotonic clock."""
 
     def __init__(self, ticks: Ticks, due_ns: int) -> None:
         self._due_ns = due_ns
@@ -44,7 +45,7 @@ class Watch:
         self._begin_s = 0.0
 
     def note(self) -> bool:
-        """The timer calls. Returns whether this is the last call that counts."""
+        """Record a call. Returns whether it is the last call that counts."""
         now_ns = monotonic_ns()
         if now_ns < self._begin_ns:
             return False
@@ -54,5 +55,5 @@ class Watch:
         return now_ns >= self._end_ns
 
     def calls(self) -> dict[str, Any]:
-        """What `Calls` are made of, after the last call."""
+        """The fields of `Calls`, after the last call."""
         return {"due_ns": self._due_ns, "at_ns": self._at_ns, "cpu_s": process_time() - self._begin_s}

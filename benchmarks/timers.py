@@ -1,4 +1,4 @@
-"""Periodic timers that do nothing: CPU time, missed calls and lateness, of busd, asyncio and rclpy."""
+"""Periodic timers without work: CPU time, missed calls and lateness, of busd, asyncio and rclpy."""
 
 from collections.abc import Callable
 from functools import partial
@@ -39,7 +39,7 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each at each rate, in turns."""
+    """Measure each timer at each rate, in turns."""
     seconds = plan.choose(1, 5)
     cases: list[Case] = []
     for rate in RATES:
@@ -54,7 +54,7 @@ def run(plan: Plan) -> Section:
 
 
 def ways(ticks: Ticks) -> dict[str, tuple[System, Ticks]]:
-    """The programs that have such a timer, by name."""
+    """The programs with such a timer, by name."""
     found: dict[str, tuple[System, Ticks]] = {}
     for loop in _LOOPS:
         for way, name in (("bus", f"busd, {loop}"), ("call_later", f"call_later, {loop}")):
@@ -65,12 +65,12 @@ def ways(ticks: Ticks) -> dict[str, tuple[System, Ticks]]:
 
 
 def name_of(rate: float, name: str) -> str:
-    """The line of a system at a rate."""
+    """The row of a system at a rate."""
     return f"{rate:,.0f}/s, {name}"
 
 
 def measure(system: System, ticks: Ticks) -> Figures:
-    """Watch one timer. Raises Failure if it does not come to its end."""
+    """Measure one timer. Raises Failure if it does not end."""
     with Group() as group:
         system.start_servers(group)
         child = system.launch(group, "ticker", ticks)
@@ -81,7 +81,7 @@ def measure(system: System, ticks: Ticks) -> Figures:
 def summary(calls: Calls, period_ns: int) -> Figures:
     """Calls per second, missed calls and CPU time in percent, lateness in µs.
 
-    Lateness is the time since the call was due. After a whole period it is that of the next call, and the
+    Lateness is the time since the call was due. After a whole period, it belongs to the next call, and the
     call before counts as missed.
     """
     numbers = [(at_ns - calls.due_ns) // period_ns for at_ns in calls.at_ns]

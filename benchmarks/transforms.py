@@ -1,9 +1,10 @@
-"""How long a look-up of a transform takes: a chain of six frames, each with ten seconds at 100 Hz.
+"""The time of a look-up of a transform: a chain of six frames, each with ten seconds at 100 Hz.
 
     python -m benchmarks.transforms
 
-Prints microseconds, the best of several rounds: on the native core, on its Python twin, and with the tf2 of
-ROS 1, whose core is C++, where Debian's python3-tf2 is installed. It is no part of the benchmarks of the bus.
+Prints microseconds, the best of several rounds: with the native core, with its Python twin, and with the tf2
+of ROS 1, whose core is C++, if Debian's python3-tf2 is installed. It is not part of the benchmarks of the
+bus.
 """
 
 import json
@@ -78,7 +79,7 @@ def measured(core: Any) -> dict[str, float]:
 
 
 def transform(frame: int, step: int) -> Any:
-    """From one frame to the next at one time."""
+    """The transform from one frame to the next at one time."""
     made = message("geometry_msgs/msg/TransformStamped", child_frame_id=f"f{frame + 1}")
     made.header.frame_id = f"f{frame}"
     made.header.stamp = Time(nanoseconds=10**9 + step * 10**9 // _HZ).to_msg()

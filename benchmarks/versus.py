@@ -1,4 +1,4 @@
-"""What is ours beside others, or the best of them. Knows cases by their names and what came of them."""
+"""Comparisons of our systems with others, or with the best of them. Knows cases by names and outcomes."""
 
 from collections.abc import Iterable, Mapping
 
@@ -18,9 +18,10 @@ def against(
     what: str = "",
     label: str = "",
 ) -> list[Comparison]:
-    """`key` of the case `ours` over that of `theirs`; nothing where one of the two has none.
+    """The ratio of `key` of the case `ours` to `theirs`; empty if one of them has no figure.
 
-    `what`: the figure in words, where the key is none. `label`: how the other one is called; its series.
+    `what`: the figure in words, if the key is not clear. `label`: the name of the other one; by default its
+    series.
     """
     if ours not in outcomes or theirs not in outcomes:
         return []
@@ -39,10 +40,10 @@ def against_best(
     at_least: float | None = None,
     what: str = "",
 ) -> list[Comparison]:
-    """`against` the best of `theirs`, which the comparison's name names.
+    """`against` the best of `theirs`; the comparison's name contains the name of the best.
 
-    The best has the least median where the goal is an `at_most`, else the greatest. Cases that are missing
-    or failed don't take part, nor those of which something was `lost`: so there may be nothing to compare.
+    The best has the least median if the goal is an `at_most`, otherwise the greatest. Missing and failed
+    cases, and cases with `lost` messages, don't take part. So there may be nothing to compare.
     """
     others = [outcomes[name] for name in theirs if name in outcomes]
     whole = {

@@ -1,4 +1,5 @@
-"""`bus web` on the lesson's robot and on a large bus: the first graph, what it costs, and costs others."""
+"""`bus web` on the lesson's robot and on a large bus: the first graph, its own cost, and its effect on
+others."""
 
 import shutil
 import signal
@@ -60,20 +61,20 @@ _NOTES = [
 
 
 class Web(NamedTuple):
-    """A `bus web` that runs."""
+    """A running `bus web`."""
 
     child: Child
     page: str
 
     def view(self, who: str, *topics: str, messages: int = 0) -> str:
-        """The last argument of who looks at it."""
+        """The last argument of a viewer's process."""
         parts = urlsplit(self.page)
         token = parts.query.removeprefix("token=")
         return _text(View(who=who, host=parts.netloc, token=token, topics=[*topics], messages=messages))
 
 
 def run(plan: Plan) -> Section:
-    """Measure all that the page and Foxglove's protocol should keep."""
+    """Measure the limits that the page and Foxglove's protocol should keep."""
     seconds = plan.choose(4, 15)
     no_browser = _browser_missing()
     cases = [
@@ -119,7 +120,7 @@ def _compare(outcomes: dict[str, Outcome]) -> list[Comparison]:
 
 
 def measure_first(*, is_crowd: bool) -> Figures:
-    """A browser that is open enters the address as soon as it is printed. Raises Failure."""
+    """A running browser enters the address as soon as it is printed. Raises Failure."""
     with Group() as group:
         group.start_busd()
         browser = group.start_python("browser", "-m", _PROGRAM, _text(View(who="browser")))
@@ -135,7 +136,7 @@ def measure_first(*, is_crowd: bool) -> Figures:
 
 
 def measure_idle(seconds: float) -> Figures:
-    """CPU time with nobody who looks, and the subscriptions of its node. Raises Failure."""
+    """CPU time without viewers, and the subscriptions of its node. Raises Failure."""
     with Group() as group:
         group.start_busd()
         start_robot(group)
@@ -150,7 +151,7 @@ def measure_idle(seconds: float) -> Figures:
 
 
 def measure_robot(seconds: float) -> Figures:
-    """What a page that looks at all topics costs, beside `bus topic echo`, and whether the robot notices."""
+    """The cost of a page that shows all topics, beside `bus topic echo`, and its effect on the robot."""
     with Group() as group:
         group.start_busd()
         start_robot(group)
@@ -200,13 +201,13 @@ def measure_imu(messages: int) -> Figures:
 
 
 def measure_stopped(seconds: float) -> Figures:
-    """The memory of `bus web` after so long with a viewer that reads nothing. Raises Failure."""
+    """The growth of the memory of `bus web` in `seconds` with a viewer that reads nothing. Raises Failure."""
     with Group() as group:
         group.start_busd()
         start_robot(group)
         web = start_web(group)
         reader = group.start_python("reader", "-m", _PROGRAM, web.view("foxglove", "/imu/data", messages=50))
-        group.expect(reader, "ages", within_s=_LIMIT_S)  # what the first that looks costs is no store
+        group.expect(reader, "ages", within_s=_LIMIT_S)  # the cost of the first viewer is not a buffer
         before = _own_bytes(web.child)
         stopped = group.start_python("stopped", "-m", _PROGRAM, web.view("stopped", "/camera/image_raw"))
         group.expect(stopped, "stopped", within_s=_LIMIT_S)
@@ -218,7 +219,7 @@ def measure_stopped(seconds: float) -> Figures:
 
 
 def start_robot(group: Group) -> list[Child]:
-    """The four layers; returns when all their topics are there. Raises Failure."""
+    """Start the four layers; returns when all their topics exist. Raises Failure."""
     layers = [
         group.start(
             one, sys.executable, str(ROOT / "examples" / "robot" / f"{one}.py"), stop_signal=signal.SIGTERM
@@ -234,7 +235,7 @@ def start_robot(group: Group) -> list[Child]:
 
 
 def start_web(group: Group) -> Web:
-    """A `bus web` that serves. Raises Failure."""
+    """Start a `bus web`; returns when it serves. Raises Failure."""
     words = (*_BUS, "web", "--json", "--listen", "127.0.0.1:0")
     child = group.start("web", *words, stop_signal=signal.SIGTERM)
     deadline = monotonic() + START_S
@@ -246,7 +247,7 @@ def start_web(group: Group) -> Web:
 
 
 def _robot(group: Group, seconds: float) -> tuple[float, float]:
-    """What the robot publishes in a second; of a thousand messages for it, how many are lost."""
+    """The robot's messages a second, and how many of a thousand messages for it are lost."""
     before = _counts(group)
     began_s = monotonic()
     sleep(seconds)
@@ -255,7 +256,7 @@ def _robot(group: Group, seconds: float) -> tuple[float, float]:
 
 
 def _counts(group: Group) -> tuple[int, int, int]:
-    """Of the robot's nodes: published, delivered, lost."""
+    """Counters of the robot's nodes: published, delivered, lost."""
     graph = _graph(group)
     told = [
         [
@@ -296,7 +297,7 @@ def _cpu_us_per_s(children: Sequence[Child], seconds: float) -> list[float]:
 
 
 def _own_bytes(child: Child) -> int:
-    """Memory of its own, without the rings of others that it has mapped."""
+    """Its own memory, without mapped rings of others."""
     for line in Path(f"/proc/{child.pid}/status").read_text().splitlines():
         if line.startswith("RssAnon:"):
             return int(line.split()[1]) * 1024

@@ -1,4 +1,4 @@
-"""What a publisher and a subscriber are to do, the same for every system: messages, their size, their rate.
+"""The work of a publisher and a subscriber, the same for every system: messages, their size, their rate.
 
 Owns the payload's text and the pace. Must not know any system.
 """
@@ -15,28 +15,30 @@ import msgspec
 
 TOPIC = "bench"
 HEAD = 64
-"""Characters at the beginning of a paced message, in which its stamps stand."""
+"""Number of characters with stamps at the beginning of a paced message."""
 AT_ONCE = "at once"
 """The way (`Work.publish_by`) to send one stamped message as soon as it reaches a subscriber."""
 IMAGE = "image"
-"""The way to publish what a camera does, by rclpy: sensor_msgs/Image, with the profile for sensor data."""
+"""The way to publish like a camera, by rclpy: sensor_msgs/Image, with the profile for sensor data."""
 _LOOP_NS = 2_000_000
 _FILLING = "The quick brown fox jumps over the lazy dog. "
 _BODY_AT = {kind: sys.getsizeof(kind()) - 1 for kind in (str, bytes)}
-"""Where CPython keeps the characters of an ASCII `str`, and those of `bytes`: before their final NUL."""
+"""Offset of the characters in CPython's ASCII `str` and in `bytes`, computed without the final NUL."""
 
 
 class Work(msgspec.Struct, frozen=True, kw_only=True):
     """One measurement. Messages are a `str` of `size` ASCII characters at both ends, or `bytes`.
 
-    `rate` messages a second, or as fast as it goes without loss (0). `warm_up` messages come before those
-    that count. `publish_by` and `take_by` choose between the ways in which a system can be used. For
-    `busy_poll_s` after each message the subscriber looks for the next one without sleeping, where it can.
-    `gives_turns`: the publisher is a program of asyncio, whose loop gets a turn after each paced message.
-    `subscribers`: so many processes get every message. Of a paced stream of small ones `depth` bounds how far
-    a process may be behind without a loss. `topic` is for measurements of several pairs on one bus. So many
-    messages as `prefill` come before the publisher is ready, so that what grows with them has grown; when
-    they are over, the subscriber says `warm`.
+    - `rate`: messages a second; 0: at full speed without loss.
+    - `warm_up`: number of messages before the measured ones.
+    - `publish_by`, `take_by`: choose between ways to use a system.
+    - `busy_poll_s`: time after each message for which the subscriber polls without sleeping, if it can.
+    - `gives_turns`: the publisher is a program of asyncio; its loop gets a turn after each paced message.
+    - `subscribers`: number of processes that get every message.
+    - `depth`: for small paced messages, the number of messages by which a process may be late without a loss.
+    - `topic`: for measurements of several pairs on one bus.
+    - `prefill`: number of messages before the publisher is ready, to grow everything that grows with them.
+      After them, the subscriber says `warm`.
     """
 
     size: int
@@ -54,12 +56,13 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total(self) -> int:
-        """All messages."""
+        """Number of all messages."""
         return self.warm_up + self.count
 
 
 class Arrivals(msgspec.Struct, frozen=True):
-    """For each message in ns: how late the schedule was it sent, and how long after that it arrived."""
+    """Times of each message in ns: its delay after the schedule when it was sent, and its age at the
+    arrival."""
 
     late_ns: list[int]
     age_ns: list[int]
@@ -71,10 +74,10 @@ def text_of(size: int) -> str:
 
 
 class Stamped:
-    """A paced message of `size` characters, complete but for the time at which it is sent.
+    """A paced message of `size` characters, complete except for the time of sending.
 
-    The text is there before the clock is read: to make 1 MiB of it is no part of a message's way. The stamp
-    is then written into it in place, which is safe only because nothing else refers to the text yet.
+    The text is made before the clock is read, because making 1 MiB of text is not part of a message's way.
+    The stamp is then written into it in place. This is safe only because nothing else refers to the text yet.
     """
 
     def __init__(self, size: int, due_ns: int, kind: type[str] | type[bytes] = str) -> None:
@@ -83,19 +86,18 @@ class Stamped:
         self._at = id(self._message) + _BODY_AT[kind] + len(head)
 
     def now(self) -> Any:
-        """The message, which is sent now."""
+        """The message, stamped now."""
         stamp = b"%d" % monotonic_ns()
         memmove(self._at, stamp, len(stamp))
         return self._message
 
 
 async def pace(send: Callable[[Any], object], work: Work, kind: type[str] | type[bytes] = str) -> None:
-    """`send` warm-up and messages by a schedule that is fixed beforehand.
+    """`send` warm-up and messages by a fixed schedule.
 
-    A publisher that was held up sends at once what is overdue, and skips nothing (no coordinated omission):
-    each message begins with the time at which it was due and the one at which it was sent. After each message
-    the event loop gets a turn, if `work.gives_turns`. The process sleeps on its own, because the timers of
-    uvloop have whole milliseconds.
+    A late publisher sends overdue messages at once, and skips none (no coordinated omission): each message
+    begins with its due time and its sending time. After each message the event loop gets a turn, if
+    `work.gives_turns`. The process sleeps itself, because the timers of uvloop have whole milliseconds.
     """
     period_ns = 1e9 / work.rate
     start_ns = monotonic_ns() + period_ns
@@ -103,7 +105,7 @@ async def pace(send: Callable[[Any], object], work: Work, kind: type[str] | type
         due_ns = int(start_ns + number * period_ns)
         message = Stamped(work.size, due_ns, kind)
         if work.gives_turns and due_ns - monotonic_ns() > 2 * _LOOP_NS:
-            # Much time: the loop has it, and may need it, to send what is large.
+            # There is much time: the loop gets it, and may need it to send large messages.
             await asyncio.sleep((due_ns - monotonic_ns() - _LOOP_NS) / 1e9)
         rest_ns = due_ns - monotonic_ns()
         if rest_ns > 0:
@@ -116,7 +118,7 @@ async def pace(send: Callable[[Any], object], work: Work, kind: type[str] | type
 
 
 def arrivals(heads: Iterable[str | bytes], arrived_ns: Iterable[int], work: Work) -> Arrivals:
-    """What the stamps in `heads`, of which the first `warm_up` don't count, say of the way."""
+    """The times from the stamps in `heads`. The first `warm_up` messages don't count."""
     late, age = [], []
     for head, now_ns in zip(heads, arrived_ns, strict=True):
         due_ns, sent_ns = map(int, head.split())

@@ -1,4 +1,5 @@
-"""The child's half of the harness: words come on stdin, events go to stdout, the end of stdin is the end."""
+"""The child's half of the harness: reads words from stdin, writes events to stdout, ends at the end of
+stdin."""
 
 import asyncio
 import gc
@@ -13,11 +14,11 @@ import msgspec
 import uvloop
 
 LIFE_S = 300
-"""No worker lives longer, whatever happened to the rest, unless it says for how long."""
+"""The longest life of a worker in any case, unless it sets another."""
 
 
 class Parent:
-    """The process that started us."""
+    """The process that started this one."""
 
     def __init__(self) -> None:
         self._words: asyncio.Queue[str] = asyncio.Queue()
@@ -27,17 +28,17 @@ class Parent:
         tell(event, **values)
 
     async def wait_for(self, word: str) -> None:
-        """Wait until it said `word`, and nothing else."""
+        """Wait for `word`; another word is an error."""
         came = await self.next_word()
         if came != word:
             raise ValueError(f"expected the word {word!r}, got {came!r}")
 
     async def next_word(self) -> str:
-        """What it says next."""
+        """The next word."""
         return await self._words.get()
 
     async def listen(self) -> None:
-        """Read its words until there are no more."""
+        """Read its words until stdin ends."""
         reader = asyncio.StreamReader()
         transport, _ = await asyncio.get_running_loop().connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(0, "rb", buffering=0)
@@ -50,8 +51,8 @@ class Parent:
 
 
 def tell(event: str, **values: Any) -> None:
-    """Report `event` to the process that started us."""
-    sys.stdout.write(json.dumps({"event": event, **values}) + "\n")  # in one piece: forks may tell, too
+    """Report `event` to the parent process."""
+    sys.stdout.write(json.dumps({"event": event, **values}) + "\n")  # one write: forks may report, too
     sys.stdout.flush()
 
 
@@ -61,14 +62,14 @@ def run(
     life_s: int = LIFE_S,
     by: Callable[[Coroutine[Any, Any, None]], object] = uvloop.run,
 ) -> None:
-    """Run `main` on the loop that the bus uses, or `by` another, until the parent has no more words."""
+    """Run `main` on the loop that the bus uses, or on another loop (`by`), until the parent closes stdin."""
     signal.alarm(life_s)
     gc.freeze()  # for all systems, because `bus.run` does it
     by(_serve(main))
 
 
 def options(kind: type[Any]) -> Any:
-    """The last argument of the command line, as the Struct `kind`."""
+    """The last argument of the command line, converted to the Struct `kind`."""
     return msgspec.json.decode(sys.argv[-1].encode(), type=kind)
 
 

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.write RESULT.json`: the report, its pictures and the README's table."""
+"""`python -m benchmarks.write RESULT.json`: writes the report, its pictures and the README's table."""
 
 import argparse
 import sys
@@ -13,7 +13,7 @@ README = ROOT / "README.md"
 
 
 def main() -> int:
-    """Write; returns 0, 1 where the pictures could not be drawn, 2 where the result can't be used."""
+    """Write all; returns 0, 1 if the pictures could not be drawn, 2 if the result is not usable."""
     options = _parser().parse_args()
     path: Path = options.result.absolute()
     try:

@@ -1,8 +1,8 @@
-"""Programs that start one after the other: whether each gets in, and how long that takes.
+"""Programs that start one after the other: measures whether each gets in, and how long that takes.
 
-They are forked from one that has imported everything, so that many can start in seconds. Says `ready`; on the
-word `go` they start, and each says `arrived` with `took_s` from its start until it has a publisher, and with
-the `error` that it ended with instead.
+They are forked from a process that has imported everything, so many can start in seconds. It says `ready`. On
+the word `go`, the programs start. Each says `arrived` with `took_s`, the time from its start until it has a
+publisher. A program that fails adds its `error`.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from bus.types.support import type_support
 
 
 class Programs(msgspec.Struct, frozen=True):
-    """So many, one each `pause_s`."""
+    """The number of programs to start, one every `pause_s`."""
 
     number: int
     pause_s: float
@@ -33,7 +33,7 @@ async def _arrive(index: int) -> None:
 
 
 def _be_program(index: int) -> None:
-    """Never returns."""
+    """Run one program; never returns."""
     begin_s, error = monotonic(), ""
     try:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
@@ -47,7 +47,7 @@ def _be_program(index: int) -> None:
 def main() -> None:
     programs: Programs = options(Programs)
     type_support(String)
-    _ = bus.Node  # imported only now
+    _ = bus.Node  # import it now, before the forks
     tell("ready")
     begun = []
     if sys.stdin.readline():
@@ -58,7 +58,7 @@ def main() -> None:
                 _be_program(index)
             sleep(programs.pause_s)
         sys.stdin.readline()
-    for pid in begun:  # they were not waited for, so the ids are still theirs
+    for pid in begun:  # nothing has waited for them, so the ids still belong to them
         os.kill(pid, signal.SIGKILL)
 
 

@@ -1,6 +1,6 @@
-"""Processes of bags.py: what a recorder is compared with, and the recorder itself, which a program runs here.
+"""Processes of bags.py: the recorder, inside a program of this module, and the programs for comparison.
 
-Where its bags go stands in the environment.
+The folder for bags is in the environment.
 """
 
 import asyncio
@@ -33,14 +33,17 @@ from bus_bag.record.topic import profile_for
 FOLDER = "BENCH_BAGS"
 """In the environment: the folder for bags, in memory."""
 RECORD, COUNT = "record", "count"
-"""How messages are taken (`Work.take_by`)."""
+"""Ways to take messages (`Work.take_by`)."""
 _LOOK_S = 0.002
 _END_S, _LIMIT_S = 5.0, 60.0
 _LOSSLESS = bus.QoSProfile(history="keep_all")
 
 
 class Robot(msgspec.Struct, frozen=True, kw_only=True):
-    """A camera, an IMU and transforms for `seconds`: topic -> messages a second, and bytes of an image."""
+    """The work of a robot with a camera, an IMU and transforms for `seconds`.
+
+    It has the messages a second by topic, and the size of an image in bytes.
+    """
 
     seconds: float
     rates: dict[str, float]
@@ -49,16 +52,17 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total(self) -> int:
-        """All messages, with the first of each topic, which comes before the others."""
+        """Number of all messages, including the first message of each topic, which is sent before the
+        others."""
         return sum(self.counts.values()) + len(self.rates)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Of each topic."""
+        """Number of messages by topic, without the first ones."""
         return {topic: int(rate * self.seconds) for topic, rate in self.rates.items()}
 
     def messages(self) -> dict[str, Any]:
-        """What is sent on each topic."""
+        """The message for each topic."""
         header = Header(frame_id="base")
         transforms = [
             TransformStamped(
@@ -77,14 +81,14 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Topics(msgspec.Struct, frozen=True):
-    """So many topics, of several types."""
+    """The number of topics, which have several types."""
 
     number: int
 
 
 @contextmanager
 def _recording(node: bus.Node, overrides: dict[str, bus.QoSProfile]) -> Iterator[Recorder]:
-    """A recording of all topics, which ends with this."""
+    """Record all topics until the end of the block."""
     settle_process()
     folder = Path(os.environ[FOLDER]) / f"bag_{os.getpid()}"
     wanted = Wanted(all_topics=True)
@@ -98,7 +102,7 @@ def _recording(node: bus.Node, overrides: dict[str, bus.QoSProfile]) -> Iterator
 
 
 async def _until(is_done: Callable[[], bool], limit_s: float) -> None:
-    """Look until it is, or for so long."""
+    """Poll until `is_done`, for at most `limit_s`."""
     for _ in range(int(limit_s / _LOOK_S)):
         if is_done():
             break
@@ -106,7 +110,7 @@ async def _until(is_done: Callable[[], bool], limit_s: float) -> None:
 
 
 async def _until_written(recorder: Recorder, count: int, limit_s: float) -> int:
-    """Until so many messages are in the file, or for so long; returns when."""
+    """Wait until `count` messages are in the file, for at most `limit_s`; returns the time of the end."""
     pipeline = recorder.pipeline
     await _until(lambda: pipeline.messages >= count, limit_s)
     pipeline.flush()
@@ -115,15 +119,15 @@ async def _until_written(recorder: Recorder, count: int, limit_s: float) -> int:
 
 
 def _lost(recorder: Recorder) -> dict[str, int]:
-    """By reason."""
+    """Lost messages by reason."""
     return dict(sum((Counter(one.lost) for one in recorder.pipeline.losses().values()), Counter()))
 
 
-# --- as fast as it goes
+# --- at full speed
 
 
 async def subscriber(parent: Parent) -> None:
-    """Takes a flood, as `work.take_by` says, or stands beside a paced stream until the end."""
+    """Take a flood, as `work.take_by` says, or run beside a paced stream until the end."""
     work: Work = options(Work)
     async with bus.Node("bench_subscriber", rosout=False) as node:
         take = _record_flood if work.take_by == RECORD else _count_flood
@@ -165,7 +169,7 @@ async def _count_flood(parent: Parent, node: bus.Node, work: Work) -> None:
 
 
 async def publisher(parent: Parent) -> None:
-    """Publishes a paced stream, and measures how long each call takes."""
+    """Publish a paced stream, and measure the duration of each call."""
     work: Work = options(Work)
     took_ns: list[int] = []
     cpu_ns: list[int] = []
@@ -191,7 +195,7 @@ async def publisher(parent: Parent) -> None:
 
 
 async def robot(parent: Parent) -> None:
-    """Publishes what a robot does, by a schedule."""
+    """Publish the robot's messages by a schedule."""
     work: Robot = options(Robot)
     messages = work.messages()
     due_s = sorted(
@@ -206,7 +210,7 @@ async def robot(parent: Parent) -> None:
         for pub in pubs.values():
             await pub.wait_for_subscriptions()
         for topic, message in messages.items():
-            await pubs[topic].send(message)  # with the first of a type its encoder is made
+            await pubs[topic].send(message)  # the first message of a type makes its encoder
         parent.tell("ready")
         await parent.wait_for("go")
         begin_s = loop.time()
@@ -219,7 +223,7 @@ async def robot(parent: Parent) -> None:
 
 
 async def robots_taker(parent: Parent) -> None:
-    """Records what a robot says, or writes it to a file as it comes."""
+    """Record the robot's messages, or write them to a file as they arrive."""
     work: Robot = options(Robot)
     async with bus.Node("taker", rosout=False) as node:
         if work.take_by == RECORD:
@@ -264,7 +268,7 @@ async def _write_all(parent: Parent, node: bus.Node, work: Robot) -> None:
 
 
 async def topics(parent: Parent) -> None:
-    """Publishers of many topics, and when the last of them has a subscription."""
+    """Make publishers of many topics; report when the last one has a subscription."""
     work: Topics = options(Topics)
     kinds: list[type[Any]] = [String, Image, Imu, JointState, message_class("tf2_msgs/msg/TFMessage")]
     async with bus.Node("many", rosout=False) as node:
@@ -281,7 +285,7 @@ async def topics(parent: Parent) -> None:
 
 
 async def topics_taker(parent: Parent) -> None:
-    """Records all topics, once it is told to."""
+    """Record all topics after the word `go`."""
     parent.tell("ready")
     await parent.wait_for("go")
     async with bus.Node("taker", rosout=False) as node:
@@ -293,14 +297,14 @@ async def topics_taker(parent: Parent) -> None:
 
 
 class Instants(msgspec.Struct, frozen=True):
-    """So many, so many a second."""
+    """The number of instants, and their rate a second."""
 
     count: int
     rate: float
 
 
 async def timer(parent: Parent) -> None:
-    """How late the timers of the event loop are, with nothing to do."""
+    """Measure the lateness of the event loop's timers without other work."""
     work: Instants = options(Instants)
     loop = asyncio.get_running_loop()
     late_ns: list[int] = []
@@ -328,7 +332,7 @@ async def timer(parent: Parent) -> None:
 
 
 async def listener(parent: Parent) -> None:
-    """Takes what a player publishes."""
+    """Take the messages that a player publishes."""
     async with bus.Node("listener", rosout=False) as node:
         await node.create_subscription(String, options(Work).topic, 1000, lambda message: None)
         parent.tell("ready")

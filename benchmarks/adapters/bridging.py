@@ -1,4 +1,4 @@
-"""Processes of bridge.py and fleet.py: many endpoints, and messages that nobody need get."""
+"""Processes of bridge.py and fleet.py: many endpoints, and messages that may be lost."""
 
 import asyncio
 import sys
@@ -11,11 +11,11 @@ from bus.msg.std_msgs import String
 from bus.msg.std_msgs import UInt8MultiArray as Bytes
 
 _EACH = 20
-"""Endpoints of a node."""
+"""Endpoints of each node."""
 
 
 class Crowd(msgspec.Struct, frozen=True):
-    """So many endpoints, each on a topic that begins with `prefix`: publishers, or `both` kinds in turn."""
+    """The number of endpoints, each on a topic with `prefix`: publishers only, or `both` kinds in turn."""
 
     endpoints: int
     prefix: str
@@ -32,11 +32,11 @@ class Torrent(msgspec.Struct, frozen=True):
 
 
 def _hear(message: object) -> None:
-    """It is only there."""
+    """Does nothing: the subscription only has to exist."""
 
 
 async def crowd(parent: Parent) -> None:
-    """Says `made` once all endpoints are there, and stays."""
+    """Make the endpoints, say `made`, and stay."""
     what: Crowd = options(Crowd)
     parent.tell("ready")
     await parent.wait_for("go")
@@ -55,7 +55,7 @@ async def crowd(parent: Parent) -> None:
 
 
 async def torrent(parent: Parent) -> None:
-    """Publishes from the word `go` on, whoever listens."""
+    """Publish from the word `go` on, with or without subscriptions."""
     what: Torrent = options(Torrent)
     async with bus.Node("torrent", rosout=False) as node:
         publisher = await node.create_publisher(Bytes, what.topic, what.depth)
@@ -70,7 +70,7 @@ async def torrent(parent: Parent) -> None:
 
 
 async def sink(parent: Parent) -> None:
-    """Listens to a torrent, and says `flows` when it comes."""
+    """Subscribe to a torrent, and say `flows` at its first message."""
     what: Torrent = options(Torrent)
     flows = asyncio.Event()
     async with bus.Node("sink", rosout=False) as node:

@@ -1,4 +1,4 @@
-"""busd with std_msgs/String by the API for scripts (`bus.connect`): no event loop, each call waits."""
+"""busd with std_msgs/String by the API for scripts (`bus.connect`): no event loop, each call blocks."""
 
 import gc
 import signal
@@ -46,7 +46,7 @@ def subscriber() -> None:
 
 
 def _complete(coroutine: Coroutine[Any, Any, None]) -> None:
-    """Run one that waits for nothing."""
+    """Run a coroutine that never waits."""
     try:
         coroutine.send(None)
     except StopIteration:
@@ -60,11 +60,11 @@ def _expect(word: str) -> None:
 
 
 def _end() -> None:
-    """Wait until the parent has no more words."""
+    """Wait until the parent closes stdin."""
     sys.stdin.read()
 
 
 if __name__ == "__main__":
     signal.alarm(LIFE_S)
-    gc.freeze()  # as `benchmarks.worker.run`
+    gc.freeze()  # as in `benchmarks.worker.run`
     {"publisher": publisher, "subscriber": subscriber}[sys.argv[1]]()

@@ -1,7 +1,7 @@
-"""busd with a message that is one field of bytes: copied in and out, or loaned and viewed.
+"""busd with a message of one field of bytes: copied in and out, or loaned and viewed.
 
-`publish_by` "loan": the publisher fills a place in its ring, once. `take_by` "views": the subscriber reads
-it there. Of what comes only the head is looked at, as a program would that hands the rest on.
+With `publish_by` "loan", the publisher fills a slot in its ring, once. With `take_by` "views", the subscriber
+reads the message there. It only reads the head, like a program that passes the rest on.
 """
 
 import asyncio
@@ -21,22 +21,22 @@ _LOSSLESS = bus.QoSProfile(history="keep_all")
 
 
 class Frame(msgspec.Struct):
-    """As a camera's, without a header."""
+    """A frame like a camera's, without a header."""
 
     data: bytes = b""
 
 
 class Feeder:
-    """Publishes frames of one size. Those that are loaned are each filled by one copy of the same bytes."""
+    """Publishes frames of one size. Each loaned frame is filled by one copy of the same bytes."""
 
     def __init__(self, pub: bus.Publisher[Frame], work: Work) -> None:
         self._pub = pub
         self._body = text_of(work.size).encode()
         self._by_loan = work.publish_by == "loan"
-        self.size = HEAD if self._by_loan else work.size  # of what is made for each frame
+        self.size = HEAD if self._by_loan else work.size  # size of the bytes made for each frame
 
     def feed(self, data: bytes) -> bool:
-        """A frame that is `data`, or by a loan one that begins with it."""
+        """Publish a frame with `data`. A loaned frame only begins with it."""
         if not self._by_loan:
             return self._pub.publish(Frame(data=data))
         loan = self._pub.loan(Frame(), "data", len(self._body))
@@ -48,11 +48,11 @@ class Feeder:
         return loan.publish()
 
     def feed_or_wait(self, data: bytes) -> Awaitable[None] | None:
-        """As `feed`; where there is no room, what waits until there is."""
+        """As `feed`; without room, returns an awaitable that waits for room."""
         return None if self.feed(data) else self._pub.send(Frame(data=data + self._body[len(data) :]))
 
     async def flood(self, count: int) -> None:
-        """So many frames. Where there is no room, one more is sent by copy, which waits until there is."""
+        """Publish `count` frames. Without room, send one more by copy, which waits for room."""
         feed, data = self.feed, b"" if self._by_loan else self._body
         for _ in range(count):
             if not feed(data):

@@ -1,4 +1,5 @@
-"""busd with std_msgs/String from one process to several, as fast as it goes and waiting for none."""
+"""busd with std_msgs/String from one process to several, at full speed and without waiting for
+subscribers."""
 
 import asyncio
 import sys
@@ -12,14 +13,14 @@ from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
 _TURN = 64
-"""So many are published at a time, and then the event loop gets a turn."""
+"""Number of messages published at a time, before the event loop gets a turn."""
 _END = "the end"
 _ACCOUNTS_S = 5.0
 _LOOK_S = 0.02
 
 
 class Fan(msgspec.Struct, frozen=True, kw_only=True):
-    """`count` messages of `size` characters and a last one, to each of `subscribers`."""
+    """`count` messages of `size` characters and a last message, to each of `subscribers`."""
 
     size: int
     count: int
@@ -65,7 +66,7 @@ async def subscriber(parent: Parent) -> None:
         parent.tell("ready")
         await ended.wait()
         totals = sub.statistics()
-        # What busd has dropped it tells a moment later.
+        # busd reports its dropped messages a moment later.
         deadline_ns = monotonic_ns() + int(_ACCOUNTS_S * 1e9)
         while totals.delivered + sum(totals.dropped.values()) <= fan.count and monotonic_ns() < deadline_ns:
             await asyncio.sleep(_LOOK_S)

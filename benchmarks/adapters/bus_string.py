@@ -1,4 +1,4 @@
-"""busd with std_msgs/String, by the route that the environment asks for."""
+"""busd with std_msgs/String, by the route that the environment names."""
 
 import asyncio
 import sys
@@ -14,19 +14,19 @@ from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
 LARGE = 1 << 16
-"""From so many bytes on a publisher waits for subscriptions that are behind, and keeps few messages."""
+"""From this size on, in bytes, a publisher waits for late subscriptions, and keeps few messages."""
 _FEW, _PAUSE_S = 10, 0.001
 _TURN = 64
-"""Messages that may be lost are published so many at a time, and then the event loop gets a turn."""
+"""Number of lossy messages published at a time, before the event loop gets a turn."""
 
 
 def qos_of(work: Work) -> bus.QoSProfile:
-    """What both ends of a measurement have."""
+    """The QoS of both ends of a measurement."""
     if work.publish_by == LAST:
         return bus.QoSProfile(depth=10)
     if not work.rate or work.size >= LARGE:
         return bus.QoSProfile(history="keep_all")
-    # So many that a process which the scheduler forgets for a while loses none.
+    # Enough to lose no message if the scheduler does not run a process for a while.
     return bus.QoSProfile(depth=work.depth)
 
 
@@ -172,7 +172,7 @@ async def _take_to_the_last(parent: Parent, node: bus.Node, work: Work) -> None:
 
 
 def fail(lost: bus.MessageLost) -> None:
-    """End this program where messages that should all come do not."""
+    """End this program if a message was lost that must not be lost."""
     raise RuntimeError(f"lost: {lost.reasons}")
 
 

@@ -1,12 +1,12 @@
-"""cyclonedds: DDS over UDP by loopback, reliable and keep all at both ends, so that a flood loses nothing.
+"""cyclonedds: DDS over UDP on loopback, reliable and keep all at both ends, so a flood loses nothing.
 
-Datagrams are as long as they may be, and socket buffers too: with the defaults 1 MiB is several times
-slower. The subscriber waits in a WaitSet in a thread of its own, since the library's documentation advises
-against Python in listeners, and takes up to a hundred messages at once. No multicast: participants find each
-other by their ports on loopback, and those of other runs have another tag. The wheel has no shared memory.
+Datagrams and socket buffers have the largest possible size: with the defaults, 1 MiB is several times slower.
+The subscriber waits in a WaitSet in a separate thread, because the library's documentation advises against
+Python in listeners. It takes up to a hundred messages at once. There is no multicast: participants find each
+other by their ports on loopback, and each run has another tag. The wheel has no shared memory.
 
-Where the environment has BENCH_ROS, the number of a domain, it is in that, and topic and type are named as
-ROS 2 names them: so it meets `bus bridge ros2`.
+If the environment has BENCH_ROS, the number of a domain, the participants use that domain, and ROS 2's names
+for topic and type. Then they meet `bus bridge ros2`.
 """
 
 import asyncio
@@ -47,7 +47,7 @@ _QOS = Qos(
 )
 _BATCH = 100
 _DOMAINS = 100
-"""So few that their ports are below those which the kernel gives out."""
+"""Small enough for ports below the ports that the kernel assigns."""
 _CONFIG = """<CycloneDDS><Domain><General>
     <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast>
     <MaxMessageSize>65500 B</MaxMessageSize><FragmentSize>65000 B</FragmentSize>
@@ -57,25 +57,26 @@ _CONFIG = """<CycloneDDS><Domain><General>
 
 
 _domains: list[Domain] = []
-"""Held: one that nobody holds is deleted, and a participant then makes one without this configuration."""
+"""References to the domains. Without one, a domain is deleted, and a participant then makes one without this
+configuration."""
 
 
 @dataclass
 class Text(IdlStruct, typename="bench.Text"):  # type: ignore[call-arg]
-    """What is sent."""
+    """The message."""
 
     data: str
 
 
 @dataclass
 class RosText(IdlStruct, typename="std_msgs::msg::dds_::String_"):  # type: ignore[call-arg]
-    """The same, under the name that std_msgs/String has in DDS."""
+    """The message with the name that std_msgs/String has in DDS."""
 
     data: str
 
 
 def _join() -> tuple[DomainParticipant, Topic[Any], Any]:
-    """The participant, the topic, and the class of its messages."""
+    """Make the participant and the topic; returns them and the class of the messages."""
     name = Path(os.environ["BENCH_FOLDER"]).name
     number, tag = 1 + crc32(name.encode()) % _DOMAINS, f"<Tag>{name}</Tag>"
     topic, kind = TOPIC, Text

@@ -1,4 +1,5 @@
-"""A process of discovery.py: declares its share of many topics, and says when all of it is matched."""
+"""A process of discovery.py: declares its share of many topics, and reports when all endpoints are
+matched."""
 
 import asyncio
 from collections.abc import Awaitable
@@ -13,10 +14,10 @@ from bus.msg.std_msgs import String
 
 
 class Share(msgspec.Struct, frozen=True):
-    """Process `index` of `processes`, which publish and subscribe to `topics` in all.
+    """Process `index` of `processes`, which publish and subscribe to `topics` in total.
 
-    Of each topic there is one publisher and one subscription, in different processes, and every process
-    hears all others. `at_once`: all endpoints are asked for before the first answer, and not one by one.
+    Each topic has one publisher and one subscription, in different processes, and every process subscribes to
+    topics of all others. `at_once`: request all endpoints before the first answer, not one by one.
     """
 
     index: int
@@ -25,11 +26,11 @@ class Share(msgspec.Struct, frozen=True):
     at_once: bool = False
 
     def published(self) -> list[str]:
-        """Topics that this process publishes."""
+        """The topics that this process publishes."""
         return [f"topic_{number}" for number in range(self.index, self.topics, self.processes)]
 
     def heard(self) -> list[str]:
-        """Topics that this process subscribes to."""
+        """The topics that this process subscribes to."""
         return [
             f"topic_{number}"
             for number in range(self.topics)
@@ -38,11 +39,11 @@ class Share(msgspec.Struct, frozen=True):
 
 
 def _hear(message: String) -> None:
-    """Nothing is published."""
+    """Never called: nothing is published."""
 
 
 async def declare(node: bus.Node, share: Share) -> list[Awaitable[None]]:
-    """Make all endpoints; returns what is to be waited for until each is matched."""
+    """Make all endpoints; returns an awaitable for each, which waits for its match."""
     makers: list[Any] = [node.create_publisher(String, topic) for topic in share.published()]
     makers += [node.create_subscription(String, topic, callback=_hear) for topic in share.heard()]
     made = await asyncio.gather(*makers) if share.at_once else [await maker for maker in makers]

@@ -1,13 +1,13 @@
-"""eclipse-ecal by its layer of shared memory, with the handshake that makes it lossless.
+"""eclipse-ecal by its shared memory layer, with the handshake that makes it lossless.
 
-`send` returns once all subscribers have taken the message; without `acknowledge_timeout_ms` the next one
-would overwrite it. More buffers (`memfile_buffer_count`) don't help then; `zero_copy_mode` saves the
-subscriber a copy. The callback runs in a thread of eCAL's.
+`send` returns when all subscribers have taken the message. Without `acknowledge_timeout_ms`, the next message
+would overwrite it, and more buffers (`memfile_buffer_count`) do not prevent that. `zero_copy_mode` saves a
+copy in the subscriber. The callback runs in a thread of eCAL.
 
-Publishers and subscribers find each other by shared memory, too, in a domain of this run's own. They look
-around every 100 ms and not every second, the default, with which they need two seconds to match; but for
-those that are measured as shipped (BENCH_ECAL_SHIPPED), and for a `Work` of no messages, where they are
-watched being idle. The domain's files are removed here, since eCAL leaves them.
+Publishers and subscribers also find each other by shared memory, in a separate domain for each run. They
+register every 100 ms. With the default of one second they need two seconds to match. There are two exceptions
+with the default: systems measured as shipped (BENCH_ECAL_SHIPPED), and a `Work` without messages, for
+measurements of idle systems. This module removes the domain's files, because eCAL leaves them.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ _TEXT = ecal.DataTypeInformation("string", "utf-8")
 
 @contextmanager
 def _joined(role: str, work: Work) -> Iterator[str]:
-    """eCAL is initialized; gives the topic's name."""
+    """Initialize eCAL for the block; yields the topic's name."""
     config = ecal.get_configuration()
     name = Path(os.environ["BENCH_FOLDER"]).name
     registration = config.registration

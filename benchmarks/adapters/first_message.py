@@ -1,4 +1,4 @@
-"""Programs of startup.py: a listener for a talker that knows nothing of stamps, and one with both ends."""
+"""Programs of startup.py: a listener for a talker without stamps, and a program with both."""
 
 import asyncio
 import sys
@@ -11,7 +11,7 @@ from bus.msg.std_msgs import String
 
 
 async def listener(parent: Parent) -> None:
-    """Says when the first message came."""
+    """Report the arrival of the first message."""
     async with bus.Node("bench_listener") as node:
         sub = await node.create_subscription(String, TOPIC)
         parent.tell("ready")
@@ -22,7 +22,7 @@ async def listener(parent: Parent) -> None:
 
 
 async def alone() -> None:
-    """Talker and listener in one program; says when the message came."""
+    """Talker and listener in one program; reports the arrival of the message."""
     async with bus.Node("bench_alone") as node:
         sub = await node.create_subscription(String, TOPIC)
         pub = await node.create_publisher(String, TOPIC)

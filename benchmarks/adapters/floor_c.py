@@ -1,6 +1,8 @@
-"""The floor in C: becomes the program of benchmarks/floors, by shared memory and eventfd, or by UNIX socket.
+"""The floor in C: runs the program of benchmarks/floors, with shared memory and eventfd, or with a UNIX
+socket.
 
-What ends in the subscriber's hands is a copy of the bytes; no `str` is made of them. One to one only.
+The subscriber ends with a copy of the bytes, and does not make a `str` of them. One publisher and one
+subscriber only.
 """
 
 import os
@@ -11,13 +13,13 @@ from benchmarks.work import Work
 from benchmarks.worker import options
 
 PROGRAM = ROOT / "benchmarks" / "floors" / "build" / "floor"
-"""Made by `make` in that folder."""
+"""`make` in that folder builds it."""
 WAY = "BENCH_C_WAY"
-"""The variable that says which: shm or socket."""
+"""The variable with the way: shm or socket."""
 
 
 def become(role: str, work: Work) -> None:
-    """Go on as the program in C."""
+    """Replace this process by the program in C."""
     numbers = (work.size, work.count, work.warm_up, work.rate)
     words = (str(PROGRAM), role, os.environ[WAY], os.environ["BENCH_FOLDER"], *map(str, numbers))
     os.execv(PROGRAM, words)

@@ -1,7 +1,7 @@
-"""The barest Python program: a word and payloads in a memfd, and an eventfd that wakes the reader's uvloop.
+"""A minimal Python program: a word and payloads in a memfd, and an eventfd that wakes the reader's uvloop.
 
-The word counts what was written. No framing, no types, no discovery, no look at whether the reader keeps up,
-and nothing orders the accesses beyond what the processor does by itself. Only paced.
+The word counts the written messages. It has no framing, no types, no discovery and no check that the reader
+keeps up. Only the processor orders the accesses to memory. Paced only.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ from benchmarks.worker import Parent, options, run
 
 _WORD = struct.Struct("<Q")
 _PLACES = 1000
-"""A second of messages: a reader that the scheduler forgets for a while finds them all."""
+"""Messages of one second: enough if the scheduler does not run the reader for a while."""
 
 
 def _path() -> str:

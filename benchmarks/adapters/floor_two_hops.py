@@ -1,9 +1,9 @@
 """The floor of every broker in Python: two bare hops over UNIX sockets, on uvloop's protocols.
 
-    publisher -> relay -> subscriber, each a process; the relay writes on what it reads.
+    publisher -> relay -> subscriber, each a process; the relay writes the data that it reads.
 
-No framing, no queues, no types, no discovery: messages have one size, and the text is encoded and decoded,
-because it ends as a `str` in the subscriber's hands here too. Only paced.
+It has no framing, no queues, no types and no discovery: all messages have the same size. The text is encoded
+and decoded, because the subscriber gets a `str` here, too. Paced only.
 """
 
 import asyncio
@@ -43,7 +43,7 @@ class _ToSubscriber(asyncio.Protocol):
         self._subscribers = subscribers
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        # uvloop's transports are not asyncio's by class.
+        # The classes of uvloop's transports do not derive from asyncio's.
         writer = cast(asyncio.WriteTransport, transport)
         self._subscribers.append(writer)
         writer.write(_GREETING)

@@ -20,11 +20,11 @@ _LEAST_DEPTH, _MOST_DEPTH = 100, 10_000
 
 
 class Load(msgspec.Struct, frozen=True, kw_only=True):
-    """`rate` messages a second in all, over `topics` in turn, which have `subscriptions` each.
+    """`rate` messages a second in total over `topics` in turn, each with a number of `subscriptions`.
 
-    These are spread over `processes`. Publishers and subscriptions belong to so many `nodes` of their
-    process. Or only so many `endpoints` of one process, half of them publishers, which are matched with the
-    others.
+    The subscriptions are spread over `processes`. The publishers and subscriptions of a process belong to its
+    `nodes`. If `endpoints` is set, one process only makes that many endpoints: half of them publishers, which
+    match the other half.
     """
 
     topics: int = 1
@@ -38,26 +38,26 @@ class Load(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def count(self) -> int:
-        """Messages that are measured."""
+        """Number of measured messages."""
         return max(1, int(self.rate * self.seconds))
 
     @property
     def warm_up(self) -> int:
-        """Messages before them: each topic has some."""
+        """Number of messages before the measured ones: each topic gets some."""
         return self.topics * max(1, 100 // self.topics)
 
     @property
     def in_each(self) -> int:
-        """Subscriptions of a topic in one process."""
+        """Number of subscriptions of a topic in one process."""
         return self.subscriptions // self.processes
 
     @property
     def depth(self) -> int:
-        """Enough for a process that the scheduler forgets for a while."""
+        """Enough to lose no message if the scheduler does not run a process for a while."""
         return max(_LEAST_DEPTH, min(_MOST_DEPTH, int(self.rate * _BEHIND_S / self.topics)))
 
     def work(self, times: int = 1) -> Work:
-        """The paced work; for a process that takes each message several times, so much more of it."""
+        """The paced work. A process that takes each message several times has `times` as many messages."""
         return Work(size=self.size, count=self.count * times, warm_up=0, rate=self.rate)
 
 
@@ -85,7 +85,8 @@ async def publisher(parent: Parent) -> None:
             next(turns).publish(String(data="warm-up"))
             await asyncio.sleep(0)
         await parent.wait_for("go")
-        # No flush: a thousand of them would count for the messages, and the loop goes on until all have left.
+        # No flush: a thousand of them would distort the measurement, and the loop runs until all messages are
+        # sent.
         await pace(lambda text: next(turns).publish(String(data=text)), load.work())
         await asyncio.Event().wait()
 
@@ -120,7 +121,7 @@ async def declarer(parent: Parent) -> None:
     async with bus.Node("bench_declarer") as node:
         first = await node.create_publisher(String, "first")
         await node.create_subscription(String, "first", callback=_ignore)
-        await first.wait_for_subscriptions()  # has loaded and made what all have in common
+        await first.wait_for_subscriptions()  # loads and makes everything that endpoints share
         parent.tell("ready", route=first.matches[0].route)
         await parent.wait_for("go")
         begin_ns = monotonic_ns()
@@ -134,7 +135,7 @@ async def declarer(parent: Parent) -> None:
 
 
 def _ignore(message: String) -> None:
-    """Nothing is published."""
+    """Never called: nothing is published."""
 
 
 if __name__ == "__main__":

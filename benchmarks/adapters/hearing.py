@@ -1,4 +1,4 @@
-"""A process of launching.py: hears nodes that are launched, and says when it has heard each of them."""
+"""A process of launching.py: subscribes to launched nodes, and reports when it has a message of each."""
 
 import asyncio
 from time import monotonic_ns
@@ -11,7 +11,7 @@ from bus.msg.std_msgs import String
 
 
 class Heard(msgspec.Struct, frozen=True):
-    """So many nodes, each of which says its own text on the topic."""
+    """The number of nodes. Each publishes a different text on the topic."""
 
     topic: str
     nodes: int

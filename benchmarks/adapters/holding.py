@@ -1,4 +1,4 @@
-"""A process of memory.py: makes endpoints when it is told to, says what it uses, and holds them."""
+"""A process of memory.py: makes endpoints on request, reports its memory, and keeps them."""
 
 import asyncio
 import gc
@@ -16,20 +16,20 @@ _PRIVATE = ("Private_Clean:", "Private_Dirty:")
 
 
 class Holding(msgspec.Struct, frozen=True):
-    """How many endpoints of the default QoS."""
+    """Numbers of endpoints with the default QoS."""
 
     number: int
 
 
 class Usage(NamedTuple):
-    """KiB of a process: its own, and of shared memory that it has mapped."""
+    """Memory of a process in KiB: its own, and the shared memory that it has mapped."""
 
     private: int
     shared: int
 
 
 def usage_of(process: int | str) -> Usage:
-    """What the process uses now. Segments count as they were reserved, and each once. Raises OSError."""
+    """The memory of a process now. Segments count with their reserved size, each once. Raises OSError."""
     private, is_segment, inode = 0, False, ""
     segments: dict[str, int] = {}
     for line in (Path("/proc") / str(process) / "smaps").read_text().splitlines():
@@ -46,7 +46,7 @@ def usage_of(process: int | str) -> Usage:
 async def publisher(parent: Parent) -> None:
     number = options(Holding).number
     async with bus.Node("bench_publisher") as node:
-        await node.create_publisher(String, "memory_0")  # loads and makes what all have in common
+        await node.create_publisher(String, "memory_0")  # loads and makes everything that endpoints share
         await _ready(parent)
         pubs = [await node.create_publisher(String, f"memory_{index}") for index in range(1, number + 1)]
         _made(parent)

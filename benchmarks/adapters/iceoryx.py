@@ -1,13 +1,13 @@
 """iceoryx2 by its Python binding: a sample is loaned in shared memory, filled, and read there.
 
-The subscriber blocks in a listener, which the publisher notifies after each sample (`take_by` "event"), or
-asks again and again and uses a whole CPU for that ("polling"). The payload ends as a `str`, as everywhere;
-where it is used in place (`publish_by` "loan"), only the head of what is long is looked at. In a flood the
-publisher waits where a subscriber's buffer is full; version 0.10 does not always do so, though it is told to
-(RetryUntilDelivered), so a sample that no subscriber took is sent again.
+With `take_by` "event", the subscriber blocks in a listener, which the publisher notifies after each sample.
+With "polling" it polls all the time and uses a whole CPU. The payload ends as a `str`, as in all systems.
+With `publish_by` "loan" it is used in place, and only the head of a long payload is read. In a flood the
+publisher waits while a subscriber's buffer is full. Version 0.10 does not always wait, although it has the
+option for it (RetryUntilDelivered). So the publisher sends a sample again if no subscriber took it.
 
-It keeps a file of its own in /dev/shm and a folder in /tmp, also after the run, by which its next process
-removes what one that was ended has left.
+iceoryx2 keeps a file in /dev/shm and a folder in /tmp, also after the run. They allow its next process to
+clean up after a killed one.
 """
 
 import ctypes
@@ -29,7 +29,7 @@ _LEAST = 4
 
 
 class _Services:
-    """The node and its two services; all ends ask for the same."""
+    """The node and its two services; all ends open the same ones."""
 
     def __init__(self, work: Work) -> None:
         iceoryx2.set_log_level(iceoryx2.LogLevel.Error)

@@ -1,4 +1,4 @@
-"""A process of idle.py: its node publishes some topics, subscribes to those of its neighbour, and waits."""
+"""A process of idle.py: its node publishes some topics, subscribes to its neighbour's topics, and waits."""
 
 import asyncio
 
@@ -10,7 +10,7 @@ from bus.msg.std_msgs import String
 
 
 class Place(msgspec.Struct, frozen=True):
-    """Process `index` of `processes`, each with `topics` of its own."""
+    """Process `index` of `processes`. Each publishes a number of `topics`."""
 
     index: int
     processes: int

@@ -1,4 +1,4 @@
-"""The processes of look.py: many topics that are busy, and `bus top` on a terminal of so many cells."""
+"""The processes of look.py: many busy topics, and `bus top` on a terminal of a given size."""
 
 import asyncio
 from argparse import Namespace
@@ -18,7 +18,7 @@ _WARM_UP = 5
 
 
 class Load(msgspec.Struct, frozen=True, kw_only=True):
-    """So many `topics`, each with a publisher and a subscription; or so many `looks` at them."""
+    """The number of `topics`, each with a publisher and a subscription, or the number of `looks` at them."""
 
     topics: int = 0
     looks: int = 0
@@ -34,7 +34,7 @@ async def main(parent: Parent) -> None:
 
 
 async def _talk(parent: Parent, topics: int) -> None:
-    """Each topic says something twice a second, so that all counters change between two looks."""
+    """Publish on each topic twice a second, so that all counters change between two looks."""
     async with bus.Node("talker") as talker, bus.Node("listener") as listener:
         names = [f"/robot/part_{number % _NODES}/topic_{number}" for number in range(topics)]
         publishers = [await talker.create_publisher(String, name, 10) for name in names]
@@ -59,7 +59,7 @@ async def _look(parent: Parent, load: Load) -> None:
         state = State()
         top = Top(node, 1.0, state)
         async with top.run_test(size=load.size):
-            state.is_paused = True  # from here on this looks
+            state.is_paused = True  # from now on this program looks itself
             spent_s = []
             for _ in range(load.looks + _WARM_UP):
                 await asyncio.sleep(0.5)

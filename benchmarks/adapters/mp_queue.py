@@ -1,8 +1,9 @@
-"""multiprocessing.Queue from one process to another, where each is a program of its own.
+"""multiprocessing.Queue from one process to another, between two separate programs.
 
-A queue can only be given to a child when that is spawned. So the subscriber, which makes it, acts as if it
-spawned the publisher, and sends it by a UNIX socket what a child would get on its way: the state of the
-queue, and the descriptors of its pipe. From there on it is used as ever: `put`, and `get`, which blocks.
+multiprocessing only passes a queue to a child process while it spawns the child. So the subscriber, which
+makes the queue, acts as if it spawned the publisher. By a UNIX socket it sends the data that a child would
+get: the state of the queue, and the descriptors of its pipe. After that, both use the queue as usual: `put`,
+and `get`, which blocks.
 """
 
 import multiprocessing
@@ -21,11 +22,11 @@ from benchmarks.worker import Parent, options, run
 _DEPTH, _DEPTH_BYTES = 30_000, 32 << 20
 _STATE_BYTES = 1 << 16
 _given: list[int] = []
-"""Descriptors that go with the state, which names them by their place here."""
+"""Descriptors to send with the state. The state names them by their index here."""
 
 
 class _Given:
-    """A descriptor in a state: made where that is pickled, detached where it is unpickled."""
+    """A descriptor in a pickled state: made when pickling, detached when unpickling."""
 
     def __init__(self, place: int) -> None:
         self._place = place
@@ -35,7 +36,7 @@ class _Given:
 
 
 class _Spawning:
-    """What multiprocessing sees of the process that is spawned."""
+    """Replaces the object of a spawned process for multiprocessing."""
 
     DupFd = _Given
 

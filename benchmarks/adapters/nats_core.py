@@ -1,8 +1,7 @@
-"""nats-py with a nats-server of our own, over loopback TCP: the server has no other way.
+"""nats-py with a nats-server started by the benchmark, over loopback TCP: the server has no other transport.
 
-Publish and subscribe of core NATS, which has no acknowledgement, and cuts off a subscriber that is too slow.
-In a flood the subscriber therefore tells now and then that it has what came (`roles.Window`), so that nothing
-is lost.
+It uses publish and subscribe of core NATS, which has no acknowledgement and disconnects slow subscribers. So
+in a flood, the subscriber regularly confirms the received messages (`roles.Window`), and no message is lost.
 """
 
 import asyncio

@@ -1,7 +1,7 @@
-"""A process that only asks busd whether it is there: how long busd leaves it without an answer.
+"""A process that only pings busd: measures the longest time without an answer of busd.
 
-Pings by a client of its own, one after the other. Says `ready` when the first was answered, and on the word
-`report` `pinged` with `longest_ms`, the longest that one took to be answered since then.
+It pings by a separate client, one ping after the other. It says `ready` after the first answer. On the word
+`report` it says `pinged` with `longest_ms`, the longest time until an answer since then.
 """
 
 import sys

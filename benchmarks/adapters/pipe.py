@@ -1,7 +1,7 @@
-"""multiprocessing.Pipe: its two ends in two processes that are not each other's children.
+"""multiprocessing.Pipe, with its two ends in two processes that are not parent and child.
 
-The subscriber calls `recv` and blocks in it, as a plain program does (`take_by` "blocking"), or calls it
-where its event loop sees something to read.
+The subscriber blocks in `recv`, as a plain program does (`take_by` "blocking"), or calls it when its event
+loop reports input.
 """
 
 import asyncio

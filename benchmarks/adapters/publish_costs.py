@@ -1,4 +1,4 @@
-"""The program of check_cost.py: times the parts of `publish` and `take` for some messages, round by round."""
+"""The program of check_cost.py: times the parts of `publish` and `take` for some messages, in rounds."""
 
 import asyncio
 from collections.abc import Callable
@@ -20,13 +20,13 @@ _DEPTH = 1000
 
 
 class Rounds(msgspec.Struct, frozen=True):
-    """About how long each part of a round may take."""
+    """The approximate duration of each part of a round."""
 
     part_s: float
 
 
 def messages() -> dict[str, msgspec.Struct]:
-    """What is published, filled with values as they occur."""
+    """The messages to publish, filled with typical values."""
     header = Header(frame_id="base_link")
     return {
         "String of 64 B": String(data=text_of(64)),
@@ -45,7 +45,7 @@ def messages() -> dict[str, msgspec.Struct]:
 
 
 def per_call_ns(call: Callable[[Any], object], message: object, limit_s: float) -> float:
-    """Mean time of a call over about `limit_s`."""
+    """Mean time of a call, measured for about `limit_s`."""
     timer = Timer("call(message)", globals={"call": call, "message": message})
     once_s = min(timer.repeat(3, 1))
     number = max(1, min(100_000, int(limit_s / max(once_s, 1e-8))))
@@ -53,7 +53,7 @@ def per_call_ns(call: Callable[[Any], object], message: object, limit_s: float) 
 
 
 async def publish_ns(pub: bus.Publisher[Any], message: msgspec.Struct, number: int, burst: int) -> float:
-    """Mean time of `publish`, called `burst` times in each turn of the event loop, `number` times in all."""
+    """Mean time of `publish` over `number` calls, with `burst` calls in each turn of the event loop."""
     spent_ns = 0
     publish = pub.publish
     for _ in range(max(1, number // burst)):
@@ -69,14 +69,14 @@ async def publish_ns(pub: bus.Publisher[Any], message: msgspec.Struct, number: i
 async def take_ns(
     pub: bus.Publisher[Any], sub: bus.Subscription[Any], message: msgspec.Struct, number: int, burst: int
 ) -> float:
-    """Mean time of `take`, called until nothing is left of each `burst`, for about `number` messages."""
+    """Mean time of `take` over about `number` messages; it takes each `burst` completely."""
     spent_ns = taken = 0
     take = sub.take
     while taken < number:
         for _ in range(burst):
             pub.publish(message)
         await pub.flush()
-        await sub.receive()  # by then they are all there
+        await sub.receive()  # after this, all messages of the burst have arrived
         begin_ns = monotonic_ns()
         while take():
             taken += 1
@@ -85,7 +85,7 @@ async def take_ns(
 
 
 class Held(NamedTuple):
-    """A message, a publisher without a match, and one with a subscription in this process."""
+    """A message, a publisher without a match, and a publisher with a subscription in this process."""
 
     name: str
     message: msgspec.Struct

@@ -1,13 +1,15 @@
 """A program of rclpy with std_msgs/String: `rclpy.spin`, and messages that are made empty and then filled.
 
-It knows nothing of busd: `bus run` runs it on busd's facade, and the Python that has ROS 2 on that.
+It does not use busd directly: `bus run` runs it on busd's facade, and a Python with ROS 2 on the real rclpy.
 
-A paced publisher keeps to the schedule of all others and sleeps in between, or (`publish_by` "timer") has a
-timer, whose callback publishes, as rclpy's programs do; a camera publishes images with the profile for sensor
-data, so that some may be lost; one that floods publishes in a loop, without
-spinning. With $BENCH_THREADS, callbacks come in so many threads. With $BENCH_DEEP, a flood of small messages
-is no longer than the history is deep, and so loses nothing: "keep all" of Fast DDS ends at 5,000 messages,
-after which the publisher raises RCLError, and the subscriber waits seconds for what is sent again.
+A paced publisher keeps the same schedule as all others and sleeps between messages. With `publish_by` "timer"
+it publishes in a timer's callback, as rclpy's programs do. A camera publishes images with the profile for
+sensor data, so some may be lost. A flood is published in a loop, without spinning. $BENCH_THREADS is the
+number of threads for callbacks.
+
+With $BENCH_DEEP, a flood of small messages is no longer than the depth of the history, so it loses nothing.
+"Keep all" of Fast DDS ends at 5,000 messages: then the publisher raises RCLError, and the subscriber waits
+seconds for the repeated messages.
 """
 
 import asyncio
@@ -41,18 +43,18 @@ _LOOK_S = 0.1
 
 
 class _Done(Exception):
-    """Raised in a callback: it comes out of `spin`."""
+    """Raised in a callback to leave `spin`."""
 
 
 class _Parent:
-    """The process that started us. Where it has no more words, the context ends, and with it `spin`."""
+    """The process that started this one. When it closes our stdin, the context ends, and with it `spin`."""
 
     def __init__(self) -> None:
         self._words: SimpleQueue[str] = SimpleQueue()
         Thread(target=self._listen, daemon=True).start()
 
     def wait_for(self, word: str) -> None:
-        """Wait until it said `word`, and nothing else. Raises ExternalShutdownException at the end."""
+        """Wait for `word`; another word is an error. Raises ExternalShutdownException at the end."""
         came = self._words.get()
         if not came:
             raise ExternalShutdownException
@@ -60,7 +62,7 @@ class _Parent:
             raise ValueError(f"expected the word {word!r}, got {came!r}")
 
     def has_words(self) -> bool:
-        """Whether the parent has said a word that was not taken yet."""
+        """Whether there is a word from the parent that was not taken yet."""
         return not self._words.empty()
 
     def _listen(self) -> None:
@@ -132,7 +134,7 @@ def _publish(pub: Any, text: str) -> None:
 
 
 def _camera(pub: Any, work: Work) -> Callable[[bytes], None]:
-    """What publishes an image that begins with a stamp, and is filled by one copy."""
+    """A function that publishes an image. The image begins with a stamp, and is filled by one copy."""
     body = array("B", text_of(work.size).encode())
 
     def publish(head: bytes) -> None:
@@ -155,7 +157,7 @@ def _flood(pub: Any, text: str, count: int) -> None:
             try:
                 publish(message)
                 break
-            except RuntimeError:  # ROS 2's, where for 100 ms there was no room
+            except RuntimeError:  # of ROS 2, if there was no room for 100 ms
                 pass
 
 
@@ -202,7 +204,7 @@ def _take_paced(parent: _Parent, node: Node, work: Work) -> None:
     is_image = work.publish_by == IMAGE
     node.create_subscription(_kind_of(work), TOPIC, note_image if is_image else note, _qos(work))
     if is_image:
-        node.create_timer(_LOOK_S, look)  # it may be asked before all came
+        node.create_timer(_LOOK_S, look)  # the parent may ask before all messages have arrived
     tell("ready")
     _spin(node)
     parent.wait_for("report")
@@ -242,7 +244,7 @@ def _take_to_the_last(node: Node, work: Work) -> None:
     tell("received", end_ns=monotonic_ns(), count=count)
 
 
-# What busd's facade can be asked beyond rclpy.
+# Functions of busd's facade beyond rclpy.
 
 
 def _route_of(pub: Any) -> dict[str, str]:

@@ -1,8 +1,8 @@
-"""redis-py, with hiredis where that is installed: PUBLISH and SUBSCRIBE by a redis-server over a UNIX socket.
+"""redis-py, with hiredis if it is installed: PUBLISH and SUBSCRIBE by a redis-server over a UNIX socket.
 
-The client that blocks, which is quicker than redis.asyncio: the subscriber is in `get_message` in a thread. A
-flood is published in pipelines. The subscriber tells now and then that it has what came (`roles.Window`), so
-that the server need not keep all of it.
+It uses the blocking client, which is faster than redis.asyncio: the subscriber calls `get_message` in a
+thread. A flood is published in pipelines. The subscriber regularly confirms the received messages
+(`roles.Window`), so the server need not keep all of them.
 """
 
 import os
@@ -26,16 +26,16 @@ _PIPELINE_BYTES = 1 << 20
 def _connect(work: Work) -> Any:
     own: dict[str, Any] = {}
     if work.size >= _LONG:
-        # hiredis takes long to pack what is long.
+        # hiredis is slow at packing long messages.
         own["command_packer"] = PythonRespSerializer(_LONG, redis.Redis().get_encoder().encode)
-    # Messages of the newer protocol take a longer way through redis-py.
+    # redis-py handles messages of the newer protocol more slowly.
     return redis.Redis.from_url(
         os.environ["BENCH_SERVER"], decode_responses=True, protocol=2, socket_read_size=_READ_BYTES, **own
     )
 
 
 def _subscribe(client: Any, topic: str) -> Any:
-    """A subscription that the server has confirmed."""
+    """Make a subscription, confirmed by the server."""
     subscription = client.pubsub()
     subscription.subscribe(topic)
     subscription.get_message(timeout=None)

@@ -1,7 +1,7 @@
-"""A program with many matches, which loses busd and has all of them again when another one is there.
+"""A program with many matches, which loses busd and gets all of them again after a restart of busd.
 
-Says `ready` when all matches are made, `lost` when they are gone, and `back`, with `at_ns`, when all are
-there again; then waits for the next loss.
+It says `ready` when all matches are made, `lost` when they are gone, and `back` with `at_ns` when all have
+returned. Then it waits for the next loss.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ _LIFE_S = 600
 
 
 class Many(msgspec.Struct, frozen=True):
-    """So many publishers, and as many subscriptions, of one topic."""
+    """The number of publishers, and of subscriptions, of one topic."""
 
     each: int
 
@@ -36,8 +36,8 @@ async def main(parent: Parent) -> None:
             subs.append(await node.create_subscription(String, "many", 1, _hear))
 
         async def until(matches: int) -> None:
-            """Until both sides know of so many."""
-            while any(  # noqa: ASYNC110  nothing tells of the sum
+            """Wait until both sides have that number of matches."""
+            while any(  # noqa: ASYNC110  there is no event for the sum
                 sum(found) != matches
                 for found in (
                     [one.get_subscription_count() for one in pubs],
@@ -56,7 +56,7 @@ async def main(parent: Parent) -> None:
 
 
 def _hear(message: String) -> None:
-    """Nothing is published."""
+    """Never called: nothing is published."""
 
 
 if __name__ == "__main__":

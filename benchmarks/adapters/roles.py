@@ -1,6 +1,6 @@
-"""What the publisher and the subscriber of every system have in common: the words, the counting, the stamps.
+"""Shared code of the publishers and subscribers of all systems: words, counting, stamps.
 
-Must not know how a message is sent or how it comes.
+Must not know how messages are sent or received.
 """
 
 import asyncio
@@ -18,14 +18,14 @@ from benchmarks.work import AT_ONCE, HEAD, Arrivals, Stamped, Work, arrivals, pa
 from benchmarks.worker import Parent
 
 LAST = "the last"
-"""The text of the last message, where some may be lost; also the way `Work.publish_by` asks for that."""
+"""The text of the last message if some may be lost; also the value of `Work.publish_by` for it."""
 
 _STEP, _STEP_BYTES = 1_000, 4 << 20
 _STEPS = 4
 
 
 def stamped(work: Work) -> str:
-    """A paced message of a publisher that has a timer and no schedule: it is due now."""
+    """A message with stamps, for a publisher with a timer instead of a schedule: it is due now."""
     text: str = Stamped(work.size, monotonic_ns()).now()
     return text
 
@@ -35,7 +35,7 @@ async def publish(
 ) -> None:
     """The publisher of a system whose `send` blocks until there is room, and reaches all subscribers.
 
-    `send` may be a coroutine function. Of a flood it may keep some back until `flush`.
+    `send` may be a coroutine function. In a flood it may buffer messages until `flush`.
     """
     if work.publish_by == AT_ONCE:
         sent = send(stamped(work))
@@ -71,10 +71,10 @@ async def _flood(send: Callable[[str], Any], text: str, count: int) -> None:
 
 
 class Window:
-    """How far a flood may be ahead of its subscribers, where the system itself would let it run away.
+    """Limits how far a flood may be ahead of its subscribers, for systems without flow control.
 
-    Each subscriber says after every `step` messages that it has them. The publisher waits once `sent` says
-    so, until `taken` does.
+    Each subscriber confirms after every `step` messages. The publisher waits when `sent` returns True, until
+    `taken` returns True.
     """
 
     def __init__(self, work: Work) -> None:
@@ -84,18 +84,18 @@ class Window:
         self._limit = _STEPS * self.step * work.subscribers
 
     def sent(self) -> bool:
-        """One more was sent to all; returns whether that was enough for now."""
+        """Count one more message sent to all; returns whether the publisher must wait."""
         self._ahead += self._subscribers
         return self._ahead >= self._limit
 
     def taken(self) -> bool:
-        """A subscriber has `step` more; returns whether there is room again."""
+        """Handle a confirmation of `step` messages; returns whether there is room again."""
         self._ahead -= self.step
         return self._ahead < self._limit
 
 
 class Stamps:
-    """When the messages of a paced stream came, and what they say of when they were sent."""
+    """Arrival times of a paced stream's messages, and the sending times in their stamps."""
 
     def __init__(self, work: Work) -> None:
         self._work = work
@@ -103,18 +103,19 @@ class Stamps:
         self._arrived_ns: list[int] = []
 
     def note(self, head: str | bytes) -> bool:
-        """A message that begins with `head` came now; returns whether it was the last."""
+        """Record the arrival of a message that begins with `head`; returns whether it was the last."""
         self._arrived_ns.append(monotonic_ns())
         self._heads.append(head[:HEAD])
         return len(self._heads) == self._work.total
 
     async def report(self, parent: Parent) -> None:
-        """Say that all came, and on request when. Between the two the parent reads clocks."""
+        """Report that all messages have arrived, and on request the times. Between both, the parent reads
+        clocks."""
         parent.tell("complete")
         await self.report_what_came(parent)
 
     async def report_when(self, all_came: Awaitable[object], parent: Parent) -> None:
-        """As `report` once `all_came`, and on request before: some may have been lost."""
+        """As `report` after `all_came`, or on an earlier request: some messages may have been lost."""
         asked = asyncio.ensure_future(self.report_what_came(parent))
         done = asyncio.ensure_future(all_came)
         await asyncio.wait({asked, done}, return_when=asyncio.FIRST_COMPLETED)
@@ -123,24 +124,25 @@ class Stamps:
         await asked
 
     async def report_what_came(self, parent: Parent) -> None:
-        """On request."""
+        """Report the arrivals so far after the word `report`."""
         await parent.wait_for("report")
         parent.tell("received", at_ns=self.last_ns, **msgspec.to_builtins(self.arrivals()))
 
     @property
     def last_ns(self) -> int:
-        """When the newest came."""
+        """The arrival of the newest message."""
         return self._arrived_ns[-1] if self._arrived_ns else 0
 
     def arrivals(self) -> Arrivals:
-        """What the stamps say of the way."""
+        """The times computed from the stamps."""
         return arrivals(self._heads, self._arrived_ns, self._work)
 
 
 class Taker:
     """The subscriber of a system: call `take` with each text or bytes, from any thread, until `is_done`.
 
-    `may_lose`: of a flood the end may never come, so the parent asks with the word `look` what has come yet.
+    `may_lose`: the end of a flood may be lost, so the parent asks for the arrivals so far with the word
+    `look`.
     """
 
     def __init__(self, parent: Parent, work: Work, *, may_lose: bool = False) -> None:
@@ -156,7 +158,7 @@ class Taker:
         self._done: asyncio.Future[None] = self._loop.create_future()
 
     async def finish(self) -> None:
-        """Wait until all have come, and report."""
+        """Wait until all messages have arrived, and report."""
         if not self._work.rate:
             await self._answer()
         await self._stamps.report_when(self._done, self._parent)
@@ -190,9 +192,9 @@ class Taker:
 
 
 def take_in_thread(taker: Taker, receive: Callable[[], Any]) -> None:
-    """Give `taker` what `receive` returns, which blocks until there is something.
+    """Call `receive`, which blocks, in a thread, and pass its results to `taker`.
 
-    Only that thread runs then, but the loop still hears when the parent has no more words.
+    Only that thread works then, but the loop still notices when the parent closes stdin.
     """
 
     def take_all() -> None:
@@ -200,7 +202,7 @@ def take_in_thread(taker: Taker, receive: Callable[[], Any]) -> None:
         try:
             while not taker.is_done:
                 take(receive())
-            Event().wait()  # what the kernel counts of a thread goes with it
+            Event().wait()  # the kernel's counters of a thread end with the thread
         except BaseException:
             traceback.print_exc()
             os._exit(1)

@@ -1,10 +1,10 @@
-"""How long an action takes from its goal to its result, by rclpy; and as many native messages, in turns.
+"""Duration of an action by rclpy, from its goal to its result, and of as many native messages, in turns.
 
     python -m benchmarks.adapters.round_trips action|messages server|client N
 
-An action is a goal of Fibonacci, FEEDBACKS feedbacks and the result; messages go to and fro, so that each
-wakes the process that sends the next. The client makes N of them after some more, and says `taken` with
-their times in ns.
+An action is a goal of Fibonacci, FEEDBACKS feedbacks and the result. Messages go back and forth, so each
+wakes the process that sends the next. After some unmeasured ones, the client makes N of them, and says
+`taken` with their times in ns.
 """
 
 import sys
@@ -20,7 +20,7 @@ _GOAL, _FEEDBACK = "goal", "feedback"
 
 
 class _Rounds:
-    """Counts, and says the times at the end."""
+    """Counts round trips, and reports their times at the end."""
 
     def __init__(self, count: int) -> None:
         self._left = count + _WARM_UP
@@ -32,7 +32,7 @@ class _Rounds:
         self._begin_ns = monotonic_ns()
 
     def end(self) -> bool:
-        """Returns whether that was the last."""
+        """End a round trip; returns whether it was the last."""
         self._times_ns.append(monotonic_ns() - self._begin_ns)
         self._left -= 1
         if not self._left:
@@ -53,7 +53,7 @@ def _kind() -> Any:
 
 
 def serve_actions() -> None:
-    """Until the context ends."""
+    """Serve actions until the context ends."""
     import rclpy
     from rclpy.action import ActionServer
 
@@ -75,7 +75,7 @@ def serve_actions() -> None:
 
 
 def ask_for_actions(count: int) -> None:
-    """One goal after another."""
+    """Send one goal after another."""
     import rclpy
     from rclpy.action import ActionClient
 
@@ -107,7 +107,7 @@ def ask_for_actions(count: int) -> None:
 
 
 async def _pass_on(count: int) -> None:
-    """`count` 0: the other end, which returns what comes."""
+    """Pass messages back and forth. `count` 0: this is the other end, which returns each message."""
     import asyncio
 
     import bus
@@ -145,7 +145,7 @@ async def _pass_on(count: int) -> None:
 
 
 def pass_on(count: int) -> None:
-    """Messages to and fro, on the event loop that the bus uses."""
+    """Pass messages back and forth on the event loop that the bus uses."""
     import bus
 
     bus.run(_pass_on(count))

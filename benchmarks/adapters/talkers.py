@@ -1,9 +1,9 @@
-"""Programs that send one message to a subscriber that is there, each as its user would write it.
+"""Programs that send one message to a running subscriber, each written like a user's program.
 
     python -m benchmarks.adapters.talkers <the system's adapter>
 
-For startup.py: a talker imports what it needs and nothing else, least of all the harness, whose own imports
-take longer than some libraries. Each waits until it reaches the subscriber of its adapter, sends, and ends.
+For startup.py. A talker imports only the packages that it needs, and not the harness: its imports take longer
+than some libraries. Each waits until it reaches the subscriber of its adapter, sends, and ends.
 """
 
 import os
@@ -12,13 +12,13 @@ from collections.abc import Callable
 from time import monotonic_ns
 
 TOPIC = "bench"
-"""As `work.TOPIC`."""
+"""The same as `work.TOPIC`."""
 SIZE = 64
-"""Characters of the message, which begins with its stamps."""
+"""Number of characters of the message, which begins with its stamps."""
 
 
 def text() -> str:
-    """The message, sent now."""
+    """The message, stamped now."""
     now_ns = monotonic_ns()
     return f"{now_ns} {now_ns} ".ljust(SIZE)
 
@@ -53,7 +53,7 @@ def rclpy_string() -> None:
 
 
 def zeromq() -> None:
-    """pyzmq, directly."""
+    """pyzmq without a proxy."""
     _talk_by_zmq(_subscriber_of_zmq())
 
 
@@ -67,7 +67,7 @@ def zeromq_asyncio() -> None:
     async def talk() -> None:
         with zmq.asyncio.Context() as context, context.socket(zmq.XPUB) as socket:
             socket.connect(_subscriber_of_zmq())
-            await socket.recv()  # a subscription
+            await socket.recv()  # wait for a subscription
             await socket.send(text().encode())
 
     asyncio.run(talk())
@@ -87,7 +87,7 @@ def _talk_by_zmq(address: str) -> None:
 
     with zmq.Context() as context, context.socket(zmq.XPUB) as socket:
         socket.connect(address)
-        socket.recv()  # a subscription
+        socket.recv()  # wait for a subscription
         socket.send(text().encode())
 
 
@@ -106,7 +106,7 @@ def nats_core() -> None:
 
 
 def redis_pubsub() -> None:
-    """redis-py, the client that blocks."""
+    """redis-py with the blocking client."""
     import redis
 
     with redis.Redis.from_url(os.environ["BENCH_SERVER"]) as client:
@@ -135,7 +135,8 @@ def zenoh_peer() -> None:
 
 
 def ecal_shm() -> None:
-    """eclipse-ecal, with the handshake of its shared memory; as `benchmarks.adapters.ecal_shm` sets it."""
+    """eclipse-ecal, with the handshake of its shared memory and the settings of
+    `benchmarks.adapters.ecal_shm`."""
     import threading
 
     import ecal.nanobind_core as ecal
@@ -177,7 +178,7 @@ def cyclone() -> None:
 
     tag = os.environ["BENCH_FOLDER"].rpartition("/")[2]
     number = 1 + crc32(tag.encode()) % 100
-    _domain = Domain(  # held: one that nobody holds is deleted, and its configuration with it
+    _domain = Domain(  # a domain without a reference is deleted with its configuration
         number,
         '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>'
         "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
@@ -194,7 +195,8 @@ def cyclone() -> None:
 
 
 def iceoryx() -> None:
-    """iceoryx2. A publisher is not told when its sample was taken, and takes it along; so it stays."""
+    """iceoryx2. A publisher does not learn when its sample was taken, and its end deletes the sample; so it
+    stays."""
     import ctypes
 
     import iceoryx2

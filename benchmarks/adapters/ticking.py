@@ -1,7 +1,7 @@
-"""A program of asyncio with a periodic timer: of busd, or `call_later` that is called anew for each call.
+"""A program of asyncio with a periodic timer: a timer of busd, or a new `call_later` for each call.
 
-The calls of `call_later` keep their phase and skip what they missed, as timers of ROS 2 do. If one comes
-early, it waits again.
+The calls of `call_later` keep their phase and skip missed periods, as timers of ROS 2 do. If a call is early,
+it waits again.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from benchmarks.worker import Parent, options, run
 
 
 async def by_bus(ticks: Ticks) -> dict[str, Any]:
-    """By a timer of a node."""
+    """Measure a node's timer."""
     done = asyncio.Event()
 
     def tick() -> None:
@@ -27,7 +27,7 @@ async def by_bus(ticks: Ticks) -> dict[str, Any]:
     async with bus.Node("ticker", arguments=()) as node:
         node.create_timer(
             1.0, print
-        ).cancel()  # which imports what a timer needs: the next one begins at once
+        ).cancel()  # this imports the modules for timers, so the next timer starts at once
         watch = Watch(ticks, monotonic_ns() + ticks.period_ns)
         timer = node.create_timer(1 / ticks.rate, tick)
         await done.wait()
@@ -35,7 +35,7 @@ async def by_bus(ticks: Ticks) -> dict[str, Any]:
 
 
 async def by_call_later(ticks: Ticks) -> dict[str, Any]:
-    """By the event loop's own timers."""
+    """Measure the event loop's own timers."""
     loop, done, period_ns = asyncio.get_running_loop(), asyncio.Event(), ticks.period_ns
     due_ns = monotonic_ns() + period_ns
     watch = Watch(ticks, due_ns)
@@ -56,7 +56,7 @@ async def by_call_later(ticks: Ticks) -> dict[str, Any]:
 
 
 def main() -> None:
-    """One measurement."""
+    """Run one measurement."""
     ticks: Ticks = options(Ticks)
 
     async def measure(parent: Parent) -> None:

@@ -1,4 +1,4 @@
-"""A program of rclpy with a periodic timer, in `rclpy.spin`. It knows nothing of busd."""
+"""A program of rclpy with a periodic timer, in `rclpy.spin`. It does not use busd directly."""
 
 import signal
 import sys
@@ -11,7 +11,7 @@ from benchmarks.worker import LIFE_S, options, tell
 
 
 class _Done(Exception):
-    """Raised in a callback: it comes out of `spin`."""
+    """Raised in a callback to leave `spin`."""
 
 
 def _main() -> None:

@@ -1,4 +1,4 @@
-"""The processes of web.py: a crowd of topics, and who looks: a browser, a page, Foxglove's clients."""
+"""The processes of web.py: many topics, and their viewers: a browser, a page, Foxglove's clients."""
 
 import asyncio
 import json
@@ -27,15 +27,15 @@ look();
 """
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 1 + 4 + 8 + 4
-"""In a frame with a message: kind, subscription, time; then the CDR's head."""
+"""Position of the stamp in a frame with a message: after kind, subscription, time, and the CDR's head."""
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True):
-    """`who` looks at `topics`, so many `messages` long."""
+    """A viewer of kind `who`, which looks at `topics` for a number of `messages`."""
 
     who: str
     host: str = ""
-    """Of `bus web`, with its port."""
+    """Host and port of `bus web`."""
     token: str = ""
     topics: list[str] = []
     messages: int = 0
@@ -59,7 +59,7 @@ async def _crowd(parent: Parent, view: View) -> None:
 
 
 async def _browse(parent: Parent, view: View) -> None:
-    """A headless Chromium: `drawn` says how long after the address was entered it has drawn a graph."""
+    """A headless Chromium: `drawn` is the time from entering the address until it has drawn a graph."""
     from selenium import webdriver
 
     settings = webdriver.ChromeOptions()
@@ -90,7 +90,7 @@ async def _connected(view: View, subprotocol: str) -> AsyncIterator[Any]:
 
 
 async def _page(parent: Parent, view: View) -> None:
-    """A page that looks at all topics at once."""
+    """A page that shows all topics at once."""
     async with _connected(view, "busd.page.v1") as socket:
         await socket.send(json.dumps({"op": "look", "topics": {topic: [] for topic in view.topics}}))
         await socket.send(json.dumps({"op": "log", "on": True}))
@@ -114,7 +114,7 @@ async def _subscribed(socket: Any, topic: str) -> None:
 
 
 async def _foxglove(parent: Parent, view: View) -> None:
-    """A viewer: how old messages are, by their stamps, when it has them."""
+    """A viewer of Foxglove's protocol: reports the age of messages at their arrival, by their stamps."""
     async with _connected(view, "foxglove.sdk.v1") as socket:
         await _subscribed(socket, *view.topics)
         ages: list[int] = []
@@ -127,7 +127,7 @@ async def _foxglove(parent: Parent, view: View) -> None:
 
 
 async def _subscribe(parent: Parent, view: View) -> None:
-    """A subscription on the bus, likewise."""
+    """A subscription on the bus: reports the same ages."""
     ages: list[int] = []
     enough = asyncio.Event()
 
@@ -144,7 +144,7 @@ async def _subscribe(parent: Parent, view: View) -> None:
 
 
 async def _stop_reading(parent: Parent, view: View) -> None:
-    """A viewer that subscribes and then reads nothing."""
+    """A viewer that subscribes and then stops reading."""
     async with _connected(view, "foxglove.sdk.v1") as socket:
         await _subscribed(socket, *view.topics)
         parent.tell("stopped")

@@ -1,17 +1,18 @@
-"""eclipse-zenoh, peer to peer over UNIX sockets, with shared memory for what is long. No router, no scouting.
+"""eclipse-zenoh, peer to peer over UNIX sockets, with shared memory for long messages. No router, no
+scouting.
 
 Each subscriber listens on a socket in the run's folder, and the publisher connects to all of them. It is
-reliable and blocks where there is no room, so that a flood loses nothing; paced messages are express (not
-gathered into batches). From zenoh's own limit of 3 KiB on, the text is written into its shared memory: at
-1 MiB that takes a fraction of the time. TCP by loopback is no faster than the sockets. The callback runs in
-the thread that zenoh starts for it by default; in its network thread (`indirect=False`) paced messages are
-as fast and floods are several times slower.
+reliable and blocks without room, so a flood loses nothing. Paced messages are express (not gathered into
+batches). From zenoh's own limit of 3 KiB on, the text is written into its shared memory: at 1 MiB that takes
+a fraction of the time. TCP on loopback is no faster than the sockets. The callback runs in zenoh's default
+thread for it. In its network thread (`indirect=False`), paced messages are as fast, and floods are several
+times slower.
 
-Where the environment has BENCH_ENDPOINT, it is that address instead, without shared memory: as between two
-machines, for comparison with bridges. BENCH_ATTACHMENT: each message has its publisher's id, its number and
-its time as an attachment, as those of ROS 2 have by zenoh, and the subscriber reads it.
+With BENCH_ENDPOINT in the environment, it uses that address, without shared memory, as between two machines:
+for comparison with bridges. With BENCH_ATTACHMENT, each message has an attachment with its publisher's id,
+its number and its time, as ROS 2's messages have by zenoh, and the subscriber reads it.
 
-With shared memory, zenoh leaves one or two small files in /dev/shm, which the next such process removes.
+With shared memory, zenoh leaves one or two small files in /dev/shm. Its next process removes them.
 """
 
 import asyncio
@@ -63,7 +64,7 @@ def _open(work: Work, where: str, paths: list[Path]) -> zenoh.Session:
 
 
 async def _wait_for_subscribers(session: zenoh.Session, number: int) -> None:
-    """Until that many have declared their token, which each does after its subscription."""
+    """Wait for the tokens of that many subscribers. Each declares its token after its subscription."""
     loop = asyncio.get_running_loop()
     came: asyncio.Queue[object] = asyncio.Queue()
     with session.liveliness().declare_subscriber(
@@ -136,7 +137,7 @@ async def subscriber(parent: Parent) -> None:
     if work.publish_by == "loan":
 
         def receive(sample: Any) -> None:
-            take(sample.payload.to_bytes())  # its Python has no view of what came
+            take(sample.payload.to_bytes())  # zenoh's Python binding has no view of the payload
 
     path = _folder() / _SOCKETS.replace("*", str(os.getpid()))
     with _open(work, "listen/endpoints", [path]) as session:

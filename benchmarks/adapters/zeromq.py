@@ -1,10 +1,10 @@
 """pyzmq, PUB and SUB over ipc, with libzmq's own I/O thread at each end.
 
-The subscriber waits for libzmq's descriptor on uvloop, which is quicker than zmq.asyncio, or it is a plain
-program that blocks in `recv` (`take_by` "blocking"). It binds, and the publisher connects to all subscribers:
-neither has to try again until the other is there. In a flood the publisher blocks where a subscriber's queue
-is full (XPUB_NODROP), so that nothing is lost. Long messages go to libzmq and come from it without a copy
-(`copy=False`), which with short ones costs more than it saves.
+The subscriber waits for libzmq's descriptor on uvloop, which is faster than zmq.asyncio. With `take_by`
+"blocking" it is a plain program that blocks in `recv`. It binds, and the publisher connects to all
+subscribers, so no end has to retry. In a flood the publisher blocks while a subscriber's queue is full
+(XPUB_NODROP), so no message is lost. Long messages are not copied to or from libzmq (`copy=False`); for short
+ones that would be slower.
 """
 
 import asyncio
@@ -33,12 +33,12 @@ def _addresses() -> list[str]:
 
 
 def depth_of(work: Work) -> int:
-    """Messages in a queue of libzmq, at each end of a connection."""
+    """Number of messages in a queue of libzmq, at each end of a connection."""
     return max(2, min(_QUEUE, _QUEUE_BYTES // work.size))
 
 
 def publishing_socket(work: Work) -> Any:
-    """A socket that loses nothing: XPUB is PUB that is told of subscriptions, so it knows its subscribers."""
+    """A lossless socket: XPUB is a PUB that learns of subscriptions, so it knows its subscribers."""
     socket = zmq.Context().socket(zmq.XPUB)
     socket.setsockopt(zmq.SNDHWM, depth_of(work))
     socket.setsockopt(zmq.XPUB_NODROP, 1)
@@ -46,10 +46,10 @@ def publishing_socket(work: Work) -> Any:
 
 
 def subscribing_socket(work: Work) -> Any:
-    """A socket that takes everything.
+    """A socket that receives everything.
 
-    It asks for that and for what begins with a name of its own, because a proxy passes on only the first of
-    several equal subscriptions: by those names the publisher counts its subscribers.
+    It subscribes to everything, and to a unique name. A proxy passes on only the first of several equal
+    subscriptions, so the publisher counts its subscribers by these names.
     """
     socket = zmq.Context().socket(zmq.SUB)
     socket.setsockopt(zmq.RCVHWM, depth_of(work))
@@ -59,7 +59,7 @@ def subscribing_socket(work: Work) -> Any:
 
 
 async def publish(parent: Parent, work: Work, socket: Any) -> None:
-    """The publisher, once `socket` has been told of all subscribers."""
+    """Run the publisher after `socket` has learned of all subscribers."""
     count = 0
     while count < work.subscribers:
         count += socket.recv().startswith(b"\1" + _NAME)
@@ -68,7 +68,7 @@ async def publish(parent: Parent, work: Work, socket: Any) -> None:
 
 
 async def subscribe(parent: Parent, work: Work, socket: Any) -> None:
-    """The subscriber with a `socket` that is bound or connected."""
+    """Run the subscriber with a bound or connected `socket`."""
     taker = roles.Taker(parent, work)
     receive, take = socket.recv, taker.take
     if work.take_by == "blocking":
@@ -96,7 +96,7 @@ async def subscribe(parent: Parent, work: Work, socket: Any) -> None:
     come = drain if work.size < _LONG else drain_long
     asyncio.get_running_loop().add_reader(socket.getsockopt(zmq.FD), come)
     parent.tell("ready")
-    come()  # its descriptor tells of changes only
+    come()  # its descriptor only reports changes
     await taker.finish()
 
 

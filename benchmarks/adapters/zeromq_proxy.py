@@ -1,6 +1,6 @@
-"""pyzmq through a process between the two: zmq.proxy from XSUB to XPUB, over ipc, which loses nothing.
+"""pyzmq through a process in the middle: zmq.proxy from XSUB to XPUB, over ipc, without losses.
 
-The ends are those of benchmarks.adapters.zeromq; both connect.
+Both ends use benchmarks.adapters.zeromq, and both connect.
 """
 
 import asyncio
@@ -39,7 +39,7 @@ async def relay(parent: Parent) -> None:
     context = zmq.Context()
     taking, giving = context.socket(zmq.XSUB), context.socket(zmq.XPUB)
     for socket in (taking, giving):
-        # It does not know how long messages will be, and more than these make it no quicker.
+        # The size of later messages is unknown, and a longer queue does not make it faster.
         socket.setsockopt(zmq.RCVHWM, _QUEUE)
         socket.setsockopt(zmq.SNDHWM, _QUEUE)
     giving.setsockopt(zmq.XPUB_NODROP, 1)

@@ -1,7 +1,7 @@
-"""Whether one process holds up others: a paced pair beside hostile programs, many that come at once.
+"""Whether a process slows down others: a paced pair beside hostile programs, and many that start at once.
 
-The goal for the pair by socket is set by what a process does to it that only uses a CPU: no bus can spare it
-that. By shared memory busd is not in the way, and the pair alone is the measure.
+For the pair by socket, the reference is a process that only uses a CPU: no bus can protect the pair from
+that. With shared memory, busd does not take part in the exchange, so the reference is the pair alone.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -70,7 +70,7 @@ _NOTES = [
 
 
 class Version(NamedTuple):
-    """A busd to measure: of another checkout where `program` says so. `label` goes with its rows."""
+    """A busd to measure; `program`: from another checkout. `label` is part of the names of its rows."""
 
     label: str = ""
     program: str = ""
@@ -80,7 +80,7 @@ class Version(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """A row of each version: `measure` does it once with the busd of a program; `missing` as in a Case."""
+    """A row for each version. `measure` runs it once with the busd of a program; `missing` as in a Case."""
 
     name: str
     measure: Callable[[str], Figures]
@@ -88,9 +88,9 @@ class _Line(NamedTuple):
 
 
 def run(plan: Plan) -> Section:
-    """Measure the pairs beside the essential neighbours, once, and many that come at once.
+    """Measure the pairs once beside the essential neighbours, and many programs that start at once.
 
-    `python -m benchmarks.fairness` has the time for all.
+    `python -m benchmarks.fairness` has the time to measure all neighbours.
     """
     once = plan._replace(repetitions=plan.rounds(is_essential=False))
     return measure(
@@ -99,7 +99,7 @@ def run(plan: Plan) -> Section:
 
 
 def measure(plan: Plan, versions: Sequence[Version], is_wanted: Callable[[str], bool]) -> Section:
-    """Measure what is wanted, of each version in turn; beside a neighbour also what that is compared with."""
+    """Measure the wanted cases, with each version in turn. For a neighbour, also measure its references."""
     said: set[str] = set()
     every = _lines(plan, len(versions) > 1, said)
     wanted = {line.name for line in every if is_wanted(line.name)}
@@ -126,7 +126,7 @@ def measure(plan: Plan, versions: Sequence[Version], is_wanted: Callable[[str], 
 
 
 def _lines(plan: Plan, compares: bool, said: set[str]) -> list[_Line]:
-    """All; that of `discovery` only where it `compares` versions."""
+    """All rows; the row of `discovery` only if it `compares` versions."""
     seconds = 0.5 if plan.quick else 2.5
     found = [
         _Line(name, partial(beside.measure, neighbour, seconds), beside.why_not(neighbour))
@@ -163,7 +163,7 @@ def _discover(system: System, program: str) -> Figures:
 
 
 def _row(name: str, outcomes: Mapping[str, Outcome], version: Version) -> Row:
-    """With the ratios to the quiet case and to that of a process that only uses a CPU, as figures."""
+    """The row with two more figures: ratios to the quiet case, and to the case with the busy loop."""
     row = Row.of(outcomes[version.name(name)])
     if name not in NEIGHBOURS:
         return row
@@ -183,7 +183,7 @@ def _ratios(
 
 
 def _beside(names: Sequence[str], outcomes: Mapping[str, Outcome], version: Version) -> list[Comparison]:
-    """By socket over the busy loop, by shared memory over the pair alone."""
+    """The ratio to the busy loop for the pair by socket, and to the pair alone for shared memory."""
     found = []
     for name in names:
         if name in NEIGHBOURS and not NEIGHBOURS[name].is_floor:

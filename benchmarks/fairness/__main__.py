@@ -1,4 +1,4 @@
-"""`python -m benchmarks.fairness`: some of its cases, or the busd of another checkout in the same run."""
+"""`python -m benchmarks.fairness`: measures some of its cases, or also the busd of another checkout."""
 
 import argparse
 import sys
@@ -12,7 +12,7 @@ from bus_cli.bench.interrupts import end_on_signals
 
 
 def main() -> int:
-    """Run; returns 0, or 1 where a measurement failed, or 130 after Ctrl-C."""
+    """Run the cases; returns 0, 1 if a measurement failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
     end_on_signals()
     plan = Plan(options.quick, options.repetitions)

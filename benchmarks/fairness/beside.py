@@ -1,4 +1,4 @@
-"""What a paced pair notices of a program beside it: by socket and by shared memory, in the same minute."""
+"""The effect of a neighbour on a paced pair: by socket and by shared memory, in the same minute."""
 
 import os
 import sys
@@ -17,15 +17,15 @@ from benchmarks.work import Arrivals, Work
 RATE = 1000.0
 _WARM_UP = 100
 _DEPTH_BY_SOCKET = 20_000
-"""So many that busd may stand still for long, and the pair by socket still tells for how long."""
+"""Enough messages for a long pause of busd, so the pair by socket still measures its length."""
 _DEPTH_BY_MEMORY = 1000
-"""The ring has grown for them when the neighbour comes: its readers hear from busd of one that grows."""
+"""The ring has this size before the neighbour starts, because a ring only grows with the help of busd."""
 _ADAPTER = "benchmarks.adapters.hostile"
 _PREFIXES = {BUS_SOCKET.name: "socket_", BUS.name: "shm_"}
 
 
 def pairs(seconds: float) -> list[tuple[System, Work]]:
-    """The pair by socket, and the one by shared memory where there is such a thing, for half as long."""
+    """The pair by socket, and the pair by shared memory, if it is available, for half the time."""
     work = Work(size=64, count=int(RATE * seconds), warm_up=_WARM_UP, rate=RATE, take_by=BUS.takes_by)
     found = [(BUS_SOCKET, msgspec.structs.replace(work, topic="by_socket", depth=_DEPTH_BY_SOCKET))]
     if not BUS.missing():
@@ -35,7 +35,7 @@ def pairs(seconds: float) -> list[tuple[System, Work]]:
 
 
 def why_not(neighbour: Neighbour) -> str:
-    """Why it can't be measured here; empty where it can."""
+    """The reason why a neighbour can't be measured here; empty if it can."""
     if neighbour.rules and os.geteuid() != 0:
         return "only root can be another user"
     needs_memory = any(one.kind in ("shared memory", "rings") for one in neighbour.attacks)
@@ -43,9 +43,9 @@ def why_not(neighbour: Neighbour) -> str:
 
 
 def measure(neighbour: Neighbour, seconds: float, program: str = "") -> Figures:
-    """Do it once, with the busd of `program`. Raises Failure where it did not come to its end.
+    """Measure once, with the busd of `program`. Raises Failure if it does not end.
 
-    The pairs are there all the time, and talk one after the other.
+    The pairs exist all the time, and exchange messages one after the other.
     """
     with Group() as group:
         busd = _start_busd(group, neighbour.rules, program)
@@ -79,8 +79,8 @@ def measure(neighbour: Neighbour, seconds: float, program: str = "") -> Figures:
 
 
 def start_attack(group: Group, index: int, attack: Attack) -> Child:
-    """Start one and don't wait for it."""
-    # By whichever route the pair talks.
+    """Start one neighbour without waiting for it."""
+    # It may use any route, whatever the pair uses.
     environ = {"BUS_ROUTE": ""}
     text = msgspec.json.encode(attack).decode()
     return group.start(f"neighbour_{index}", sys.executable, "-m", _ADAPTER, text, environ=environ)
@@ -89,14 +89,14 @@ def start_attack(group: Group, index: int, attack: Attack) -> Child:
 def _start_busd(group: Group, rules: str, program: str) -> Child:
     if not rules:
         return group.start_busd(program)
-    group.folder.chmod(0o711)  # others come through to the socket
+    group.folder.chmod(0o711)  # other users must reach the socket
     config = group.folder / "busd.toml"
     config.write_text(rules)
     return group.start_busd(program, "--config", str(config))
 
 
 def _start_pair(group: Group, system: System, work: Work) -> tuple[Child, Child]:
-    """The publisher and the subscriber."""
+    """Start a pair; returns the publisher and the subscriber."""
     group.environ["BUS_ROUTE"] = system.environ.get("BUS_ROUTE", "")
     name = system.route
     subscriber = system.start_role(group, "subscriber", work, name=f"subscriber_{name}")
@@ -107,13 +107,13 @@ def _start_pair(group: Group, system: System, work: Work) -> tuple[Child, Child]
 
 
 def _report(group: Group, child: Child) -> tuple[int, int]:
-    """What it did since the last time."""
+    """The neighbour's counters since the last call."""
     child.send("report")
     event = group.expect(child, "flooded", within_s=2 * START_S)
     return event["asked"], event["refused"]
 
 
 def _longest_ms(group: Group, pinger: Child) -> float:
-    """The longest silence of busd since the last time."""
+    """The longest silence of busd since the last call."""
     pinger.send("report")
     return float(group.expect(pinger, "pinged", within_s=2 * START_S)["longest_ms"])

@@ -1,4 +1,5 @@
-"""Many that come at once: a program's matches after a restart, programs in a storm of connections."""
+"""Many at once: a program's matches after a restart of busd, and programs that start in a storm of
+connections."""
 
 import sys
 from time import monotonic_ns
@@ -14,13 +15,14 @@ from benchmarks.figures import percentiles
 from benchmarks.harness import START_S, Group
 
 _LIMIT_S = 60.0
-"""The longest that any process is waited for."""
+"""The longest wait for a process."""
 
 
 def come_back(each: int, program: str = "") -> Figures:
-    """Kill busd and start it anew, beside a program with as many publishers and subscriptions of one topic.
+    """Kill busd and restart it, beside a program with `each` publishers and as many subscriptions of one
+    topic.
 
-    Raises Failure where not all matches are back within a minute.
+    Raises Failure if not all matches are back within a minute.
     """
     many = msgspec.json.encode(Many(each)).decode()
     with Group() as group:
@@ -38,9 +40,8 @@ def come_back(each: int, program: str = "") -> Figures:
 
 
 def arrive(programs: Programs, attack: Attack | None, said: set[str], program: str = "") -> Figures:
-    """Start programs, beside an attack: how many get in, and how long they take. What the others end with is
-    added to `said`.
-    """
+    """Start programs beside an attack: the number that get in, and their times. Adds the errors of the others
+    to `said`."""
     with Group() as group:
         group.start_busd(program)
         text = msgspec.json.encode(programs).decode()

@@ -1,4 +1,4 @@
-"""The hostile programs that are measured, by the names of their rows."""
+"""The measured hostile programs, by the names of their rows."""
 
 from functools import partial
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from benchmarks.adapters.hostile.attack import Attack
 QUIET = "quiet"
 BUSY = "a busy loop"
 GUEST = 54322
-"""The id of a user that has no other process."""
+"""The id of a user without any other process."""
 
 _GUESTS = f"""
 [socket]
@@ -22,7 +22,7 @@ actions = ["publish", "subscribe", "observe"]
 
 
 class Neighbour(NamedTuple):
-    """The programs beside the pair. `rules` is busd's configuration; `is_floor`: it asks nothing of busd."""
+    """The programs beside the pair. `rules` is busd's configuration; `is_floor`: they ask nothing of busd."""
 
     attacks: tuple[Attack, ...] = ()
     rules: str = ""
@@ -76,7 +76,7 @@ NEIGHBOURS: dict[str, Neighbour] = {
     "a guest's questions": _guest(_as_guest("questions", number=2000)),
     "a guest's 62,500 matches": _guest(_as_guest("matches", number=500)),
 }
-"""Each as one program, which does one thing as fast as busd lets it."""
+"""Each is one program, which does one thing as fast as busd lets it."""
 
 ESSENTIAL = (
     QUIET,
@@ -87,4 +87,4 @@ ESSENTIAL = (
     "62,500 matches",
     "connections with garbage",
 )
-"""Those of a quick run."""
+"""The neighbours of a quick run."""

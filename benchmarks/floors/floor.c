@@ -1,12 +1,12 @@
-/* What a program in C needs for the same work: messages from one process to another, and nothing else.
+/* The same work as a program in C: messages from one process to another, and nothing else.
 
        floor publisher|subscriber shm|socket FOLDER SIZE COUNT WARM_UP RATE
        floor memcpy SIZE COUNT
 
    shm: a memfd of up to PLACES places and two counters, and an eventfd that wakes the reader. socket: a UNIX stream.
-   No framing, types, discovery or queue; each message is copied in once and out once. It speaks the protocol of
-   benchmarks/harness.py. RATE is in messages/s; with 0 it goes as fast as it can and loses nothing. The first
-   two words of a paced message are when it was due and when it was sent, in ns of CLOCK_MONOTONIC. */
+   It has no framing, types, discovery or queue; each message is copied in once and out once. It uses the protocol of
+   benchmarks/harness.py. RATE is in messages/s; 0 means full speed without losses. The first two words of a paced
+   message are its due time and its sending time, in ns of CLOCK_MONOTONIC. */
 
 #include <errno.h>
 #include <stdatomic.h>
@@ -41,7 +41,7 @@ typedef struct {
     _Alignas(64) char places[];
 } Segment;
 
-/* Where messages go to and come from: `segment` and `bell`, or `sock`. */
+/* The connection to the other end: `segment` and `bell`, or `sock`. */
 typedef struct {
     Segment *segment;
     int bell, sock;
@@ -73,7 +73,7 @@ static void say(const char *event)
     fflush(stdout);
 }
 
-/* The next line of the parent; its end is ours. */
+/* Read the next line of the parent, which must be `word`; exit at the end of stdin. */
 static void wait_for(const char *word)
 {
     char line[64];
@@ -94,7 +94,7 @@ static void *reserve(size_t size)
     return memory;
 }
 
-/* ---- connecting: the subscriber listens, and hands out the memory and the bell */
+/* ---- connecting: the subscriber listens, and passes the memory and the bell to the publisher */
 
 static struct sockaddr_un address_in(const char *folder)
 {
@@ -202,11 +202,11 @@ static void put(const Way *way, const Work *work, uint64_t number, const char *m
         return;
     }
     Segment *segment = way->segment;
-    /* acquire, with the release in get(): the reader has copied what stood there. */
+    /* acquire, with the release in get(): the reader has copied the old message. */
     while (number - atomic_load_explicit(&segment->taken, memory_order_acquire) >= places_of(work->size))
         nanosleep(&(struct timespec){.tv_nsec = 20000}, NULL);
     memcpy(place(way, number, work->size), message, work->size);
-    /* seq_cst, with is_asleep and written in get(): either it sees the message or we see that it sleeps. */
+    /* seq_cst, with is_asleep and written in get(): either get() sees the message, or put() sees is_asleep. */
     atomic_store(&segment->written, number + 1);
     if (atomic_load(&segment->is_asleep)) {
         atomic_store(&segment->is_asleep, 0);
@@ -315,8 +315,8 @@ static void subscribe(const Work *work)
     wait_for("end");
 }
 
-/* The same bytes copied again and again, in turn to places that a cache can hold together: what no transport that
-   copies them can beat, wherever in the caches it finds and leaves them. */
+/* Copy the same bytes again and again, in turn to places that fit into a cache together. No transport that copies
+   the bytes can be faster, wherever in the caches they are. */
 static void copy(size_t size, uint64_t count)
 {
     size_t places = size < CACHED_BYTES ? CACHED_BYTES / size : 1;
@@ -327,7 +327,7 @@ static void copy(size_t size, uint64_t count)
     for (uint64_t number = 0; number < count; number++) {
         size_t offset = number % places * size;
         memcpy(to + offset, from, size);
-        /* Without it a compiler may see that the copy is never read. */
+        /* Otherwise a compiler may remove the copy, because nothing reads it. */
         atomic_signal_fence(memory_order_seq_cst);
     }
     printf("{\"event\": \"copied\", \"ns\": %lld}\n", (long long)(now_ns() - begin_ns));

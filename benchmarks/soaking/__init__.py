@@ -1,4 +1,4 @@
-"""What `make soak` is made of: the load, what is counted and sampled, and what is made of it.
+"""The parts of `make soak`: the load, its counters and samples, and their evaluation.
 
-`benchmarks/soak.py` puts it together.
+`benchmarks/soak.py` connects them.
 """

@@ -1,6 +1,6 @@
-"""How long things took, counted in buckets: as small after a day as after a second, and sums of several.
+"""Durations counted in buckets: the same size after a day as after a second, and several can be added.
 
-Pure. Each bucket is a twelfth of a doubling wide, so what it says of a value is at most 6 % too much.
+Pure. Each bucket is a twelfth of a doubling wide, so its value is at most 6 % too high.
 """
 
 import math
@@ -14,7 +14,7 @@ _log2 = math.log2
 
 
 class Percentiles(NamedTuple):
-    """In µs, of so many samples."""
+    """Percentiles in µs, and the number of samples."""
 
     samples: int
     p50: float
@@ -25,27 +25,28 @@ class Percentiles(NamedTuple):
 
 
 class Histogram:
-    """Of durations in ns."""
+    """A histogram of durations in ns."""
 
     def __init__(self, counts: Mapping[int, int] | None = None, max_ns: int = 0) -> None:
         self.counts = dict(counts or {})
         self.max_ns = max_ns
 
     def add(self, duration_ns: int) -> None:
-        """One more; what is less than 1 ns counts as that."""
+        """Count a duration; below 1 ns it counts as 1 ns."""
         bucket = int(_log2(duration_ns) * _PARTS) if duration_ns > 1 else 0
         self.counts[bucket] = self.counts.get(bucket, 0) + 1
         if duration_ns > self.max_ns:
             self.max_ns = duration_ns
 
     def merge(self, other: Self) -> None:
-        """All of `other` as well."""
+        """Add all counts of `other`."""
         for bucket, count in other.counts.items():
             self.counts[bucket] = self.counts.get(bucket, 0) + count
         self.max_ns = max(self.max_ns, other.max_ns)
 
     def percentiles(self) -> Percentiles | None:
-        """By nearest rank, each as the upper end of its bucket, the max exactly; None of nothing."""
+        """Percentiles by nearest rank. Each is the upper end of its bucket, but the max is exact. None
+        without samples."""
         total = sum(self.counts.values())
         if not total:
             return None

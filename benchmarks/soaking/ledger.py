@@ -1,4 +1,4 @@
-"""What one subscription heard: whether it is what was sent, in order, once, and how old it was. Pure."""
+"""Messages of one subscription: checks their content, order and number, and collects their ages. Pure."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ _MOST_FAULTS = 20
 
 
 class Ledger:
-    """Call `note` with every message of `stream`; what must never happen goes to `report`.
+    """Call `note` with every message of `stream`. Errors that must never happen go to `report`.
 
     `ages` are kept by talker until they are taken.
     """
@@ -22,7 +22,7 @@ class Ledger:
         self._faults = 0
 
     def note(self, message: str, now_ns: int) -> None:
-        """A message came now."""
+        """Check a message that has just arrived."""
         head = head_of(message, self._stream)
         if head is None:
             self._fault(f"damaged: {message[:80]!r}, {len(message)} characters")
@@ -39,20 +39,20 @@ class Ledger:
         ages.add(now_ns - head.sent_ns)
 
     def take_ages(self) -> dict[str, Histogram]:
-        """By talker, since the last time."""
+        """Remove and return the ages by talker."""
         taken, self.ages = self.ages, {}
         return taken
 
     def _fault(self, text: str) -> None:
         self._faults += 1
-        if self._faults <= _MOST_FAULTS:  # the first ones tell why
+        if self._faults <= _MOST_FAULTS:  # the first faults show the reason
             self._report(f"{self._stream.topic}: {text}")
 
 
 class Visit:
-    """What one late joiner heard of a latched stream; `is_over` once it has what it came for.
+    """The messages that one late joiner got of a latched stream. `is_over` when it has enough of them.
 
-    That is, of each of so many talkers, all that was kept for it and a few messages more.
+    Enough are, from each of `talkers` talkers, all kept messages and a few more.
     """
 
     MORE = 3
@@ -66,11 +66,11 @@ class Visit:
         self._created_ns: int | None = None
 
     def created(self, now_ns: int) -> None:
-        """Its subscription has been there since now, or earlier."""
+        """Its subscription exists since now, or earlier."""
         self._created_ns = now_ns
 
     def note(self, message: str) -> None:
-        """A message came."""
+        """Check a message."""
         self.count += 1
         head = head_of(message, self._stream)
         if head is None:
@@ -83,14 +83,14 @@ class Visit:
 
     @property
     def is_over(self) -> bool:
-        """Whether it heard enough of each talker, or something that is wrong."""
+        """Whether it has enough messages of each talker, or a fault."""
         if self.faults:
             return True
         enough = [heard for heard in self._heard.values() if len(self._new(heard)) >= self.MORE]
         return len(enough) == self._talkers
 
     def verdict(self) -> list[str]:
-        """What was wrong: the faults, and the talkers of which fewer messages came than were kept."""
+        """Texts about faults, and about talkers with fewer messages than they kept."""
         short = [
             f"{talker}: {len(heard) - len(self._new(heard))} of the {self._stream.depth} that were kept"
             for talker, heard in self._heard.items()
@@ -99,7 +99,7 @@ class Visit:
         return [f"{self._stream.topic}: a late joiner: {fault}" for fault in self.faults or short]
 
     def _new(self, heard: list[tuple[int, int]]) -> list[int]:
-        """Those that were certainly sent after it was there, so that they are not of what was kept."""
+        """The messages that were certainly sent after the subscription existed, so they are not kept ones."""
         if self._created_ns is None:
             return []
         return [number for number, sent_ns in heard if sent_ns > self._created_ns]

@@ -1,7 +1,8 @@
 """The steady load: its streams, its processes, and the text of a message. Pure; knows no bus.
 
-Every talker publishes each stream, and every listener hears all of it; visitors come for the latched one,
-stay until they have what they came for, and go. A process whose name begins with `socket` shares no memory.
+Every talker publishes each stream, and every listener subscribes to all of them. Visitors come for the
+latched stream, stay until they have its messages, and go. A process shares no memory if its name begins with
+`socket`.
 """
 
 from typing import Literal, NamedTuple
@@ -14,9 +15,9 @@ TALKERS = ("shm_talker_1", "shm_talker_2", "socket_talker")
 LISTENERS = ("shm_listener", "socket_listener")
 VISITORS = ("shm_visitor", "socket_visitor")
 NAP_S = 0.1
-"""How often a sleepy subscription takes what it still has of a lossy stream."""
+"""Period in which a sleepy subscription takes the remaining messages of a lossy stream."""
 VISIT_S = 1.0
-"""From the beginning of a visit to that of the next one, at least."""
+"""Least time from the start of a visit to the start of the next one."""
 
 _HEAD = 64
 
@@ -44,11 +45,11 @@ STREAMS = (
 )
 LATCHED = next(stream for stream in STREAMS if stream.kind == "latched")
 NAP_DEPTH = 10
-"""Of a sleepy subscription, which so loses most of what comes while it sleeps."""
+"""Depth of a sleepy subscription. It loses most of the messages that arrive while it sleeps."""
 
 
 class Head(NamedTuple):
-    """What a message says of itself: whose `number`-th it is on its topic, and when it was sent."""
+    """The beginning of a message: its talker, its `number` on the topic, and its sending time."""
 
     talker: str
     number: int
@@ -56,18 +57,18 @@ class Head(NamedTuple):
 
 
 class Part(msgspec.Struct, frozen=True):
-    """What one process is to do: its name says what it is."""
+    """The task of one process; its name determines its kind."""
 
     name: str
 
 
 def text(talker: str, number: int, sent_ns: int, size: int) -> str:
-    """The message."""
+    """The text of a message."""
     return f"{talker} {number} {sent_ns}".ljust(_HEAD) + text_of(size)[_HEAD:]
 
 
 def head_of(message: str, stream: Stream) -> Head | None:
-    """What `message` says of itself; None where it is not what was sent on `stream`."""
+    """The head of `message`; None if it was not sent on `stream`."""
     if len(message) != stream.size or not message.endswith(_TAILS[stream.size], _HEAD):
         return None
     talker, number, sent_ns = message[:_HEAD].split()
@@ -75,7 +76,7 @@ def head_of(message: str, stream: Stream) -> Head | None:
 
 
 def route_of(talker: str, listener: str) -> str:
-    """shm or socket, where memory can be shared at all."""
+    """The route between two processes: shm or socket; always socket if this machine can't share memory."""
     return "shm" if talker.startswith("shm") and listener.startswith("shm") else "socket"
 
 

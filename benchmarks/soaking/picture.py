@@ -20,12 +20,12 @@ _COLOURS = ("#0A7BC8", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#A6761D", "#
 
 
 def draw(record: Record, path: Path) -> list[Path]:
-    """One file for each theme, named after `path`. Raises ImportError without matplotlib, OSError."""
+    """Draw one file for each theme, named after `path`. Raises ImportError without matplotlib, OSError."""
     import matplotlib
     from matplotlib import pyplot
 
     matplotlib.use("svg")
-    rc_context: Any = matplotlib.rc_context  # which takes names only
+    rc_context: Any = matplotlib.rc_context  # matplotlib's types only allow known names
     written = []
     for theme in THEMES:
         with rc_context(style(theme)):

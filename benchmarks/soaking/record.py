@@ -1,4 +1,4 @@
-"""What came of a soak: intervals, totals, and the judgement over them. Pure."""
+"""The results of a soak: intervals, totals, and their evaluation. Pure."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -10,7 +10,8 @@ from benchmarks.soaking.slope import Line, Quantity, Verdict, after_warm_up, fit
 
 
 class Interval(msgspec.Struct, frozen=True):
-    """What happened up to `at_s` since the begin, and what the processes held then (as in `usage.Usage`)."""
+    """The events up to `at_s` since the start, and the resources of the processes then (as in
+    `usage.Usage`)."""
 
     at_s: float
     latency: dict[str, Percentiles]
@@ -18,7 +19,7 @@ class Interval(msgspec.Struct, frozen=True):
 
 
 class Totals(msgspec.Struct, frozen=True):
-    """Of one subscription that was there all the time, in the end."""
+    """Final counters of one permanent subscription."""
 
     topic: str
     kind: str
@@ -46,7 +47,7 @@ class Judged(NamedTuple):
 
 
 class Record:
-    """Collects while the soak runs. `failures` is what must not be, in words."""
+    """Collects results while the soak runs. `failures` has texts about forbidden events."""
 
     def __init__(self) -> None:
         self.intervals: list[Interval] = []
@@ -62,7 +63,7 @@ class Record:
         ages: Mapping[str, Sequence[Histogram]],
         usage: Mapping[str, tuple[float, ...]],
     ) -> Interval:
-        """What was measured since the last one: of each group of latencies those of several processes."""
+        """Add an interval. Each group of latencies has the histograms of several processes."""
         latency = {}
         for group, parts in ages.items():
             merged = Histogram()
@@ -75,7 +76,8 @@ class Record:
         return self.intervals[-1]
 
     def open_accounts(self) -> list[str]:
-        """Subscriptions of which published is not delivered + dropped, or which lost what must not be."""
+        """Texts about subscriptions for which published differs from delivered + dropped, or with forbidden
+        losses."""
         found = []
         for name, one in self.totals.items():
             published = self.published.get(one.topic, 0)
@@ -87,7 +89,7 @@ class Record:
         return found
 
     def drops(self) -> dict[str, int]:
-        """By reason, of all subscriptions."""
+        """Drops by reason, of all subscriptions."""
         found: dict[str, int] = {}
         for one in self.totals.values():
             for reason, count in one.dropped.items():
@@ -95,7 +97,7 @@ class Record:
         return found
 
     def judge(self, quantities: Sequence[Quantity]) -> list[Judged]:
-        """Every quantity of every process; the warm-up is left out."""
+        """Judge every quantity of every process; the warm-up is left out."""
         times_s = [one.at_s for one in self.intervals]
         first = after_warm_up(times_s)
         found = []

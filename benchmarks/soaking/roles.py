@@ -2,9 +2,10 @@
 
     python -m benchmarks.soaking.roles <Part as JSON>
 
-They speak the protocol of benchmarks.harness: `ready`, the words `go`, `report` (answered by `interval`: what
-happened since the last one) and `stop` (answered by `stopped`). A talker's totals are by topic; a listener's
-are of each subscription, with what is still queued. What must never happen is a text in `faults`.
+They use the protocol of benchmarks.harness: `ready`, and the words `go`, `report` and `stop`. The answer to
+`report` is `interval`, with the events since the last one. The answer to `stop` is `stopped`. A talker's
+totals are by topic. A listener's totals are by subscription, with its queued messages. `faults` has texts
+about errors that must never happen.
 """
 
 import asyncio
@@ -47,7 +48,7 @@ def _qos(stream: Stream) -> bus.QoSProfile:
 
 
 async def _obey(parent: Parent, report: Any) -> None:
-    """Answer the word `report` until another one comes, which must be `stop`."""
+    """Answer the word `report` until another word comes, which must be `stop`."""
     while True:
         word = await parent.next_word()
         if word == "stop":
@@ -61,7 +62,7 @@ async def _obey(parent: Parent, report: Any) -> None:
 
 
 class _Speech:
-    """One stream of one talker, by a schedule that is fixed beforehand: what is late is made up for."""
+    """One stream of one talker, by a fixed schedule: late messages are sent at once."""
 
     def __init__(self, talker: str, stream: Stream, pub: bus.Publisher[String]) -> None:
         self.pub = pub
@@ -73,7 +74,7 @@ class _Speech:
         due_ns, number = monotonic_ns(), 0
         while True:
             due_ns += period_ns
-            # Also where it is late: the loop wants its turns.
+            # Sleep even if late: the loop needs its turns.
             await asyncio.sleep(max(0, due_ns - monotonic_ns()) / 1e9)
             number += 1
             message = String(data=text(self._talker, number, monotonic_ns(), self.stream.size))
@@ -110,9 +111,9 @@ def _published(speeches: list[_Speech]) -> dict[str, Any]:
 
 
 def _hearers(stream: Stream) -> int:
-    """Subscriptions of a stream that stay."""
+    """The number of permanent subscriptions of a stream."""
     if stream.kind == "latched":
-        return 0  # visitors come when they come
+        return 0  # visitors come at any time
     return len(LISTENERS) * (2 if stream.kind == "lossy" else 1)
 
 
@@ -178,14 +179,15 @@ async def _listen(node: bus.Node, stream: Stream, faults: list[str]) -> _Ear:
 
 
 async def _nod(node: bus.Node, stream: Stream, faults: list[str]) -> _Ear:
-    """A subscription that loses much: it keeps little and takes it seldom."""
+    """A subscription that loses much: it keeps few messages and takes them rarely."""
     qos = bus.QoSProfile(depth=NAP_DEPTH, reliability="best_effort")
     sub = await node.create_subscription(String, stream.topic, qos)
     return _Ear(sub, stream, Ledger(stream, faults.append), is_sleepy=True)
 
 
 def _ages(ears: list[_Ear], name: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """By route and size; what a sleepy one hears is as old as its naps are long."""
+    """Ages by route and size. Leaves out sleepy subscriptions: their ages only show the length of their
+    naps."""
     found: dict[str, Histogram] = {}
     for ear in ears:
         for talker_name, ages in ear.ledger.take_ages().items():
@@ -201,7 +203,7 @@ def _ages(ears: list[_Ear], name: str) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 class _Guest:
-    """Comes and goes; each visit is a connection, a node and a subscription of its own."""
+    """Comes and goes; each visit makes a connection, a node and a subscription."""
 
     def __init__(self, name: str) -> None:
         self.visits = self.heard = 0
@@ -234,7 +236,7 @@ class _Guest:
         self.faults += visit.verdict()
 
     def report(self) -> dict[str, Any]:
-        # A closed connection's segment stays mapped until Python's collector comes, which is no leak.
+        # The segment of a closed connection stays mapped until Python's collector runs. This is not a leak.
         gc.collect()
         found, self.faults = self.faults, []
         return {"visits": self.visits, "heard": self.heard, "faults": found}
@@ -255,7 +257,7 @@ async def visitor(parent: Parent, name: str) -> None:
 
 
 async def _first_of(*tasks: "asyncio.Task[None]") -> None:
-    """Until one has ended; what it raised is raised here."""
+    """Wait until one task has ended; raises its exception."""
     done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     for task in done:
         task.result()

@@ -1,15 +1,15 @@
-"""Whether something grows: a straight line through samples over time, and the rule. Pure.
+"""Growth of a quantity: a straight line through samples over time, and the rule. Pure.
 
-A leak rises for as long as one looks. Memory also rises in steps that end (a queue that was once longer than
-ever, an allocator's arena), and neighbours in time resemble each other, so that a line fits noise better than
-it deserves. So what grows must meet four conditions:
+A leak rises during the whole run. Memory also rises in steps that end (a queue that was longer than ever
+before, an allocator's arena). Neighbours in time are similar, so a line fits noise better than it should. So
+a quantity grows only if it meets four conditions:
 
 - it was watched for `LEAST_S` after the warm-up, which is the first third;
 - the line rises by more than the quantity's `step` from its beginning to its end;
-- it rises by more than its `per_hour`, also at the lower end of what is certain (`SURE` standard errors,
-  widened for neighbours that resemble each other);
-- it rises all the time: from each quarter's median to the next one's, by a quarter of the line's rise in
-  such a time at least.
+- it rises by more than its `per_hour`, even at the lower end of the confidence interval (`SURE` standard
+  errors, widened for similar neighbours);
+- it rises all the time: from each quarter's median to the next one's, by at least a quarter of the line's
+  rise in that time.
 """
 
 import math
@@ -21,9 +21,9 @@ from typing import Literal, NamedTuple
 Verdict = Literal["flat", "grows", "too short"]
 
 WARM_UP = 1 / 3
-"""The part of a run at its beginning that is left out."""
+"""The part at the beginning of a run that is left out."""
 LEAST_S = 60.0
-"""What was watched for less, without the warm-up, is not judged."""
+"""A shorter run, without the warm-up, is not judged."""
 SURE = 3.0
 _STEADY = 0.25
 _LEAST_SAMPLES = 8
@@ -32,7 +32,7 @@ _HOUR_S = 3600.0
 
 
 class Quantity(NamedTuple):
-    """Something that must not grow: how it is called, and by how much it may seem to."""
+    """Something that must not grow: its name, and its allowed step and growth per hour."""
 
     name: str
     step: float
@@ -41,9 +41,10 @@ class Quantity(NamedTuple):
 
 
 class Line(NamedTuple):
-    """What a line through samples says: its `slope` an hour, the standard `error` of that, and both ends.
+    """The line through samples: its `slope` per hour, the slope's standard `error`, and the values at both
+    ends.
 
-    `least_rise`: the least of the rises from quarter to quarter, as a part of the line's.
+    `least_rise`: the smallest rise from quarter to quarter, relative to the line's.
     """
 
     slope: float
@@ -54,7 +55,7 @@ class Line(NamedTuple):
     seconds: float
 
     def verdict(self, quantity: Quantity) -> Verdict:
-        """The rule of this module."""
+        """Apply the rule of this module."""
         if self.seconds < LEAST_S:
             return "too short"
         rises = self.last - self.first > quantity.step and self.least_rise > _STEADY
@@ -62,7 +63,7 @@ class Line(NamedTuple):
 
 
 def after_warm_up(times_s: Sequence[float]) -> int:
-    """The index of the first sample that counts."""
+    """The index of the first sample after the warm-up."""
     if not times_s:
         return 0
     begin = times_s[0] + (times_s[-1] - times_s[0]) * WARM_UP
@@ -70,7 +71,7 @@ def after_warm_up(times_s: Sequence[float]) -> int:
 
 
 def fit(times_s: Sequence[float], values: Sequence[float]) -> Line:
-    """Least squares. Of fewer than a few samples, or of none that differ in time, nothing is said (0 s)."""
+    """Fit by least squares. With too few samples, or with equal times, the line says nothing (0 s)."""
     count = len(values)
     if count < _LEAST_SAMPLES or times_s[-1] <= times_s[0]:
         first, last = (values[0], values[-1]) if values else (0.0, 0.0)
@@ -87,14 +88,14 @@ def fit(times_s: Sequence[float], values: Sequence[float]) -> Line:
 
 
 def _least_rise(values: Sequence[float]) -> float:
-    """From one quarter's median to the next one's."""
+    """The smallest rise from a quarter's median to the next one's."""
     ends = [len(values) * part // _QUARTERS for part in range(_QUARTERS + 1)]
     medians = [median(values[begin:end]) for begin, end in pairwise(ends)]
     return min(after - before for before, after in pairwise(medians))
 
 
 def _widening(rest: Sequence[float]) -> float:
-    """By how much the variance is larger than of samples that know nothing of each other (first order)."""
+    """The factor by which the variance is larger than for independent samples (first order)."""
     total = sum(one * one for one in rest)
     if not total:
         return 1.0

@@ -13,7 +13,8 @@ _MOST_FAILURES = 30
 
 
 def latency_table(record: Record) -> str:
-    """Percentiles of the whole run, and how each of two went over time, from its least to its largest."""
+    """Percentiles of the whole run, and the course of two of them over time, from the least to the largest
+    value."""
     rows = []
     for group in sorted(record.ages, key=order):
         found = record.ages[group].percentiles()
@@ -28,7 +29,8 @@ def latency_table(record: Record) -> str:
 
 
 def usage_table(judged: Sequence[Judged]) -> str:
-    """A process a row: of each quantity what it is in the end, and its slope an hour with its uncertainty."""
+    """A row for each process: the final value of each quantity, and its slope per hour with its
+    uncertainty."""
     quantities = list(dict.fromkeys(one.quantity for one in judged))
     headings = ["process"]
     for quantity in quantities:
@@ -42,7 +44,7 @@ def usage_table(judged: Sequence[Judged]) -> str:
 
 
 def account_table(record: Record) -> str:
-    """A subscription a row."""
+    """A row for each subscription."""
     rows = [
         [
             name,
@@ -57,7 +59,7 @@ def account_table(record: Record) -> str:
 
 
 def failures_text(failures: Sequence[str]) -> str:
-    """A line for each, but not thousands."""
+    """A line for each failure, but limited in number."""
     lines = [f"FAILED: {one}" for one in failures[:_MOST_FAILURES]]
     if len(failures) > _MOST_FAILURES:
         lines.append(f"... and {len(failures) - _MOST_FAILURES} more")
@@ -65,7 +67,7 @@ def failures_text(failures: Sequence[str]) -> str:
 
 
 def slope_text(one: Judged) -> str:
-    """`+0.12 ± 0.30`, the uncertainty being one standard error; nothing of what is not judged."""
+    """`+0.12 ± 0.30`: the uncertainty is one standard error. Empty if it was not judged."""
     if one.verdict == "too short":
         return "-"
     slope, error = (0.0 if abs(value) < 5e-4 else value for value in one.line[:2])
@@ -73,15 +75,15 @@ def slope_text(one: Judged) -> str:
 
 
 def label(group: str) -> str:
-    """`shm 100` as a person says it."""
+    """The name of a group for people, such as of `shm 100`."""
     route, size = group.split()
     return f"{route} {bytes_text(int(size))}"
 
 
 def sparkline(values: Sequence[float]) -> str:
-    """The largest of each stretch, on a logarithmic scale from the least of them to the largest.
+    """The largest value of each stretch, on a logarithmic scale from the least of them to the largest.
 
-    A scale spans at least a factor of eight: else noise would fill it.
+    A scale spans at least a factor of eight; otherwise noise would fill it.
     """
     step = max(1, math.ceil(len(values) / _COLUMNS))
     heights = [math.log2(max(*values[at : at + step], 1e-9)) for at in range(0, len(values), step)]
@@ -99,6 +101,6 @@ def _verdict(judged: Sequence[Judged]) -> str:
 
 
 def order(group: str) -> tuple[str, int]:
-    """To sort groups by: by route, and then by size."""
+    """A sort key for groups: by route, and then by size."""
     route, size = group.split()
     return route, int(size)

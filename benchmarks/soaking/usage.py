@@ -1,4 +1,4 @@
-"""What a process holds now: memory, descriptors, threads, shared memory. Reads /proc."""
+"""The resources of a process now: memory, descriptors, threads, shared memory. Reads /proc."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -13,16 +13,18 @@ QUANTITIES = (
     Quantity("threads", step=1.0, per_hour=0.0),
     Quantity("memfds", step=2.0, per_hour=0.0),
 )
-"""As in `Usage`. RSS is all that is resident; of a shared page PSS counts a part only, so that processes that
-come and go move it. A step of 2 MiB is what an allocator may take at once, two descriptors or memfds are what
-a visitor has."""
+"""The quantities in `Usage`.
+
+RSS is all resident memory. PSS only counts a part of a shared page, so it moves when processes come and go. A
+step of 2 MiB is what an allocator may take at once; two descriptors or memfds are what a visitor has.
+"""
 
 _MIB = 1 << 20
 _MEMFD = "/memfd:"
 
 
 class Usage(NamedTuple):
-    """In the order of `QUANTITIES`; a memfd counts once, be it open or mapped."""
+    """Values in the order of `QUANTITIES`; a memfd counts once, whether it is open or mapped."""
 
     rss_mib: float
     pss_mib: float
@@ -32,7 +34,7 @@ class Usage(NamedTuple):
 
 
 def usage_of(child: Child) -> Usage:
-    """Now. Raises Failure if it is gone."""
+    """The usage now. Raises Failure if the process has ended."""
     folder = Path("/proc") / str(child.pid)
     try:
         rollup = (folder / "smaps_rollup").read_text().splitlines()
@@ -46,7 +48,7 @@ def usage_of(child: Child) -> Usage:
                     memfds.add(str(entry.stat().st_ino))
                 descriptors += 1
             except FileNotFoundError:
-                pass  # closed meanwhile
+                pass  # closed in the meantime
     except OSError:
         raise Failure(child.describe_end()) from None
     kib = {line.split()[0]: int(line.split()[1]) for line in rollup if line.endswith(" kB")}

@@ -1,10 +1,11 @@
-"""Programs that ask too much of busd, all the time, as fast as it goes: the neighbours of fairness.
+"""Programs that overload busd all the time at full speed: the neighbours of the fairness benchmark.
 
     python -m benchmarks.adapters.hostile <Attack as JSON>
 
-speaks the protocol of benchmarks.harness: says `ready` when it floods, and on the word `report` `flooded`
-with what it did since then: `asked`, and `refused` of these. A client that is cut off connects again.
+uses the protocol of benchmarks.harness. It says `ready` when it floods. On the word `report` it says
+`flooded` with its counters since then: `asked`, and `refused` of these. A client that busd disconnects
+connects again.
 
-`attack` is what it is told, `raw` how it speaks to busd, `pump` how it does so on many connections; the
-floods are in `load` (busd is not asked), `frames`, `coming` and `crowding`.
+`attack` has the description of the task. `raw` is a client of busd, and `pump` drives many connections. The
+floods are in `load` (it asks nothing of busd), `frames`, `coming` and `crowding`.
 """

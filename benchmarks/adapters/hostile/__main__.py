@@ -1,4 +1,4 @@
-"""Does what its argument says until there are no more words."""
+"""Runs the attack in its argument until the parent closes stdin."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ from benchmarks.worker import options
 
 _CUT_OFF = (ConnectionError, TimeoutError)
 _REST_S = 0.05
-"""A client that is not let in waits before it comes back: a storm of connections is another attack."""
+"""Pause of a refused client before it connects again: a storm of connections is another attack."""
 
 FLOODS: dict[Kind, Callable[[Attack, Tally], None]] = {
     "busy loop": load.busy_loop,

@@ -1,4 +1,4 @@
-"""What a hostile program is told to do: a value, which the measurement and the program share."""
+"""The task of a hostile program: a value that the measurement and the program share."""
 
 from typing import Literal
 
@@ -31,10 +31,11 @@ Kind = Literal[
 
 
 class Attack(msgspec.Struct, frozen=True):
-    """One thing, as fast as it goes; the modules of this package say what each kind is.
+    """One kind of attack, at full speed. The functions of this package describe the kinds.
 
-    `connections`: over so many. `samples` in a run, of `size` bytes each. `number`: of endpoints, types or
-    pairs, where the kind has some. `uid`: as that user, which only root can be; 0: as whoever we are.
+    `connections`: number of connections. `samples`: number in a run, of `size` bytes each. `number`: of
+    endpoints, types or pairs, if the kind has them. `uid`: run as that user, which only root can do; 0: as
+    the current user.
     """
 
     kind: Kind

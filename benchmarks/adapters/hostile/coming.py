@@ -1,4 +1,4 @@
-"""What comes and goes without end: endpoints, matches, types, connections."""
+"""Attacks with things that come and go all the time: endpoints, matches, types, connections."""
 
 import contextlib
 import os
@@ -18,7 +18,7 @@ _TIMEOUT_S = 0.2
 
 
 def endpoints(attack: Attack, tally: Tally) -> None:
-    """Publishers, many at once, each awaited; as many connections watch the graph as there are beyond one."""
+    """Declare many publishers at once, await each, and end them. All further connections watch the graph."""
     with Client() as client, ExitStack() as stack:
         watchers = [stack.enter_context(Client()) for _ in range(attack.connections - 1)]
         for watcher in watchers:
@@ -37,12 +37,12 @@ def endpoints(attack: Attack, tally: Tally) -> None:
 
 
 def matches(attack: Attack, tally: Tally) -> None:
-    """Each connection declares `number` endpoints of one topic in one go; all leave at once, and again."""
+    """Declare `number` endpoints of one topic at once in each connection, close all at once, and repeat."""
     _crowd(attack, tally, {}, {})
 
 
 def incompatible(attack: Attack, tally: Tally) -> None:
-    """As `matches`, but no publisher offers what a subscription asks for, and both are told of each other."""
+    """As `matches`, but no publisher offers the requested QoS, and busd reports that to both ends."""
     _crowd(attack, tally, {"reliability": "best_effort"}, {})
 
 
@@ -64,7 +64,7 @@ def _crowd(attack: Attack, tally: Tally, offered: Fields, requested: Fields) -> 
 
 
 def types(attack: Attack, tally: Tally) -> None:
-    """Declares `number` types of `size` bytes, leaves, and comes back."""
+    """Declare `number` types of `size` bytes, disconnect, and repeat."""
     schema, numbers = bytes(attack.size), count()
     while True:
         with Client() as client:
@@ -77,7 +77,7 @@ def types(attack: Attack, tally: Tally) -> None:
 
 
 def connections(attack: Attack, tally: Tally) -> None:
-    """Connects, says Hello, hears busd's, and leaves."""
+    """Connect, exchange Hello with busd, and disconnect."""
     while True:
         with Client():
             pass
@@ -86,7 +86,7 @@ def connections(attack: Attack, tally: Tally) -> None:
 
 
 def garbage(attack: Attack, tally: Tally) -> None:
-    """Connects and says what is no protocol, or half of it, or sends descriptors, and mostly hangs up."""
+    """Connect and send invalid or incomplete frames, or descriptors, and usually disconnect."""
     chance = random.Random(1)
     held: list[socket.socket] = []
     for number in count():
@@ -105,7 +105,7 @@ def garbage(attack: Attack, tally: Tally) -> None:
 
 
 def _insult(client: socket.socket, kind: int, chance: random.Random) -> bool:
-    """Say one of six things; returns whether to stay."""
+    """Send one of six invalid things; returns whether to stay connected."""
     match kind:
         case 0:
             client.sendall(chance.randbytes(chance.randrange(1, 5000)))

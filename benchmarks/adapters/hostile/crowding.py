@@ -1,4 +1,4 @@
-"""Few frames that mean much work: one for many subscriptions, leases, readers that are slow."""
+"""Attacks with few frames that cause much work: many subscriptions for one frame, leases, slow readers."""
 
 import fcntl
 import os
@@ -16,12 +16,12 @@ _LISTENERS = 20
 _RINGS = 20
 _LEASE_S = 0.01
 _RING_BYTES = 128 << 10
-_FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE, which Python knows since 3.13
+_FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE; Python has it since 3.13
 _SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL | _FUTURE_WRITE
 
 
 def flapping(attack: Attack, tally: Tally) -> None:
-    """`number` publishers of one topic with tiny leases, which end and are taken up, all at once."""
+    """Let the tiny leases of `number` publishers of one topic expire, and renew all of them at once."""
     lease = {"liveliness": "manual_by_topic", "liveliness_lease_duration": _LEASE_S}
     with Client() as talker, Client() as listener:
         _subscribe(listener, _LISTENERS)
@@ -40,7 +40,7 @@ def flapping(attack: Attack, tally: Tally) -> None:
 
 
 def replays(attack: Attack, tally: Tally) -> None:
-    """`number` subscriptions get a publisher's history, end, and are there again."""
+    """Let `number` subscriptions get a publisher's history, close them, and repeat."""
     durable = {"durability": "transient_local", "depth": attack.samples}
     with Client() as talker:
         number = talker.publisher(endpoint(talker.node(), _TOPIC, durable))
@@ -55,7 +55,7 @@ def replays(attack: Attack, tally: Tally) -> None:
 
 
 def rings(attack: Attack, tally: Tally) -> None:
-    """A publisher with `number` subscriptions by shared memory goes on in another ring, again and again."""
+    """Let a publisher with `number` subscriptions by shared memory change its ring, again and again."""
     with ExitStack() as stack:
         talker, listener = (stack.enter_context(Client()) for _ in range(2))
         descriptors = [os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK), *(_memory() for _ in range(2))]
@@ -79,7 +79,7 @@ def rings(attack: Attack, tally: Tally) -> None:
 
 
 def slow_reader(attack: Attack, tally: Tally) -> None:
-    """Asks for the graph without end and hears samples without end, and reads byte by byte."""
+    """Request the graph and receive samples all the time, but read byte by byte."""
     with Client() as client, Client() as talker:
         _subscribe(client, _BATCH)
         number, seqs = talker.publisher(endpoint(talker.node(), _TOPIC)), count(1)
@@ -92,7 +92,7 @@ def slow_reader(attack: Attack, tally: Tally) -> None:
 
 
 def everything(attack: Attack, tally: Tally) -> None:
-    """Subscribes to all topics that there are, `number` times, and reads nothing."""
+    """Subscribe `number` times to all existing topics, and read nothing."""
     with Client() as client:
         (graph,) = client.ask(("graph?", {"statistics": False}))
         node = client.node()
@@ -109,7 +109,7 @@ def everything(attack: Attack, tally: Tally) -> None:
 
 
 def _subscribe(client: Client, number: int, qos: Fields | None = None) -> None:
-    """Declare so many subscriptions of one topic."""
+    """Declare `number` subscriptions of one topic."""
     node = client.node()
     for begin in range(0, number, _BATCH):
         fields = [endpoint(node, _TOPIC, qos) for _ in range(min(_BATCH, number - begin))]
@@ -117,7 +117,7 @@ def _subscribe(client: Client, number: int, qos: Fields | None = None) -> None:
 
 
 def _memory() -> int:
-    """What busd takes for a ring, or for a readers' segment."""
+    """Make a memfd that busd accepts for a ring or for a readers' segment."""
     number = os.memfd_create("busd-bench", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
     os.posix_fallocate(number, 0, _RING_BYTES)
     fcntl.fcntl(number, fcntl.F_ADD_SEALS, _SEALS)

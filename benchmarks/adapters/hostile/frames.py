@@ -1,4 +1,4 @@
-"""Legal frames without end, from connections that are there all the time."""
+"""Attacks with valid frames all the time, from permanent connections."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,7 +15,7 @@ _BATCH = 100
 
 
 def runs(attack: Attack, tally: Tally) -> None:
-    """Samples by socket to a peer that never reads, whose subscription keeps all."""
+    """Send samples by socket to a peer that never reads; its subscription keeps all."""
     with Client() as talker, Client() as sleeper:
         sleeper.subscription(endpoint(sleeper.node(), "/hostile", _KEEP_ALL))
         number = talker.publisher(endpoint(talker.node(), "/hostile"))
@@ -30,43 +30,43 @@ def runs(attack: Attack, tally: Tally) -> None:
 
 
 def acks(attack: Attack, tally: Tally) -> None:
-    """Acknowledgements of one sample; each connection of one of its own."""
+    """Acknowledge one sample again and again; each connection has its own sample."""
     _flood(attack, tally, _ack)
 
 
 def reports(attack: Attack, tally: Tally) -> None:
-    """What a subscription has counted."""
+    """Report a subscription's counters."""
     _flood(attack, tally, _report)
 
 
 def signs_of_life(attack: Attack, tally: Tally) -> None:
-    """AssertLiveliness of a publisher that no lease watches."""
+    """Send AssertLiveliness for a publisher without a lease."""
     _flood(attack, tally, _sign_of_life)
 
 
 def attaches(attack: Attack, tally: Tally) -> None:
-    """Attach of a subscription whose match goes by socket."""
+    """Send Attach for a subscription whose match uses the socket."""
     _flood(attack, tally, _attach)
 
 
 def pings(attack: Attack, tally: Tally) -> None:
-    """Pings, each with its Pong."""
+    """Send pings; busd answers each with a Pong."""
     _flood(attack, tally, lambda client, index: control("ping", number=5))
 
 
 def questions(attack: Attack, tally: Tally) -> None:
-    """The graph with its statistics, in which are `number` endpoints of its own."""
+    """Request the graph with statistics. It contains `number` endpoints of this program."""
     _flood(attack, tally, lambda client, index: control("graph?", request=1, statistics=True), 50)
 
 
 def observers(attack: Attack, tally: Tally) -> None:
-    """Begins to watch the graph, in which are `number` endpoints of its own, and ends it."""
+    """Start and stop watching the graph. It contains `number` endpoints of this program."""
     both = control("observe", request=1, on=True) + control("observe", request=2, on=False)
     _flood(attack, tally, lambda client, index: both, 50)
 
 
 def _flood(attack: Attack, tally: Tally, prepare: Callable[[Client, int], bytes], times: int = 500) -> None:
-    """Each connection says without end what `prepare` has made for it."""
+    """Send the frame that `prepare` made for each connection, again and again."""
     with ExitStack() as stack:
         clients = [stack.enter_context(Client()) for _ in range(attack.connections)]
         settlers = [stack.enter_context(Client())] if attack.number else []
@@ -77,7 +77,7 @@ def _flood(attack: Attack, tally: Tally, prepare: Callable[[Client, int], bytes]
 
 
 def settle(client: Client, number: int) -> None:
-    """Declare so many publishers, each on a topic of its own."""
+    """Declare `number` publishers, each on a different topic."""
     node = client.node()
     for begin in range(0, number, _BATCH):
         topics = [f"/settled_{index}" for index in range(begin, min(begin + _BATCH, number))]
@@ -85,7 +85,7 @@ def settle(client: Client, number: int) -> None:
 
 
 def _pair(client: Client, index: int) -> tuple[int, int]:
-    """A publisher and a subscription that keep all, and one sample between the two."""
+    """A publisher and a subscription that keep all, and one sample between them."""
     node = client.node(f"hostile_{index}")
     heard = client.subscription(endpoint(node, f"/hostile_{index}", _KEEP_ALL))
     said = client.publisher(endpoint(node, f"/hostile_{index}", _KEEP_ALL))

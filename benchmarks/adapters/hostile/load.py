@@ -1,4 +1,4 @@
-"""What uses the processor and asks nothing of busd: what others are compared with."""
+"""Loads on the processor that ask nothing of busd, for comparison."""
 
 import asyncio
 import os
@@ -13,11 +13,12 @@ from bus.runner import loop_factory
 
 _BATCH = 64
 _BLOCK_BYTES, _STRIDE = 100_000, 4
-"""What a socket is given at once, and which part of it is looked at: much like samples for busd."""
+"""Bytes written to a socket at once, and the stride in which the receiver reads them: similar to samples for
+busd."""
 
 
 def busy_loop(attack: Attack, tally: Tally) -> None:
-    """Nothing but use a CPU; counts ms."""
+    """Use a CPU and nothing else; counts ms."""
     while tally.add(1):
         end_ns = monotonic_ns() + 1_000_000
         while monotonic_ns() < end_ns:
@@ -25,7 +26,7 @@ def busy_loop(attack: Attack, tally: Tally) -> None:
 
 
 def two_by_socket(attack: Attack, tally: Tally) -> None:
-    """Writes to a process of its own, by a socket that has nothing to do with the bus."""
+    """Write to a forked process, by a socket that is not part of the bus."""
     ours, others = socket.socketpair()
     if os.fork() == 0:
         ours.close()
@@ -41,7 +42,7 @@ def two_by_socket(attack: Attack, tally: Tally) -> None:
 
 
 def shared_memory(attack: Attack, tally: Tally) -> None:
-    """A publisher of the library that floods a subscription of its own process."""
+    """Flood a subscription in the same process by the library's publisher."""
 
     async def flood() -> None:
         async with bus.Node("flooder") as node:

@@ -1,4 +1,4 @@
-"""Writes the same frames to connections without end, as fast as each takes them, and forgets what comes."""
+"""Writes the same frames to connections, as fast as each accepts them, and discards all input."""
 
 import select
 from collections.abc import Callable, Iterable
@@ -14,7 +14,7 @@ _READ_BYTES = 1 << 18
 
 
 class Feed(NamedTuple):
-    """`block` makes what `client` is to be given next: whole frames, of so many `things`."""
+    """`block` makes the next data for `client`: whole frames with `things` requests."""
 
     client: Client
     block: Callable[[], bytes]
@@ -22,15 +22,15 @@ class Feed(NamedTuple):
 
 
 def repeated(client: Client, frame: bytes, times: int) -> Feed:
-    """The same frame, again and again."""
+    """A feed with the same frame, again and again."""
     block = frame * times
     return Feed(client, lambda: block, times)
 
 
 class Pump:
-    """Feeds clients; those of `feeds` and the `listeners` are read from, `read_bytes` at a time at most.
+    """Feeds clients. Reads at most `read_bytes` at a time from clients of `feeds` and from `listeners`.
 
-    `sleepers` never read; busd hears of them and the listeners often enough to take them for alive.
+    `sleepers` never read. They and the listeners send pings often enough, so busd keeps them connected.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Pump:
         self._heartbeat_s = 0.0
 
     def run(self, tally: Tally) -> None:
-        """Until the tally says that it is enough. Raises ConnectionError where busd cuts one of them off."""
+        """Run until the tally ends it. Raises ConnectionError if busd disconnects a client."""
         with select.epoll() as poll:
             for number in self._readers:
                 feeds = select.EPOLLOUT if number in self._feeds else 0

@@ -1,12 +1,12 @@
-"""A client of docs/protocol.md without manners, which knows nothing of busd's own code.
+"""A client of docs/protocol.md that ignores all rules of politeness, without busd's own code.
 
-    with Client() as client:                    has said Hello
+    with Client() as client:                    Hello is done
         node = client.node()
         number = client.publisher(endpoint(node, "/t"))
         client.write(run(number, 1, 1, records([b"..."])))
-        client.barrier()                        busd has handled all that was sent; what came is forgotten
+        client.barrier()                        busd has handled everything sent; input is discarded
 
-Raises OSError: ConnectionError where busd cuts it off, TimeoutError where busd says nothing for long.
+Raises OSError: ConnectionError if busd disconnects it, TimeoutError if busd is silent for long.
 """
 
 import array
@@ -46,31 +46,31 @@ _gids = count(1)
 
 
 def control(tag: str, **fields: Any) -> bytes:
-    """A control frame."""
+    """Make a control frame."""
     body = msgspec.msgpack.encode({"m": tag, **fields})
     return _HEAD.pack(_HEAD.size - _LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
 
 
 def records(payloads: Iterable[bytes]) -> bytes:
-    """What is in a run: these samples, stamped now."""
+    """The body of a run: these samples, stamped now."""
     now_ns = monotonic_ns()
     return b"".join(_RECORD_HEAD.pack(len(payload), now_ns) + payload for payload in payloads)
 
 
 def run(publisher: int, first_seq: int, samples: int, body: bytes) -> bytes:
-    """A data frame of so many `samples`, whose records are `body`."""
+    """Make a data frame of `samples` samples, with the records in `body`."""
     length = _RUN_HEAD.size - _LENGTH_BYTES + len(body)
     return _RUN_HEAD.pack(length, DATA, 0, 0, publisher, 0, first_seq, samples, 0) + body
 
 
 def endpoint(node: int, topic: str, qos: Fields | None = None, **changes: Any) -> Fields:
-    """The fields of a declaration, but for its request's number."""
+    """The fields of a declaration, without the number of its request."""
     gid = struct.pack("<QQ", os.getpid(), next(_gids))
     return {"node": node, "topic": topic, **TYPE, "qos": {**QOS, **(qos or {})}, "gid": gid, **changes}
 
 
 def _connect(client: socket.socket) -> None:
-    """While more come than busd takes in, the kernel refuses without waiting."""
+    """Connect. The kernel refuses at once if more clients connect than busd accepts."""
     end_s = monotonic() + _TIMEOUT_S
     while True:
         try:
@@ -110,14 +110,14 @@ class Client:
     def fileno(self) -> int:
         return self.socket.fileno()
 
-    # --- out
+    # --- output
 
     def write(self, data: bytes) -> None:
-        """All of it; waits until there is room."""
+        """Write all data; waits for room."""
         self.socket.sendall(data)
 
     def write_some(self, data: bytes | memoryview) -> int:
-        """As much as the socket takes at once."""
+        """Write as much as the socket accepts at once; returns the number of bytes."""
         try:
             return self.socket.send(data, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -127,16 +127,16 @@ class Client:
         self.write(control(tag, **fields))
 
     def carry(self, data: bytes, *descriptors: int) -> None:
-        """A frame with descriptors."""
+        """Send a frame with descriptors."""
         rights = array.array("i", descriptors)
         self.socket.sendmsg([data], [(socket.SOL_SOCKET, socket.SCM_RIGHTS, rights)])
 
-    # --- in
+    # --- input
 
     def forget(self, limit: int = _READ_BYTES) -> int:
-        """Read what is there, `limit` bytes at most, and look at nothing; returns how much it was.
+        """Read available data, at most `limit` bytes, and discard it; returns the number of bytes.
 
-        A peer that forgets some of it can understand nothing that comes later.
+        A client that discards part of a frame can't understand later input.
         """
         try:
             size = len(self.socket.recv(limit, socket.MSG_DONTWAIT))
@@ -147,19 +147,19 @@ class Client:
         return size
 
     def barrier(self) -> None:
-        """Wait until busd has handled all that was sent, and pass over all that it said meanwhile."""
+        """Wait until busd has handled everything sent; discards all other input."""
         self.send("ping", number=1)
         self._expect("pong")
 
     def ask(self, *requests: tuple[str, Fields]) -> list[Fields]:
-        """All of them at once; returns the answers, in order. What else comes is passed over."""
+        """Send all requests at once; returns the answers, in order. Discards other input."""
         numbers = [next(self._requests) for _ in requests]
         pairs = zip(numbers, requests, strict=True)
         self.write(b"".join(control(tag, request=number, **fields) for number, (tag, fields) in pairs))
         return self.answers(numbers)
 
     def answers(self, numbers: list[int]) -> list[Fields]:
-        """Those to the requests of these numbers, in order. What else comes is passed over."""
+        """Read the answers to the requests with these numbers, in order. Discards other input."""
         waiting, answers = set(numbers), dict[int, Fields]()
         for body in self._bodies():
             message = msgspec.msgpack.decode(body)
@@ -172,15 +172,15 @@ class Client:
         return [answers[number] for number in numbers]
 
     def _expect(self, tag: str) -> None:
-        mark = msgspec.msgpack.encode(tag)  # most that comes need not be decoded
+        mark = msgspec.msgpack.encode(tag)  # avoids decoding most of the input
         for body in self._bodies():
             if mark in body and msgspec.msgpack.decode(body)["m"] == tag:
                 return
 
     def _bodies(self) -> Iterator[bytearray]:
-        """Those of control frames, as they come; the rest of what is read waits for the next call.
+        """The bodies of control frames as they arrive. Unused input stays for the next call.
 
-        Descriptors that come with them are closed by the kernel, as there is no room for them.
+        The kernel closes descriptors in the input, because the call has no room for them.
         """
         while True:
             while len(self._buffer) - self._at >= _HEAD.size:
@@ -198,27 +198,27 @@ class Client:
                 raise ConnectionResetError("busd has ended the connection")
             self._buffer += data
 
-    # --- what most begin with
+    # --- common first requests
 
     def node(self, name: str = "hostile", **kind: str) -> int:
-        """Declare a node and a type (`TYPE` unless it is given); returns the node's id."""
+        """Declare a node and a type (by default `TYPE`); returns the node's id."""
         self.send("type", **{**TYPE, **kind}, schema=b"\xc0")
         (answer,) = self.ask(("node+", {"name": name, "namespace": "/"}))
         return self._id(answer)
 
     def publisher(self, fields: Fields) -> int:
-        """Declare a publisher, of the fields of `endpoint`; returns its id."""
+        """Declare a publisher with fields from `endpoint`; returns its id."""
         (answer,) = self.ask(("pub+", fields))
         return self._id(answer)
 
     def subscription(self, fields: Fields) -> int:
-        """Declare a subscription, of the fields of `endpoint`; returns its id."""
+        """Declare a subscription with fields from `endpoint`; returns its id."""
         (answer,) = self.ask(("sub+", fields))
         return self._id(answer)
 
     @staticmethod
     def _id(answer: Fields) -> int:
-        """Raises ConnectionRefusedError where it was refused."""
+        """The id in an answer. Raises ConnectionRefusedError if busd refused the request."""
         if answer["m"] != "created":
             raise ConnectionRefusedError(answer["text"])
         return int(answer["id"])

@@ -1,4 +1,4 @@
-"""What a hostile program has done, and the words of the process that measures."""
+"""Counters of a hostile program, and the words of the measuring process."""
 
 import select
 import sys
@@ -7,7 +7,7 @@ from benchmarks.worker import tell
 
 
 class Tally:
-    """Counts what was asked of busd, and how much of that was refused; says `ready` when the first was."""
+    """Counts requests to busd, and how many of them busd refused. Says `ready` at the first request."""
 
     def __init__(self) -> None:
         self.asked = self.refused = 0
@@ -16,7 +16,7 @@ class Tally:
         self._poll.register(0, select.POLLIN)
 
     def add(self, asked: int, refused: int = 0, *, wait_s: float = 0.0) -> bool:
-        """Count what was done; returns whether to go on, after `wait_s` where no word comes meanwhile."""
+        """Count requests; returns whether to continue, after a wait of `wait_s` without a word."""
         self.asked += asked
         self.refused += refused
         if not self._is_ready:
