@@ -1,8 +1,8 @@
 """A talker and two listeners, as in the ROS 2 lesson.
 
-Starts busd on a socket of its own and the three programs as processes of their own, and passes their lines
-through. Ctrl-C ends them all. With SECONDS it ends by itself, with status 0 only if both listeners heard
-every message.
+Starts busd on a separate socket, and each of the three programs as a process. It forwards their output.
+Ctrl-C ends all of them. With SECONDS it ends by itself; the status is 0 only if both listeners received every
+message.
 """
 
 import argparse
@@ -26,12 +26,12 @@ LAST_MESSAGE_S = 10.0
 
 
 async def demonstrate(seconds: float | None) -> int:
-    """Returns the exit status."""
-    os.environ.pop("RCUTILS_CONSOLE_OUTPUT_FORMAT", None)  # we read the lines
+    """Run the demonstration; returns the exit status."""
+    os.environ.pop("RCUTILS_CONSOLE_OUTPUT_FORMAT", None)  # this program reads the lines
     transcript = Transcript()
     try:
         async with Launch() as launch, bus.Node("demo", rosout=False) as node:
-            # The talker comes last, so that it is matched with both listeners before its first message.
+            # The talker starts last, so it is matched with both listeners before its first message.
             for name in LISTENERS:
                 rename = ("--ros-args", "-r", f"__node:={name}")
                 await launch.start(name, EXAMPLES / "listener.py", *rename, stderr=transcript.sink)
@@ -42,7 +42,7 @@ async def demonstrate(seconds: float | None) -> int:
             status = await launch.stop("talker", signal.SIGINT)
             if status != -signal.SIGINT:
                 raise Failure(f"the talker exited with {status} at SIGINT")
-            transcript.read()  # what it said last
+            transcript.read()  # the remaining output
             await everything_is_heard(transcript)
     except (Failure, bus.BusError) as error:
         print(f"The demo failed: {error}.", file=sys.stderr)
@@ -69,7 +69,7 @@ def listeners_match(graph: bus.Graph) -> bool:
 
 
 async def everything_is_heard(transcript: Transcript) -> None:
-    """Waits until both listeners said the talker's last message, or long enough."""
+    """Wait until both listeners have printed the talker's last message, with a time limit."""
     texts = transcript.texts
     last = texts[TALKER][-1:]
     with suppress(TimeoutError):
@@ -82,7 +82,7 @@ def praise(heard: int) -> str:
 
 
 def judge(texts: dict[str, list[str]]) -> str | None:
-    """What is wrong with what was heard."""
+    """The fault in the received messages; None without one."""
     published = texts[TALKER]
     if not published:
         return "The talker published nothing."

@@ -1,6 +1,6 @@
-"""Starts busd and programs as processes of their own, on a bus of their own, and ends them all.
+"""Starts busd and programs as separate processes, on a separate bus, and ends all of them.
 
-Used by demo.py and robot/main.py. A user needs none of this: open a terminal for each program.
+demo.py and robot/main.py use it. Users do not need it: they open a terminal for each program.
 """
 
 import asyncio
@@ -21,18 +21,18 @@ import bus
 T = TypeVar("T")
 
 START_S = 20.0
-"""More than any program needs to start on a busy machine."""
+"""Longer than the start of any program on a busy machine."""
 _STOP_S = 5.0
 
 
 class Failure(Exception):
-    """The demonstration can't go on; the text says why."""
+    """The demonstration can't continue; the text has the reason."""
 
 
 class Launch:
-    """A busd on a socket in a new folder, found by this process and its children through BUSD_SOCKET.
+    """A busd on a socket in a new folder. This process and its children find it through BUSD_SOCKET.
 
-    Leaving the `async with` ends the programs, then busd, and removes the folder.
+    The end of the `async with` block ends the programs, then busd, and removes the folder.
     """
 
     def __init__(self) -> None:
@@ -40,14 +40,15 @@ class Launch:
         self.folder = Path(self._folder.name)
         self.socket = self.folder / "busd.sock"
         self.ended: asyncio.Queue[str] = asyncio.Queue()
-        """Of each program that ended without being told to, its name and how it ended."""
+        """Name and end of each program that ended unexpectedly."""
         self._programs: dict[str, Process] = {}
         self._stopping: set[str] = set()
         self._watchers: list[asyncio.Task[None]] = []
 
     async def start(self, name: str, *command: str | Path, stderr: int | None = None) -> None:
-        """Start `python <command>`, its stderr going to a descriptor if one is given."""
-        # A session of its own: Ctrl-C in the terminal reaches only us, who end the programs in order.
+        """Start `python <command>`; its stderr goes to the descriptor `stderr`, if given."""
+        # With a new session, Ctrl-C in the terminal only reaches this process, which ends the programs in
+        # order.
         process = await asyncio.create_subprocess_exec(
             sys.executable, *command, stdin=asyncio.subprocess.DEVNULL, stderr=stderr, start_new_session=True
         )
@@ -55,7 +56,8 @@ class Launch:
         self._watchers.append(asyncio.create_task(self._watch(name, process)))
 
     async def stop(self, name: str, number: signal.Signals) -> int:
-        """Tell a program to end and wait until it has; returns its status. One that does not is killed."""
+        """Send a signal to a program and wait for its end; returns its status. Kills it after a time
+        limit."""
         process = self._programs[name]
         self._stopping.add(name)
         with suppress(ProcessLookupError):
@@ -69,7 +71,8 @@ class Launch:
     async def during(
         self, work: Coroutine[Any, Any, T], what: str = "", *, limit_s: float | None = None
     ) -> T:
-        """The result of `work`, a wait for `what`; raises Failure if a program ends, or after `limit_s`."""
+        """The result of `work`, which waits for `what`. Raises Failure if a program ends, or after
+        `limit_s`."""
         task, ended = asyncio.create_task(work), asyncio.create_task(self.ended.get())
         try:
             await asyncio.wait({task, ended}, timeout=limit_s, return_when=asyncio.FIRST_COMPLETED)
@@ -95,7 +98,7 @@ class Launch:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            # SIGTERM ends a program quietly at any moment, also while it is still importing. busd goes last.
+            # SIGTERM ends a program without output at any moment, even during its imports. busd ends last.
             *programs, broker = reversed(self._programs)
             await asyncio.gather(*(self.stop(name, signal.SIGTERM) for name in programs))
             await self.stop(broker, signal.SIGTERM)
@@ -123,12 +126,13 @@ class Launch:
 
 
 def run(main: Coroutine[Any, Any, int], *, if_interrupted: int) -> int:
-    """Run `main` to its exit status; Ctrl-C, SIGTERM and the terminal's end end it in order, with another."""
-    # A background job of a script has SIGINT ignored, and its children would inherit that.
+    """Run `main` and return its exit status. Ctrl-C, SIGTERM and the terminal's end stop it in order; then
+    returns `if_interrupted`."""
+    # Background jobs of a script ignore SIGINT, and their children would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
         signal.signal(signal.SIGHUP, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
     try:
         return bus.run(main)
-    except KeyboardInterrupt:  # also of SIGTERM
+    except KeyboardInterrupt:  # also raised for SIGTERM
         return if_interrupted

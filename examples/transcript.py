@@ -1,4 +1,4 @@
-"""Passes on what several programs say, in order, and remembers which messages they spoke of."""
+"""Forwards the output of several programs in order, and remembers the messages in it."""
 
 import asyncio
 import os
@@ -12,11 +12,11 @@ _SAID = re.compile(r'\[(\w+)\]: (?:Publishing|I heard): "(.*)"')
 
 
 class Transcript:
-    """What the programs say: all through one pipe, so that their lines keep their order."""
+    """The output of the programs. All use one pipe, so their lines keep their order."""
 
     def __init__(self) -> None:
         self.texts: dict[str, list[str]] = defaultdict(list)
-        """The messages that each node published or heard."""
+        """The messages that each node published or received."""
         self._source, self.sink = os.pipe()
         os.set_blocking(self._source, False)
         asyncio.get_running_loop().add_reader(self._source, self.read)
@@ -24,7 +24,7 @@ class Transcript:
         self._rest = b""
 
     def read(self) -> None:
-        """Pass on and remember everything that was said until now."""
+        """Forward and remember all output so far."""
         try:
             while True:
                 *lines, self._rest = (self._rest + os.read(self._source, 65536)).split(b"\n")
@@ -35,12 +35,12 @@ class Transcript:
                         self.texts[said[1]].append(said[2])
         except BlockingIOError:
             self._news.set()
-        except BrokenPipeError:  # nobody reads our lines any more: end as on Ctrl-C
+        except BrokenPipeError:  # the reader of the output is gone: end like on Ctrl-C
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             signal.raise_signal(signal.SIGTERM)
 
     async def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait until what was said makes `condition` true."""
+        """Wait until the output makes `condition` true."""
         while not condition():
             self._news.clear()
             await self._news.wait()

@@ -1,4 +1,4 @@
-"""Actuation: applies velocity commands that the motors can obey, refuses others, stops when none come."""
+"""Actuation: applies valid velocity commands, refuses others, and stops the robot without commands."""
 
 from time import monotonic
 
@@ -8,19 +8,19 @@ from common import APPLIED, BOUNDS, COMMAND, COMMAND_TIMEOUT_S
 
 
 def violation(command: Twist) -> str | None:
-    """The first field out of its bounds, in words; None for a command that can be applied."""
+    """A text about the first field out of its bounds; None for a valid command."""
     for part in ("linear", "angular"):
         for axis in ("x", "y", "z"):
             field = f"{part}.{axis}"
             value = getattr(getattr(command, part), axis)
             low, high = BOUNDS.get(field, (0.0, 0.0))
-            if not low <= value <= high:  # also refuses NaN
+            if not low <= value <= high:  # the condition is also true for NaN
                 return f"{field} is {value:g}, allowed is {low:g} to {high:g}"
     return None
 
 
 class Motors:
-    """Applies commands and tells what was applied."""
+    """Applies commands and publishes the applied ones."""
 
     def __init__(self, applied: bus.Publisher[Twist], logger: bus.Logger) -> None:
         self._applied = applied
@@ -36,7 +36,7 @@ class Motors:
         self._applied.publish(command)
 
     def watch(self) -> None:
-        """Stop when commands stay away."""
+        """Stop the robot if commands stop."""
         if self._commanded_s is not None and monotonic() - self._commanded_s > COMMAND_TIMEOUT_S:
             self._logger.warning(f"no command for {COMMAND_TIMEOUT_S:g} s: stopped")
             self._commanded_s = None

@@ -27,14 +27,14 @@ _LARGEST_STEP_M_S = 0.2
 
 
 class Ball(NamedTuple):
-    """Where the ball is, as seen from the camera."""
+    """The position of the ball as seen from the camera."""
 
     bearing_rad: float
     distance_m: float
 
 
 def find_ball(image: Image) -> Ball | None:
-    """The ball by the centroid and the number of the pixels that are bright in red."""
+    """Find the ball by the centroid and the number of bright red pixels."""
     width, height = image.width, image.height
     if image.encoding != "rgb8" or not 0 < 3 * width * height == len(image.data):
         return None
@@ -50,7 +50,7 @@ def find_ball(image: Image) -> Ball | None:
 
 
 class Driver:
-    """Where the ball should be now, and how to get there."""
+    """Estimates the position of the ball, and computes commands to reach it."""
 
     def __init__(self) -> None:
         self._bearing_rad = 0.0
@@ -59,7 +59,7 @@ class Driver:
         self._turned_s: float | None = None
 
     def turn(self, imu: Imu) -> None:
-        """Between two images the ball moves the other way as the robot turns."""
+        """Update the ball's bearing: between two images, it moves opposite to the robot's turn."""
         self._yaw_rate = imu.angular_velocity.z
         now_s = seconds_of(imu.header.stamp)
         if self._turned_s is not None:
@@ -71,10 +71,10 @@ class Driver:
             self._speed = WHEEL_RADIUS_M * sum(joints.velocity) / len(joints.velocity)
 
     def decide(self, ball: Ball | None) -> Twist:
-        """The command: towards the ball, or around until it comes into view."""
+        """The next command: towards the ball, or a turn until it comes into view."""
         if ball is None:
             return Twist(angular=Vector3(z=copysign(_SEARCH_RAD_S, self._bearing_rad)))
-        # The gyroscope is fast and drifts, the camera is slow and does not: each corrects the other.
+        # The gyroscope is fast and drifts, the camera is slow and does not drift: each corrects the other.
         self._bearing_rad += 0.5 * (ball.bearing_rad - self._bearing_rad)
         speed = clamp(
             0.8 * (ball.distance_m - _KEEP_AWAY_M),

@@ -1,4 +1,4 @@
-"""What the robot's layers agree on: topics, rates, bounds, measures."""
+"""Shared definitions of the robot's layers: topics, rates, bounds, measures."""
 
 from time import time_ns
 from typing import Generic, NamedTuple, TypeVar
@@ -14,7 +14,7 @@ M = TypeVar("M", bound=msgspec.Struct)
 
 
 class Topic(NamedTuple, Generic[M]):
-    """A topic of the robot and how often a message is due on it."""
+    """A topic of the robot, and its rate."""
 
     name: str
     type: type[M]
@@ -37,10 +37,10 @@ TOPICS: tuple[Topic[Image] | Topic[Imu] | Topic[JointState] | Topic[Twist], ...]
 )
 
 COMMAND_TIMEOUT_S = 0.5
-"""The robot stops when commands stay away for so long."""
+"""The robot stops after this time without commands."""
 
 BOUNDS = {"linear.x": (-0.5, 1.0), "angular.z": (-2.0, 2.0)}
-"""What the motors can do, in m/s and rad/s; every other field of a command must be 0."""
+"""The range of the motors in m/s and rad/s; every other field of a command must be 0."""
 
 WHEEL_RADIUS_M = 0.1
 TRACK_M = 0.4
@@ -48,11 +48,11 @@ BALL_RADIUS_M = 0.15
 
 WIDTH, HEIGHT = 640, 480
 FOCAL_PX = 554.0
-"""Of a lens with a horizontal field of view of 60 degrees."""
+"""Focal length of a lens with a horizontal field of view of 60 degrees."""
 
 
 class TopicHealth(msgspec.Struct, frozen=True):
-    """What monitoring saw of one topic since its last report."""
+    """Figures of one topic since monitoring's last report."""
 
     topic: str
     nominal_hz: float
@@ -60,12 +60,12 @@ class TopicHealth(msgspec.Struct, frozen=True):
     published: int
     received: int
     age_s: float | None
-    """Mean time from publish to reception; None where nothing came."""
+    """Mean time from publish to reception; None without messages."""
     age_max_s: float | None
     stamp_age_s: float | None
-    """Mean time from header.stamp, so from the measurement, to reception; None where there is no header."""
+    """Mean time from header.stamp, the time of the measurement, to reception; None without a header."""
     lost: dict[str, int]
-    """Messages lost since the start by anyone, by "node: reason"."""
+    """Messages lost by all nodes since the start, by "node: reason"."""
 
 
 class Health(msgspec.Struct, frozen=True):
@@ -78,7 +78,7 @@ HEALTH_TOPIC = "/health"
 
 
 def now() -> Time:
-    """The wall clock, as a stamp."""
+    """The time of the wall clock, as a stamp."""
     sec, nanosec = divmod(time_ns(), 1_000_000_000)
     return Time(sec=sec, nanosec=nanosec)
 

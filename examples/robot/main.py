@@ -1,7 +1,7 @@
-"""The lesson's physical-AI graph: perception, cognition, actuation and monitoring, each a process of its own.
+"""The lesson's physical-AI graph: perception, cognition, actuation and monitoring, each a separate process.
 
-Starts busd on a socket of its own and the layers, and restarts none of them. Ctrl-C ends all. With SECONDS
-it ends by itself, with status 0 only if every topic flowed at 80 % of its rate or more and every layer lived.
+Starts busd on a separate socket and the layers, and restarts none of them. Ctrl-C ends all. With SECONDS it
+ends by itself; the status is 0 only if every topic reached at least 80 % of its rate and no layer ended.
 """
 
 import argparse
@@ -22,11 +22,11 @@ from processes import START_S, Failure, Launch, run
 LAYERS = ("perception", "cognition", "actuation", "monitoring")
 LEAST_SHARE = 0.8
 SLACK_S = 5.0
-"""How much later than asked for the last report may come."""
+"""Time that the last report may be late."""
 
 
 async def run_robot(seconds: float | None, stderr: int | None) -> int:
-    """Returns the exit status."""
+    """Run the robot; returns the exit status."""
     deaths: list[str] = []
     try:
         async with Launch() as launch, bus.Node("robot") as node:
@@ -57,14 +57,14 @@ async def everything_flows(reports: bus.Subscription[Health]) -> None:
 
 
 async def note_deaths(launch: Launch, deaths: list[str], logger: bus.Logger) -> NoReturn:
-    """Say which program ended; for ever."""
+    """Log each program that ends; never returns."""
     while True:
         deaths.append(await launch.ended.get())
         logger.warning(f"{deaths[-1]}; the others go on")
 
 
 async def collect(reports: bus.Subscription[Health], seconds: float) -> list[Health]:
-    """Monitoring's reports on the next `seconds`; fewer if it falls silent."""
+    """Monitoring's reports of the next `seconds`; fewer if it stops."""
     health: list[Health] = []
     with suppress(TimeoutError):
         async with asyncio.timeout(seconds + SLACK_S):
@@ -74,7 +74,7 @@ async def collect(reports: bus.Subscription[Health], seconds: float) -> list[Hea
 
 
 def summarise(health: list[Health], number: int) -> tuple[str, str | None]:
-    """A line about a topic, and what is wrong with it."""
+    """A line about a topic, and its fault or None."""
     topic, windows = TOPICS[number], [one.topics[number] for one in health]
     duration_s = sum(window.window_s for window in windows) or 1.0
     sent = sum(window.published for window in windows) / duration_s
@@ -97,7 +97,7 @@ def main() -> int:
     if_interrupted = 0 if seconds is None else 130
     if not sys.stdout.isatty():
         return run(run_robot(seconds, None), if_interrupted=if_interrupted)
-    # The layers' lines would spoil monitoring's table, which shows what they log.
+    # The layers' lines would disturb monitoring's table, which shows their log.
     with TemporaryFile() as log:
         status = run(run_robot(seconds, log.fileno()), if_interrupted=if_interrupted)
         log.seek(0)

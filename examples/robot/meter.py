@@ -1,4 +1,4 @@
-"""Measures one topic: how many messages, how old, who lost some."""
+"""Measures one topic: number and age of messages, and losses by node."""
 
 from statistics import fmean
 from time import monotonic
@@ -51,7 +51,7 @@ class Meter:
 
 
 def lost_on(graph: bus.Graph, topic: str) -> dict[str, int]:
-    """Who lost messages of `topic`, and why."""
+    """Lost messages of `topic` by node and reason."""
     return {
         f"{endpoint.node.name}: {reason}": count
         for endpoint in (*graph.publishers_of(topic), *graph.subscriptions_of(topic))

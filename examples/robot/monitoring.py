@@ -1,6 +1,7 @@
-"""Monitoring: per topic the rate, the age of the messages and who lost some and why.
+"""Monitoring: the rate of each topic, the age of its messages, and losses with nodes and reasons.
 
-A table that stays in place on a terminal, else a line per topic and second. Also publishes it as Health.
+On a terminal it shows a table that stays in place, otherwise a line for each topic every second. It also
+publishes the figures as Health.
 """
 
 import sys
@@ -65,7 +66,7 @@ async def main() -> None:
             try:
                 graph = await node.graph(statistics=True)
             except bus.ConnectionClosed:
-                return  # busd is restarting
+                return  # busd restarts
             health = Health([meter.report(lost_on(graph, meter.topic.name)) for meter in meters])
             reports.publish(health)
             if _IS_TERMINAL:

@@ -1,4 +1,4 @@
-"""Perception: a camera, an IMU and wheel encoders, simulated; the robot moves as actuation tells it to."""
+"""Perception: simulates a camera, an IMU and wheel encoders. The robot moves as actuation commands."""
 
 from math import cos, sin
 from random import gauss
@@ -13,7 +13,7 @@ from world import World
 
 
 class Body:
-    """The world, kept at the present time."""
+    """The simulated world, kept at the present time."""
 
     def __init__(self) -> None:
         self.world = World()

@@ -1,4 +1,4 @@
-"""What is simulated: a robot on two wheels, a ball that rolls around, and what a camera sees of it.
+"""The simulation: a robot on two wheels, a ball that rolls around, and the image of a camera.
 
 SI units; x points ahead, angles count to the left, in radians.
 """
@@ -15,17 +15,17 @@ _ORANGE = b"\xff\x80\x10"
 
 
 class World:
-    """Robot and ball, as they are at `time_s`."""
+    """The state of robot and ball at `time_s`."""
 
     def __init__(self) -> None:
         self.time_s = 0.0
         self.x = self.y = self.heading = 0.0
         self.speed = self.yaw_rate = self.acceleration = 0.0
         self.wheels = [0.0, 0.0]
-        """How far the left and the right wheel have turned."""
+        """Angles by which the left and the right wheel have turned."""
 
     def advance(self, dt: float, speed: float, yaw_rate: float) -> None:
-        """Let `dt` seconds pass while the motors are asked for `speed` and `yaw_rate`."""
+        """Advance by `dt` seconds while the motors get `speed` and `yaw_rate`."""
         reached = 1 - exp(-dt / _MOTOR_LAG_S)
         self.acceleration = (speed - self.speed) * reached / dt
         self.speed += (speed - self.speed) * reached
@@ -42,11 +42,11 @@ class World:
         return (self.speed - turn) / WHEEL_RADIUS_M, (self.speed + turn) / WHEEL_RADIUS_M
 
     def ball(self) -> tuple[float, float]:
-        """Where the ball is: on its way around an ellipse."""
+        """The position of the ball, on its way around an ellipse."""
         return 2.5 + cos(0.3 * self.time_s), 1.5 * sin(0.3 * self.time_s)
 
     def picture(self) -> bytes:
-        """What the camera sees, as rgb8: noise, and the ball where the lens puts it."""
+        """The camera's image as rgb8: noise, and the ball at its place in the lens."""
         start = 3 * random.randrange(WIDTH * HEIGHT)
         pixels = bytearray(_NOISE[start : start + 3 * WIDTH * HEIGHT])
         east, north = self.ball()
