@@ -258,13 +258,15 @@ class Receiver(Generic[M]):
 
     def take_many(self, limit: int) -> list[Taken[M]]:
         """Take up to `limit` of the oldest messages, in as few steps as possible."""
-        ahead = self.ahead
+        ahead, runs, reader = self.ahead, self._queue.runs, self.reader
         found: list[Taken[M]] = []
         while (left := limit - len(found)) > 0 and (taken := self.take(left)) is not None:
             found.append(taken)
             if len(ahead) < left:
                 found += ahead
                 ahead.clear()
+                if not runs and (reader is None or not reader.waiting()):
+                    break  # `take` would find out the same, in more steps
             else:
                 found += [ahead.popleft() for _ in range(left - 1)]
         return found
