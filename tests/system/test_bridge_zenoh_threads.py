@@ -74,6 +74,6 @@ async def test_where_no_thread_can_start_nothing_stays_open(monkeypatch: pytest.
     before = descriptors_of(os.getpid())
     with monkeypatch.context() as exhausted:
         exhausted.setattr(threading.Thread, "start", refuse)
-        with pytest.raises(BridgeError, match="zenoh needs a thread of its own: can't start new thread"):
+        with pytest.raises(BridgeError, match="zenoh can't start its thread: can't start new thread"):
             await Session(ZenohOptions(), list[Exception]().append).open()
     assert descriptors_of(os.getpid()) == before

@@ -78,7 +78,7 @@ class NodeInfo:
             if len(sizes) == 2:
                 self._warn(
                     "nodes of ROS 2 Humble and of later distros are in this domain: they can't see each "
-                    "other's nodes, and those of Humble don't see the nodes of this bus (their topics work)"
+                    "other's nodes, and nodes of Humble don't see the nodes of this bus (their topics work)"
                 )
             if size == GID_SIZE or len(sizes) == 1:
                 self._writer.change(size)

@@ -301,7 +301,7 @@ class Session:
             threading.Thread(target=self._work, name="bus_bridge zenoh", daemon=True).start()
         except RuntimeError as error:
             self._inbox.close()
-            raise BridgeError(f"zenoh needs a thread of its own: {error}") from None
+            raise BridgeError(f"zenoh can't start its thread: {error}") from None
         self._jobs.put(lambda: self._open(opened))
         try:
             if self._options.router:
