@@ -85,6 +85,8 @@ class Proxy:
         self._selector.register(self._listening, selectors.EVENT_READ)
         self._ways: list[tuple[_Way, _Way]] = []
         self._orders: deque[tuple[random.Random, int] | None] = deque()
+        self.hang_ups = 0
+        """Calls of `hang_up` that are done: each connection of that time is cut."""
         self._is_hanging_up = False
         self._ours, self._theirs = socket.socketpair()
         self._selector.register(self._theirs, selectors.EVENT_READ)
@@ -107,11 +109,6 @@ class Proxy:
         """Cut all connections after earlier data has passed, as far as it is taken."""
         self._is_hanging_up = True
         self._ours.send(b"x")
-
-    @property
-    def is_alone(self) -> bool:
-        """Whether it has no connection."""
-        return not self._ways
 
     def spare(self) -> None:
         """Stop cutting."""
@@ -173,6 +170,7 @@ class Proxy:
                 for way in ways:
                     way.pass_on()
                 self._end(ways)
+            self.hang_ups += 1
         while self._orders:
             order = self._orders.popleft()
             if order is None:

@@ -109,7 +109,7 @@ def test_proto_is_a_value_to_begin_with() -> None:
             "; did you mean 'std_msgs/msg/String'?\n",
         ),
         ("show Nonsense", "Invalid name 'Nonsense'. Expected three parts separated by '/'\n"),
-        ("show Empty", "'Empty' may be std_msgs/msg/Empty or std_srvs/srv/Empty: say which\n"),
+        ("show Empty", "'Empty' may be std_msgs/msg/Empty or std_srvs/srv/Empty: write one of them\n"),
         ("show std_msg/msg/String", "Unknown package 'std_msg'; did you mean 'std_msgs'?\n"),
         ("package std_msg", "Unknown package 'std_msg'; did you mean 'std_msgs'?\n"),
         ("show std_msgs//String", "Invalid name 'std_msgs//String'. Must not contain empty parts\n"),

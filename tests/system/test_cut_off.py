@@ -138,7 +138,7 @@ async def test_what_was_published_into_a_ring_of_which_it_was_not_told_in_time(
     os.kill(daemon.pid, signal.SIGSTOP)
     await publish(publisher, 30)
     proxy.hang_up()
-    await until(lambda: proxy.is_alone)
+    await until(lambda: proxy.hang_ups == 1)
     os.kill(daemon.pid, signal.SIGCONT)
     while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
         await asyncio.sleep(0.01)

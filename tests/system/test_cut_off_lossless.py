@@ -73,7 +73,8 @@ async def test_nothing_is_lost_whenever_the_connection_of_the_subscription_is_cu
             await publisher.send(Int64(data=number))
             if number % (MESSAGES // CUTS) == 0:
                 proxy.hang_up()
-                await until(lambda: proxy.is_alone)
+                cuts = number // (MESSAGES // CUTS)
+                await until(lambda cuts=cuts: proxy.hang_ups == cuts)
         await listener.line(rf"up to {MESSAGES}: {{}}$")
         assert not any("AssertionError" in line for line in listener.lines)
 
