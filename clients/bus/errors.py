@@ -66,7 +66,7 @@ class BusError(Exception):
 def again(error: E) -> E:
     """A copy of `error`, to be raised.
 
-    If the same error is raised again, it keeps the frames of each time.
+    An error that is raised several times would keep the frames of each time.
     """
     copy = type(error).__new__(type(error), *error.args)
     copy.__dict__.update(error.__dict__)

@@ -106,9 +106,9 @@ class LivelinessChanged(NamedTuple):
     not_alive_count: int
     """Matched publishers without a sign of life within their lease."""
     alive_count_change: int
-    """By how much `alive_count` changed."""
+    """The change of `alive_count`."""
     not_alive_count_change: int
-    """By how much `not_alive_count` changed."""
+    """The change of `not_alive_count`."""
 
 
 class LivelinessLost(NamedTuple):

@@ -50,21 +50,21 @@ class Severity(IntEnum):
     """
 
     UNSET = 0
-    """As the parent's."""
+    """The parent's level."""
     DEBUG = 10
-    """Details for finding a fault."""
+    """Details that help to find a fault."""
     INFO = 20
-    """What happens; the lowest that is logged by default."""
+    """Normal events; the lowest severity that is logged by default."""
     WARN = 30
-    """What may be wrong."""
+    """Possible faults."""
     ERROR = 40
-    """What has failed."""
+    """Failures."""
     FATAL = 50
-    """What ends the program."""
+    """Failures that end the program."""
 
 
 class LogEntry(NamedTuple):
-    """One record as a sink gets it, with the fields of rcl_interfaces/msg/Log."""
+    """One record for a sink, with the fields of rcl_interfaces/msg/Log."""
 
     severity: int
     stamp_ns: int
@@ -79,7 +79,7 @@ Sink: TypeAlias = Callable[[LogEntry], None]
 
 
 class Filters(TypedDict, total=False):
-    """Keywords of every logging call. Each filter is kept for the place in the program that calls."""
+    """Keywords of every logging call. Each calling place in the program has its own filter."""
 
     once: bool
     """Log only the first call."""
@@ -234,12 +234,12 @@ def get_logger(name: str) -> Logger:
 
 
 def set_default_level(level: Severity | int | str) -> None:
-    """The level of every logger that has none of its own; UNSET brings back INFO."""
+    """Set the level of all loggers without a level; UNSET restores INFO."""
     _TOP.setLevel(_severity(level) or Severity.INFO)
 
 
 def configure(arguments: "Arguments") -> None:
-    """Do what a command line says of logs."""
+    """Apply the log options of a command line."""
     for level in arguments.log_levels:
         if level.logger:
             get_logger(level.logger).set_level(level.severity)
@@ -250,19 +250,18 @@ def configure(arguments: "Arguments") -> None:
 
 
 def enable_console(enabled: bool) -> None:
-    """Whether logs are written to stderr; sinks get them all the same."""
+    """Set whether logs are written to stderr; sinks get them in both cases."""
     _CONSOLE.setLevel(logging.NOTSET if enabled else logging.CRITICAL + 1)
 
 
 class ConsoleHandler(logging.Handler):
-    """Writes one line per record to stderr, each in one write, at once.
+    """Writes one line for each record to stderr, at once and in one write.
 
     $RCUTILS_CONSOLE_OUTPUT_FORMAT is a template with {severity}, {time}, {name}, {message}, {file_name},
     {line_number}, {function_name} and {time_as_nanoseconds}. Lines are coloured on a terminal, and elsewhere
     if $RCUTILS_COLORIZED_OUTPUT is 1, but never if that is 0 or $NO_COLOR is set. Control characters are
-    escaped, but for newlines, tabs, and colours, which end with the line. If the stream can't be written
-    to, the line is lost. If it is a pipe without a reader, SIGPIPE ends programs of `bus.run` and
-    `bus.connect`.
+    escaped, except newlines, tabs, and colours, which end with the line. If the stream can't be written to,
+    the line is lost. If it is a pipe without a reader, SIGPIPE ends programs of `bus.run` and `bus.connect`.
     """
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:

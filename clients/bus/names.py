@@ -59,32 +59,33 @@ _Fault = tuple[str, int]
 
 
 def validate_node_name(name: str) -> None:
-    """A node's base name: `[A-Za-z_][A-Za-z0-9_]*`, without namespace."""
+    """Check a node's base name: `[A-Za-z_][A-Za-z0-9_]*`, without namespace."""
     _check("node name", name, _node_name_fault)
 
 
 def validate_namespace(namespace: str) -> None:
-    """A namespace: "/", or tokens that each follow a slash."""
+    """Check a namespace: "/", or tokens that each follow a slash."""
     _check("namespace", namespace, _namespace_fault)
 
 
 def validate_topic_name(name: str) -> None:
-    """A topic as people type it: relative or absolute, with `~` and `{substitutions}`."""
+    """Check a typed topic: relative or absolute, with `~` and `{substitutions}`."""
     _check("topic name", name, _typed_topic_fault)
 
 
 def validate_full_topic_name(name: str) -> None:
-    """A topic as it stands in the graph: absolute, nothing left to expand."""
+    """Check a topic of the graph: absolute, without anything to expand."""
     _check("topic name", name, _full_topic_fault)
 
 
 def expand_topic_name(name: str, node: str, namespace: str) -> str:
-    """The full name of a topic typed in `node`, which lives in `namespace`.
+    """The full name of a topic typed in `node`, whose namespace is `namespace`.
 
-    A leading `~` is the node's full name; then `{node}`, `{ns}` and `{namespace}` are put in; a name that is
-    still relative gets the namespace in front. Absolute names without substitutions stay as they are.
+    First a leading `~` becomes the node's full name, then `{node}`, `{ns}` and `{namespace}` are replaced. A
+    name that is still relative gets the namespace in front. Absolute names without substitutions stay as they
+    are.
 
-    Raises ConfigurationError where any of the three, or the result, breaks its rules.
+    Raises ConfigurationError if one of the three names, or the result, breaks its rules.
     """
     validate_topic_name(name)
     validate_node_name(node)
@@ -93,8 +94,8 @@ def expand_topic_name(name: str, node: str, namespace: str) -> str:
 
 
 def topic_in_node(name: str, node: str, namespace: str) -> str:
-    """As `expand_topic_name`, in a node whose names were looked at when it was made."""
-    if isinstance(name, str) and _are_words(name.removeprefix("/").split("/")):  # nothing is to be put in
+    """As `expand_topic_name`, for a node with names that were checked at its creation."""
+    if isinstance(name, str) and _are_words(name.removeprefix("/").split("/")):  # no substitution
         full = name if name[0] == "/" else join_node_name(namespace, name)
         if len(full) <= MAX_TOPIC_NAME_LENGTH:
             return full
@@ -138,22 +139,22 @@ def logger_name(namespace: str, name: str) -> str:
 
 
 def is_hidden_topic(name: str) -> bool:
-    """Whether any token begins with `_`: tools leave such topics out of their lists."""
+    """Whether a token begins with `_`: tools leave such topics out of their lists."""
     return any(token.startswith("_") for token in name.split("/"))
 
 
 def request_topic(service: str) -> str:
-    """The hidden topic on which a service gets its requests."""
+    """The hidden topic of a service's requests."""
     return service + _REQUEST
 
 
 def reply_topic(service: str) -> str:
-    """The hidden topic on which a service answers."""
+    """The hidden topic of a service's answers."""
     return service + _REPLY
 
 
 def service_of_topic(topic: str) -> str | None:
-    """The service whose requests or replies a topic carries; None where it is any other topic."""
+    """The service of a topic for requests or replies; None for any other topic."""
     for end in (_REQUEST, _REPLY):
         if topic.endswith(end) and len(topic) > len(end):
             return topic.removesuffix(end)
@@ -161,7 +162,8 @@ def service_of_topic(topic: str) -> str | None:
 
 
 def is_hidden_node(name: str) -> bool:
-    """Whether a node's base name (of a base or full name) begins with `_`, as the tools' own nodes do."""
+    """Whether a node's base name begins with `_`, as in nodes of tools; `name` is a base name or a full
+    name."""
     return name.rpartition("/")[2].startswith("_")
 
 

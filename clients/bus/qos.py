@@ -1,4 +1,4 @@
-"""QoS profiles: what a publisher offers, what a subscription requests, and whether the two match.
+"""QoS profiles: offers of publishers, requests of subscriptions, and the rule for a match.
 
 Owns the policies, their defaults and presets (rmw/qos_profiles.h), and the rule of compatibility with its
 texts (rmw_dds_common/qos.cpp). Must not know the implementation of a policy.
@@ -64,9 +64,9 @@ class History(StrEnum):
     """
 
     KEEP_LAST = "keep_last"
-    """The last `depth`."""
+    """The last `depth` samples."""
     KEEP_ALL = "keep_all"
-    """All, within its quota."""
+    """All samples, within the endpoint's quota."""
 
 
 class Reliability(StrEnum):
@@ -78,9 +78,12 @@ class Reliability(StrEnum):
     """
 
     RELIABLE = "reliable"
-    """It may not."""
+    """A sample may not be lost."""
     BEST_EFFORT = "best_effort"
-    """It may; a publisher that offers this does not match a subscription that asks for reliable."""
+    """A sample may be lost.
+
+    A publisher with this policy does not match a subscription that requests reliable.
+    """
 
 
 class Durability(StrEnum):
@@ -92,11 +95,12 @@ class Durability(StrEnum):
     """
 
     VOLATILE = "volatile"
-    """They don't."""
+    """Late joiners get no earlier samples."""
     TRANSIENT_LOCAL = "transient_local"
-    """They do, if both sides set it."""
+    """Late joiners get the kept samples, if both sides set this policy."""
     BEST_AVAILABLE = "best_available"
-    """For subscriptions: they do from each publisher that keeps some, and match all others too."""
+    """For subscriptions: they get kept samples from each publisher that keeps some, and match all others,
+    too."""
 
 
 class Liveliness(StrEnum):
@@ -108,13 +112,13 @@ class Liveliness(StrEnum):
     """
 
     AUTOMATIC = "automatic"
-    """That its process lives."""
+    """By its running process."""
     MANUAL_BY_TOPIC = "manual_by_topic"
-    """That it publishes, or calls `assert_liveliness`."""
+    """By publishing, or by calls of `assert_liveliness`."""
 
 
 class Policy(IntEnum):
-    """The policies that can keep a match from being made; numbers and names are rclpy's QoSPolicyKind."""
+    """The policies that can prevent a match, with the numbers and names of rclpy's QoSPolicyKind."""
 
     DURABILITY = 1 << 1
     DEADLINE = 1 << 2
@@ -129,18 +133,18 @@ class PolicyField(NamedTuple):
     name: str
     """Its field in QoSProfile. rclpy, rosbag2 and the options of tools use the same name."""
     label: str
-    """In `topic info -v`."""
+    """Its name in `topic info -v`."""
     kind: type[StrEnum] | None = None
     """Its values; None for a duration."""
     offers: Mapping[int, StrEnum] = MappingProxyType({})
     """The values that a publisher may offer, by rmw's numbers."""
     word: str = ""
-    """Of a duration, in few words (`in_words`)."""
+    """The word for a duration in short texts (`in_words`)."""
     letter: str = ""
-    """Of a duration, in the texts of bridges (`bus_bridge.zenoh.qos_text`)."""
+    """The letter for a duration in the texts of bridges (`bus_bridge.zenoh.qos_text`)."""
 
     def ns(self, profile: "QoSProfile") -> int:
-        """A duration in nanoseconds; 0 where it is infinite."""
+        """The duration in a profile, in nanoseconds; 0 if it is infinite."""
         return _nanoseconds(getattr(profile, self.name))
 
 
@@ -189,13 +193,13 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
     reliability: Reliability = Reliability.RELIABLE
     """Whether a sample may be lost on the way."""
     durability: Durability = Durability.VOLATILE
-    """Whether late joiners get what was published before."""
+    """Whether late joiners get samples published before."""
     deadline: float | None = None
     """Longest expected gap between two samples."""
     lifespan: float | None = None
     """Age after which a sample is no longer delivered."""
     liveliness: Liveliness = Liveliness.AUTOMATIC
-    """What counts as a sign of life."""
+    """The publisher's way to prove that it is alive."""
     liveliness_lease_duration: float | None = None
     """Time without a sign of life after which the publisher counts as not alive."""
 
@@ -228,7 +232,7 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def is_lossless(self) -> bool:
-        """Reliable and keep all: the one combination that holds a publisher back."""
+        """Whether the profile is reliable and keep all, the only combination that makes a publisher wait."""
         return self.history is History.KEEP_ALL and self.reliability is Reliability.RELIABLE
 
     @property
@@ -292,7 +296,7 @@ class Incompatibility(NamedTuple):
 
 
 def check_compatible(offered: QoSProfile, requested: QoSProfile) -> list[Incompatibility]:
-    """Everything that keeps `offered` from serving `requested`; an empty list is a match."""
+    """All reasons why `offered` can't serve `requested`; an empty list means a match."""
     found = []
     if (offered.reliability, requested.reliability) == (Reliability.BEST_EFFORT, Reliability.RELIABLE):
         found.append(_BEST_EFFORT)
@@ -314,7 +318,7 @@ def check_compatible(offered: QoSProfile, requested: QoSProfile) -> list[Incompa
 
 
 def check_offer(offered: QoSProfile) -> None:
-    """Raises ConfigurationError for what a publisher can't offer."""
+    """Raise ConfigurationError for a policy that a publisher can't offer."""
     if offered.durability is Durability.BEST_AVAILABLE:
         raise ConfigurationError(
             "a publisher's QoS durability is volatile or transient_local; best_available is for subscriptions"
@@ -322,12 +326,12 @@ def check_offer(offered: QoSProfile) -> None:
 
 
 def describe_incompatibilities(found: list[Incompatibility]) -> str:
-    """All reasons as one text, joined as rmw_dds_common does."""
+    """All reasons as one text, joined as in rmw_dds_common."""
     return "".join(reason.text for reason in found)
 
 
 def describe_profile(qos: QoSProfile) -> list[str]:
-    """The lines of `QoS profile:` in `topic info -v`, as rclpy's TopicEndpointInfo prints them."""
+    """The lines of `QoS profile:` in `topic info -v`, in the format of rclpy's TopicEndpointInfo."""
     texts = {one.name: getattr(qos, one.name).name for one in CHOICES}
     texts |= {one.name: _duration_text(one.ns(qos)) for one in DURATIONS}
     return info_lines(texts, qos.depth)
@@ -343,7 +347,7 @@ def info_lines(texts: Mapping[str, str], depth: int) -> list[str]:
 
 
 def in_words(qos: QoSProfile) -> str:
-    """A profile in few words: how much is kept, how reliably, and what else differs from the default."""
+    """A profile in few words: history, reliability, and all other policies that differ from the default."""
     kept = "keep all" if qos.history is History.KEEP_ALL else f"keep last {qos.depth}"
     words = [kept, qos.reliability.replace("_", " ")]
     if qos.durability is not Durability.VOLATILE:

@@ -32,16 +32,16 @@ class Pack(NamedTuple):
 
     publisher_gid: bytes
     data: bytes
-    """Of each message its number (u64), its source time (i64, nanoseconds of the wall clock), its size (u32),
-    and the message; little-endian."""
+    """For each message: its number (u64), its source time (i64, nanoseconds of the wall clock), its size
+    (u32), and the message; little-endian."""
     messages: int
     payload_bytes: int
     last_at: int
-    """Where the last one's number stands."""
+    """The offset of the last message's number."""
     is_consecutive: bool
-    """Whether none is missing between the first and the last."""
+    """Whether no message is missing between the first and the last."""
     has_more: bool
-    """Whether more waits."""
+    """Whether more messages wait."""
 
 
 class Subscription(Endpoint[M]):
@@ -185,6 +185,6 @@ class Subscription(Endpoint[M]):
 
 
 def decoder_of_views(support: TypeSupport[Any]) -> Callable[[Any], Any]:
-    """As `support.decode`, but fields of bytes are read-only views into what is decoded."""
+    """As `support.decode`, but bytes fields are read-only views into the decoded buffer."""
     decode = msgspec.msgpack.Decoder(view_type(support.cls)).decode
     return lambda payload: decode(memoryview(payload).toreadonly())  # by socket it is a writable buffer

@@ -19,7 +19,7 @@ class Route(StrEnum):
     SOCKET = "socket"
     """Through busd."""
     BRIDGE = "bridge"
-    """None through busd: a bridge carries them."""
+    """Over a bridge: no message passes through busd."""
 
 
 class DropReason(StrEnum):
@@ -40,14 +40,14 @@ class DropReason(StrEnum):
     UNDECODABLE = "undecodable"
     """Its bytes are no message of its type."""
     DISCONNECTED = "disconnected"
-    """It was on its way when busd, its publisher or a bridge went."""
+    """It was on its way when busd, its publisher or a bridge ended."""
 
     RECORDER_CACHE = "recorder_cache"
     """A recorder had no room for it: its disk is too slow."""
     NOT_WRITTEN = "not_written"
     """A recorder could not write it: its disk was full, or its recording was ended at once."""
     UNEXPLAINED = "unexplained"
-    """It is missing in a recording, and no counter says why."""
+    """It is missing in a recording, and no counter has the reason."""
 
     RATE_LIMIT = "rate_limit"
     """A rule of a bridge allows fewer messages a second."""
@@ -58,6 +58,6 @@ class DropReason(StrEnum):
     REFUSED = "refused"
     """This bus, or DDS, did not take it from a bridge."""
     LINK_FULL = "link_full"
-    """Of a best effort publisher: messages came faster than the link between two buses takes them."""
+    """Messages of a best-effort publisher came faster than the link between two buses accepts them."""
     LOST_ON_THE_WAY = "lost_on_the_way"
-    """Its number is missing in what came to a bridge: the bridge never had it."""
+    """Its number is missing among the messages that a bridge received: the bridge never had it."""

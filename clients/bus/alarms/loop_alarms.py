@@ -21,7 +21,10 @@ class Alarms:
     """
 
     _all: ClassVar["WeakValueDictionary[int, Alarms]"] = WeakValueDictionary()
-    """By the id of the loop, to which each refers. A look-up is safe while other threads add objects."""
+    """The objects by the id of the loop, to which each refers.
+
+    A look-up is safe while other threads add objects.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop

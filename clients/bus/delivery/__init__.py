@@ -7,7 +7,7 @@
 Helpers of the publisher: the run that it fills (`open_run.py`), samples of other threads (`thread_queue.py`),
 the credit of lossless publishers (`window.py`), the subscriptions that they wait for (`recipients.py`), the
 size of the ring (`ring_size.py`), loans (`lending.py`). Helpers of the subscription: the numbers of samples
-(`sequence.py`), counters (`counters.py`), ages of messages (`ages.py`). Of both: the bound of queues
+(`sequence.py`), counters (`counters.py`), ages of messages (`ages.py`). Helper of both: the bound of queues
 (`allowance.py`). `match.py` has the states of a match by shared memory at both ends, as tables.
 
 Invariants:

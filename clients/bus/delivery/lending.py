@@ -26,7 +26,10 @@ class Lender(Protocol):
 
     @property
     def can_lend(self) -> bool:
-        """Whether no sample of another thread comes first. Raises LocalProtocolError while a loan is open."""
+        """Whether no sample from other threads comes first.
+
+        Raises LocalProtocolError while a loan is open.
+        """
 
     def refuse(self, *, lacks_credit: bool = False) -> bool:
         """Note a loan without room, and return False."""

@@ -147,7 +147,7 @@ class PythonRun:
         if not isinstance(payload, bytes):
             view = memoryview(payload)
             if view.nbytes >= self.begins_below and not self.samples:
-                return False  # before it is copied in vain
+                return False  # before a useless copy
             payload = bytes(view)
         return self._take(payload)
 

@@ -225,7 +225,10 @@ class Sender:
 
     @property
     def can_lend(self) -> bool:
-        """Whether no sample of another thread comes first. Raises LocalProtocolError while a loan is open."""
+        """Whether no sample from other threads comes first.
+
+        Raises LocalProtocolError while a loan is open.
+        """
         self._check_loan()
         return not self._from_threads.late
 
@@ -365,7 +368,10 @@ class Sender:
         self.release_waiters()
 
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
-        """Set whether to wait for a lossless subscription. By socket, the broker's credit decides that."""
+        """Set whether to wait for a lossless subscription.
+
+        On the socket route, the broker's credit decides that.
+        """
         if self.ring is not None:
             self.ring.set_waiting(gid, is_on=is_on)
         self.release_waiters()

@@ -1,7 +1,7 @@
 """ROS 2's ready-made message classes, one module a package: `from bus.msg.std_msgs import String`.
 
-Owns: the base class, the primitive types (to write your own messages with) and the list of packages. The
-module of a package is imported only when it is asked for. Must not know: topics, schemas, the wire.
+Owns: the base class, the primitive types (for your own messages) and the list of packages. The module of a
+package is imported at its first use. Must not know: topics, schemas, the wire.
 
     from bus.msg import Message, float64, uint8
 
@@ -70,7 +70,7 @@ def __getattr__(name: str) -> Any:
         from importlib import import_module
 
         return import_module(f"bus.msg.{name}")
-    # Names that tools look for, and modules that `from ... import` is about to import, are no mistakes.
+    # Names that tools search, and modules that `from ... import` is about to import, are no mistakes.
     if name.startswith("_") or _getframe(1).f_code.co_name == "_handle_fromlist":
         raise AttributeError(f"module 'bus.msg' has no attribute {name!r}")
     from bus.base.missing_names import missing_name

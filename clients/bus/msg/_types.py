@@ -1,12 +1,12 @@
 """The base of every ready-made message class, and ROS 2's primitive types as annotations.
 
-Owns: how a message is encoded (an array of its fields, no names), printed and named; the range of a
-primitive. Must not know: schemas, hashes, the wire.
+Owns: the encoding of a message (an array of its fields, no names), its printed form and its name; the range
+of a primitive. Must not know: schemas, hashes, the wire.
 
 A primitive is the Python type plus `Meta(extra={"ros": <its ROS name>})`. Integers carry their range;
 `uint64` has no upper bound because msgspec can't express it, and MessagePack can't exceed it. A `float32` is
-checked as a number only: it travels as a double. `uint8[]` is `bytes`, so that an image is checked and copied
-in one piece.
+only checked as a number: it is sent as a double. `uint8[]` is `bytes`, so an image is checked and copied in
+one piece.
 """
 
 from collections.abc import Callable
@@ -64,10 +64,10 @@ def zeros(count: int) -> Callable[[], list[float]]:
 
 
 class Message(Struct, array_like=True):
-    """Base of the ROS message classes; a user's own messages may have it too.
+    """Base of the ROS message classes, also for a user's own messages.
 
-    `__type_name__` is `<package>/msg/<Class>` for the classes under bus.msg, `local/msg/<Class>` elsewhere,
-    or what the class itself sets.
+    `__type_name__` is `<package>/msg/<Class>` for the classes in bus.msg, `local/msg/<Class>` elsewhere, or
+    the name that the class itself sets.
     """
 
     __type_name__: ClassVar[str]
@@ -79,7 +79,7 @@ class Message(Struct, array_like=True):
             cls.__type_name__ = f"{package}/msg/{cls.__name__}"
 
     def __repr__(self) -> str:
-        """As rclpy prints it, except that a fixed array is a plain list (there it is numpy's)."""
+        """The text of rclpy, except that a fixed array is a plain list (in rclpy it is numpy's)."""
         fields = ", ".join(f"{name}={_field_text(self, name)}" for name in self.__struct_fields__)
         return f"{self.__type_name__.replace('/', '.')}({fields})"
 

@@ -258,7 +258,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Forget a `stop` that came between runs: it must not end the next run."""
         self._stopping = False
 
-    # --- what asyncio calls
+    # --- called by asyncio
 
     def call_soon(  # type: ignore[override]
         self, callback: Callable[..., object], *args: Any, context: Context | None = None

@@ -252,7 +252,7 @@ static inline uint64_t gates_ring(const struct ring_gates *gates, bool is_for_an
                                   void (*ring)(int doorbell, uint64_t knock))
 {
     uint64_t rung = 0;
-    bell_fence(); /* PAIR(sleep): after what became visible. Counterpart: bell_arm() of the arrival bell. */
+    bell_fence(); /* PAIR(sleep): after the visible store. Counterpart: bell_arm() of the arrival bell. */
     for (size_t i = 0; i < gates->bell_count; i++) {
         struct reading_process *process = gates->bells[i].process;
         const bool is_one = !is_for_any && process->gates > FEW_RINGS;

@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-#define PACKED_HEAD ((size_t)20) /* wide, so that the sum of it and a size does not wrap */
+#define PACKED_HEAD ((size_t)20) /* 64 bits, so its sum with a size does not wrap */
 
 struct packed_head {
     uint64_t number;

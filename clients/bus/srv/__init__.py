@@ -26,7 +26,7 @@ def __getattr__(name: str) -> Any:
         from importlib import import_module
 
         return import_module(f"bus.srv.{name}")
-    # Names that tools look for, and modules that `from ... import` is about to import, are no mistakes.
+    # Names that tools search, and modules that `from ... import` is about to import, are no mistakes.
     if name.startswith("_") or _getframe(1).f_code.co_name == "_handle_fromlist":
         raise AttributeError(f"module 'bus.srv' has no attribute {name!r}")
     from bus.base.missing_names import missing_name
@@ -64,10 +64,10 @@ class Service:
             message = cls.__dict__.get(part)
             if message is not None and message.__qualname__ == f"{cls.__qualname__}.{part}":
                 message.__type_name__ = f"{cls.__type_name__}_{part}"
-                message.__name__ = f"{cls.__name__}_{part}"  # as ROS 2 calls it in its texts
+                message.__name__ = f"{cls.__name__}_{part}"  # its name in texts of ROS 2
 
 
 def make_service(name: str, request: type[Any], response: type[Any]) -> type[Service]:
-    """The service called `name` (`demo/srv/Scale`) with these two message classes."""
+    """Make the class of service `name` (`demo/srv/Scale`) with these two message classes."""
     contents = {"__type_name__": name, "Request": request, "Response": response}
     return type(name.rpartition("/")[2], (Service,), contents)

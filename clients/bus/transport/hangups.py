@@ -18,7 +18,10 @@ class HangUps:
     """One object for all streams of an event loop, returned by `of`; closed with the last of them."""
 
     _all: ClassVar["WeakValueDictionary[int, HangUps]"] = WeakValueDictionary()
-    """By the id of the loop, to which each refers. A look-up is safe while other threads add objects."""
+    """The objects by the id of the loop, to which each refers.
+
+    A look-up is safe while other threads add objects.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop

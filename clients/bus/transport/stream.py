@@ -447,7 +447,7 @@ class Stream:
             on_lost(error)
 
     def _close(self) -> None:
-        self._handlers = _NO_HANDLERS  # free what they hold now, not at the next garbage collection
+        self._handlers = _NO_HANDLERS  # free their references now, not at the next garbage collection
         self._change_reading(ReadEvent.CLOSE)
         self._change_writing(WriteEvent.CLOSE)
         if self._hang_ups is not None:

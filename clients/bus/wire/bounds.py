@@ -20,8 +20,8 @@ Missed = Annotated[
     dict[Annotated[bytes, Meta(max_length=16)], tuple[Annotated[int, Meta(ge=0, le=MAX_COUNT + 1)], Count]],
     Meta(max_length=MOST_REMEMBERED),
 ]
-"""By the gid of a publisher: the first number for a subscription (0: the subscription knows it from its
-ring), and the last."""
+"""The first number for a subscription (0: it knows that from its ring) and the last, by the gid of a
+publisher."""
 Descriptors = Annotated[int, Meta(ge=0, le=2)]
 """Number of file descriptors that come with the frame (docs/protocol.md)."""
 Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]

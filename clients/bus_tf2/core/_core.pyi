@@ -1,4 +1,4 @@
-"""The native core. `bus_tf2.core.twin` says what each method does; here are only the types."""
+"""The types of the native core. `bus_tf2.core.twin` describes each method."""
 
 class FrameTree:
     def __new__(cls, cache_ns: int) -> FrameTree: ...

@@ -7,7 +7,7 @@ from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
-    """What `bus launch` runs."""
+    """Make the description that `bus launch` runs."""
     broadcasters = [
         Node(
             package="turtle_tf2_py",

@@ -11,7 +11,7 @@ from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
-    """What `bus launch` runs."""
+    """Make the description that `bus launch` runs."""
     return LaunchDescription(
         [
             IncludeLaunchDescription(str(Path(__file__).with_name("turtle_tf2_demo.launch.py"))),
