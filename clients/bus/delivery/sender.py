@@ -118,7 +118,7 @@ class _Room:
         return self._refused_at != self.releases
 
     def refuse(self, releases: int | None = None, *, lacks_credit: bool = False) -> Literal[False]:
-        """Note a refused sample; `releases`: their number at the time of the check for room."""
+        """Note a refused sample; `releases`: the value of that attribute at the check for room."""
         self._refused_at = self.releases if releases is None else releases
         self.lacks_credit = lacks_credit
         return False

@@ -70,7 +70,7 @@ class Gates:
         self.known_seq = 0
         """All matches that begin up to this number are known.
 
-        A lossless publisher's ring keeps later ones.
+        A lossless publisher's ring keeps all later records.
         """
         self._forget: Timer | None = None
         writer.hold, writer.keep = int(self.is_lossless), self.keep  # as `apply`: no match is known yet

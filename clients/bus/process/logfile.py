@@ -68,7 +68,7 @@ def open_log(path: Path, most_bytes: int = MOST_BYTES) -> int:
 
 
 def open_in_memory() -> int:
-    """A descriptor for a log without a file: in memory, or /dev/null if there is no memory."""
+    """A descriptor for a log without a file: in memory, or /dev/null if that is impossible."""
     try:
         fd = os.memfd_create("busd.log")
     except (AttributeError, OSError):

@@ -63,7 +63,7 @@ struct ring_gates {
 
 /* --- cursors and pins of readers */
 
-/* The seq up to which all lossless readers have taken the records, at most `limit`. They need no earlier record. */
+/* The seq before which all lossless readers have taken everything, at most `limit`. They need no earlier record. */
 static inline uint64_t gates_taken(const struct ring_gates *gates, uint64_t limit)
 {
     uint64_t taken = limit;
@@ -252,7 +252,7 @@ static inline uint64_t gates_ring(const struct ring_gates *gates, bool is_for_an
                                   void (*ring)(int doorbell, uint64_t knock))
 {
     uint64_t rung = 0;
-    bell_fence(); /* PAIR(sleep): after the visible store. Counterpart: bell_arm() of the arrival bell. */
+    bell_fence(); /* PAIR(sleep): after everything that became visible. Counterpart: bell_arm() of the arrival bell. */
     for (size_t i = 0; i < gates->bell_count; i++) {
         struct reading_process *process = gates->bells[i].process;
         const bool is_one = !is_for_any && process->gates > FEW_RINGS;

@@ -63,7 +63,7 @@ static inline void ring_writer_attach(struct ring_writer *w, void *memory)
     };
 }
 
-/* The seq up to which all lossless readers have taken the records; `hold` counts like a reader. */
+/* The seq before which all lossless readers have taken everything; `hold` counts like a reader. */
 static inline uint64_t ring_taken(const struct ring_writer *w) { return gates_taken(&w->gates, w->hold); }
 
 /* Discards all conclusions from the gates, which have changed. */
@@ -172,9 +172,9 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
 }
 
 /* Before a large record of `total` bytes: turns back to the start of the ring, which is still in the cache. It does not
- * turn back if records there are needed: by lossless readers, `hold` or the depth, or one more, which may be in use. It
- * does not either if the needed records take more than a quarter of the ring. False: only `hold` prevents it, and the
- * owner should try to move it; returned once for a record. */
+ * turn back if records there are needed: by lossless readers, `hold` or the depth. One more record counts as needed,
+ * because a reader may be reading it. It does not turn back either if the needed records take more than a quarter of
+ * the ring. False: only `hold` prevents it, and the owner should try to move it; returned once for a record. */
 static inline bool ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
 {
     const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity;
