@@ -248,7 +248,7 @@ class Readers:
     def look(self, spin_ns: int) -> list[Any] | None:
         """Poll for news for up to `spin_ns`, without arming the bell (busy polling); give turns as `deliver`.
 
-        None: there are no news. Else the owners that must check, perhaps none.
+        None: there is no news. Else the owners that must check, perhaps none.
         """
     def is_free(self, slot: int) -> bool:
         """Whether no pin of this slot is in use."""

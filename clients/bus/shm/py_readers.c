@@ -269,7 +269,7 @@ static inline void relax(void)
 #endif
 }
 
-/* Polls for news for up to `spin_ns`: 1 if there are any, 0 if not, -1 with an error. */
+/* Polls for news for up to `spin_ns`: 1 if there is any, 0 if not, -1 with an error. */
 static int spin(Readers *self, uint64_t spin_ns)
 {
     const uint64_t end = core_now_ns() + (spin_ns < MAX_SEQ ? spin_ns : MAX_SEQ);
