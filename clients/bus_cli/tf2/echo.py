@@ -11,7 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     completed_by(
         parser.add_argument("source_frame", help="frame in which the other is given"), complete_frames
     )
-    completed_by(parser.add_argument("target_frame", help="frame to locate in the source frame"), complete_frames)
+    completed_by(parser.add_argument("target_frame", help="frame to locate in the other"), complete_frames)
     parser.add_argument("-r", "--rate", default="1", metavar="HZ", help="lines per second (default: 1)")
     parser.add_argument("-t", "--time", metavar="S", help="time of the transform (default: the latest)")
     parser.add_argument(
