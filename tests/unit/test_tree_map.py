@@ -1,6 +1,7 @@
 """tests/README.md: each module has a test file of its name, or a row with tests that exist."""
 
 import re
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -69,3 +70,20 @@ def test_a_row_is_needed() -> None:
         if module != ALL and has_test_of_its_name(f"{folder}{module}.py")
     ]
     assert needless == []
+
+
+def test_the_table_names_the_tests_of_mutants() -> None:
+    """A test that fails for a broken line of a module covers it."""
+    mutants = tomllib.loads((ROOT / "tests" / "mutants" / "mutants.toml").read_text())["mutant"]
+    rows = read_rows()
+    missing = []
+    for mutant in mutants:
+        module = mutant["file"]
+        if not module.endswith(".py") or has_test_of_its_name(module):
+            continue
+        folder, name = f"{Path(module).parent.as_posix()}/", Path(module).stem
+        of_folder = [row for row in rows if row[0] == folder]
+        found = [row for row in of_folder if name in row[1]] or [row for row in of_folder if ALL in row[1]]
+        named = {test for _, _, tests in found for test in tests}
+        missing += [(module, test) for test in mutant["tests"] if test.partition("::")[0] not in named]
+    assert missing == []
