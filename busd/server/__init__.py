@@ -20,5 +20,5 @@ Invariants:
 Read first: `serving.py`, then `peer.py` and `effect_runner.py`.
 
 Tests: `tests/unit/busd/server/`, `tests/system/test_turns.py`, `tests/system/test_door.py`,
-`tests/system/test_drain.py`, `tests/system/test_handover.py`.
+`tests/system/test_drain.py`, `tests/system/test_handover.py`, `tests/system/test_descriptors.py`.
 """
