@@ -3,6 +3,7 @@
 import asyncio
 import os
 import random
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -288,3 +289,53 @@ async def test_a_task_that_is_cancelled_as_a_message_comes_loses_none(node: bus.
     assert [info.reception_sequence_number for _, info in received] == [*range(1, number + 1)]
     assert {info.publisher_gid for _, info in received} == {publisher.gid}
     assert accounted(subscription) == number
+
+
+@pytest.mark.parametrize("tasks", [1, 2])
+async def test_a_message_can_be_taken_until_its_task_has_it(node: bus.Node, route: str, tasks: int) -> None:
+    """A program that cancels its tasks, and does not wait for them, takes all messages in order."""
+    publisher = await node.create_publisher(UInt64, "mixed", DEEP)
+    subscription = await node.create_subscription(UInt64, "mixed", DEEP)
+    await until(lambda: len(publisher.matches) == 1)
+    taken: list[tuple[UInt64, bus.MessageInfo]] = []
+    number = 0
+    for round_ in range(60):
+        receiving = [asyncio.create_task(subscription.receive()) for _ in range(tasks)]
+        await asyncio.sleep(0)
+        for turns in (round_ % 4, round_ % 3, 0):
+            publisher.publish(UInt64(data=number))
+            number += 1
+            for _ in range(turns):
+                await asyncio.sleep(0)
+        taken += [task.result() for task in receiving if task.done()]
+        for task in receiving:
+            task.cancel()
+        taken += subscription.take_many(1000)
+        for result in await asyncio.gather(*receiving, return_exceptions=True):
+            assert isinstance(result, asyncio.CancelledError) or result in taken
+    async with asyncio.timeout(WAIT_S):
+        while len(taken) < number:
+            taken.append(await subscription.receive())
+    assert [message.data for message, _ in taken] == [*range(number)]
+    assert [info.reception_sequence_number for _, info in taken] == [*range(1, number + 1)]
+    assert accounted(subscription) == number
+
+
+async def test_a_task_of_another_loop_loses_no_message(node: bus.Node, route: str) -> None:
+    """It is refused; meanwhile a message may have come for it."""
+    publisher = await node.create_publisher(UInt64, "mixed", DEEP)
+    subscription = await node.create_subscription(UInt64, "mixed", DEEP)
+    await until(lambda: len(publisher.matches) == 1)
+
+    async def receive() -> None:
+        asyncio.get_running_loop().call_soon(time.sleep, 0.05)  # before the task learns of its mistake
+        await subscription.receive()
+
+    for number in range(5):
+        refused = asyncio.create_task(asyncio.to_thread(asyncio.run, receive()))
+        await asyncio.sleep(0.02)
+        publisher.publish(UInt64(data=number))
+        with pytest.raises(bus.LocalProtocolError, match="another event loop"):
+            await refused
+        async with asyncio.timeout(WAIT_S):
+            assert (await subscription.receive())[0].data == number

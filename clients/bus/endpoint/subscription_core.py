@@ -178,8 +178,11 @@ class SubscriptionCore(EndpointCore[M]):
         if self.refusal is not None:
             raise again(self.refusal)
         if self._arrivals is None:
-            # A deadline must see each message, and the callback of arrivals comes before tasks.
-            is_direct = self.qos.deadline is None and self.on_arrival is None
+            # A deadline must see each message. Callbacks of messages or of arrivals come before tasks.
+            has_callback = self.on_arrival is not None or (
+                self.dispatcher is not None and not self.dispatcher.is_async
+            )
+            is_direct = self.qos.deadline is None and not has_callback
             self._arrivals = Arrivals(self.link.loop, self.receiver, self.on_error, is_direct=is_direct)
             if is_direct:
                 self.receive_lone = self._arrivals.receive_lone

@@ -1,4 +1,4 @@
-"""bus.endpoint.arrivals: the first task that waits is given the message; the others wait on."""
+"""bus.endpoint.arrivals: the first task that waits is woken with the message; the others wait on."""
 
 import asyncio
 from collections import deque
@@ -71,8 +71,20 @@ async def test_tasks_are_given_messages_in_the_order_in_which_they_began_to_wait
     receiver = Receiver()
     arrivals = arrivals_of(receiver)
     tasks = [await started(arrivals) for _ in range(3)]
-    assert [receiver.reader.arrives(number) for number in range(4)] == [True, True, True, False]
-    assert await asyncio.gather(*tasks) == [0, 1, 2]
+    for number in range(3):
+        assert receiver.reader.arrives(number)
+        assert not receiver.reader.arrives("early"), "the task is not back yet"
+        assert await tasks[number] == number
+    assert not receiver.reader.arrives("late"), "no task waits"
+
+
+async def test_a_message_may_be_taken_before_its_task_runs() -> None:
+    receiver = Receiver()
+    arrivals = arrivals_of(receiver)
+    task = await started(arrivals)
+    receiver.reader.arrives("one")
+    assert receiver.ahead.popleft() == "one", "in its place, before what comes later"
+    assert await task is None, "it looks again"
 
 
 async def test_a_message_that_came_alone_by_socket_is_given_too() -> None:
@@ -94,7 +106,7 @@ async def test_a_cancelled_task_leaves_the_message_to_the_next() -> None:
     with pytest.raises(asyncio.CancelledError):
         await first
     assert [*receiver.ahead] == ["one"]
-    assert await second is None, "woken, to take it"
+    assert await second == "one"
 
 
 async def test_a_task_that_was_cancelled_just_now_is_given_nothing() -> None:
@@ -161,6 +173,38 @@ async def test_the_end_wakes_all_and_leaves_the_reader() -> None:
     arrivals.end()
     assert await task is None
     assert receiver.reader.callback is None
+
+
+async def test_the_end_leaves_the_reader_even_if_tasks_were_only_woken() -> None:
+    receiver = Receiver()
+    arrivals = arrivals_of(receiver)
+    arrivals.stop_giving()
+    arrivals.end()
+    assert receiver.reader.callback is None
+
+
+async def test_a_task_that_is_thrown_away_leaves_the_message_to_the_next() -> None:
+    receiver = Receiver()
+    arrivals = arrivals_of(receiver)
+    thrown = arrivals.wait()
+    thrown.send(None)
+    second = await started(arrivals)
+    receiver.reader.arrives("one")
+    thrown.close()
+    assert await second == "one"
+
+
+def test_a_task_may_be_thrown_away_after_its_loop_was_closed() -> None:
+    async def begin() -> tuple[Arrivals[Any], Any]:
+        arrivals = arrivals_of(Receiver())
+        waiting = arrivals.wait()
+        waiting.send(None)
+        arrivals.receive_lone(SimpleNamespace(taken="one"))  # type: ignore[arg-type]
+        return arrivals, waiting
+
+    arrivals, waiting = asyncio.run(begin())
+    waiting.close()
+    assert not arrivals
 
 
 def test_a_task_of_another_loop_is_named() -> None:
