@@ -339,3 +339,42 @@ async def test_a_task_of_another_loop_loses_no_message(node: bus.Node, route: st
             await refused
         async with asyncio.timeout(WAIT_S):
             assert (await subscription.receive())[0].data == number
+
+
+async def test_a_task_that_waits_takes_nothing_from_a_callback(node: bus.Node, route: str) -> None:
+    publisher = await node.create_publisher(UInt64, "mixed", DEEP)
+    heard: list[int] = []
+    subscription = await node.create_subscription(
+        UInt64, "mixed", DEEP, lambda message: heard.append(message.data)
+    )
+    await until(lambda: len(publisher.matches) == 1)
+    task = asyncio.create_task(subscription.receive())
+    for number in range(5):
+        await asyncio.sleep(0)
+        publisher.publish(UInt64(data=number))
+        await until(lambda: accounted(subscription) == len(heard) > 0)
+    await until(lambda: heard == [*range(5)])
+    assert not task.done()
+    task.cancel()
+
+
+async def test_tasks_get_messages_again_after_a_callback_of_arrivals(node: bus.Node, route: str) -> None:
+    publisher = await node.create_publisher(UInt64, "mixed", DEEP)
+    subscription = await node.create_subscription(UInt64, "mixed", DEEP)
+    await until(lambda: len(publisher.matches) == 1)
+    for first in (0, 3, 6):
+        task = asyncio.create_task(subscription.receive())
+        await asyncio.sleep(0)
+        publisher.publish(UInt64(data=first))
+        assert (await task)[0].data == first
+        arrived: list[None] = []
+        subscription.set_arrival_callback(lambda arrived=arrived: arrived.append(None))  # type: ignore[misc]
+        task = asyncio.create_task(subscription.receive())
+        await asyncio.sleep(0)
+        publisher.publish(UInt64(data=first + 1))
+        await until(lambda arrived=arrived: arrived)  # type: ignore[misc]
+        assert [message.data for message, _ in subscription.take_many(9)] == [first + 1]
+        assert not task.done()
+        subscription.set_arrival_callback(None)
+        publisher.publish(UInt64(data=first + 2))
+        assert (await task)[0].data == first + 2
