@@ -21,6 +21,7 @@ Invariants:
 
 Read first: `bridge.py`, `continuity.py`, then `export.py` and `imports.py`.
 
-Tests: `tests/unit/bus_bridge/core/`; `tests/system/test_bridge_core.py`, `test_bridge_faults.py`,
-`test_bridge_loops.py` and `test_bridge_three.py` there.
+Tests: `tests/unit/bus_bridge/core/`; `tests/system/test_bridge_core.py`,
+`tests/system/test_bridge_faults.py`, `tests/system/test_bridge_loops.py`,
+`tests/system/test_bridge_three.py`.
 """
