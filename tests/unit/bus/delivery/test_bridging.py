@@ -298,6 +298,19 @@ class TestMirrors:
         stage.world.settle()
         assert publisher.matches == () and [one.current_count for one in stage.changes] == [1, 0]
 
+    @by_shm
+    def test_messages_of_the_moment_in_which_it_is_made_do_not_go_to_busd(self) -> None:
+        stage = Stage(shares=True)
+        publisher = stage.publisher(LOSSLESS)
+        stage.talker.is_held = True
+        stage.bridge.subscription(LOSSLESS, role="mirror", gid=GID)
+        stage.world.settle()
+        stage.talker.publish(publisher, 3)
+        stage.talker.is_held = False
+        stage.world.settle()
+        assert [one.route for one in publisher.matches] == ["bridge"]
+        assert publisher._core.sender.socket.next_seq == 1
+
     def test_it_waits_for_no_message(self, shares: bool) -> None:
         """The endpoint behind the mirror has the deadline, so the mirror itself has none."""
         stage = Stage(shares=shares)
