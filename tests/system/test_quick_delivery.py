@@ -378,25 +378,3 @@ async def test_tasks_get_messages_again_after_a_callback_of_arrivals(node: bus.N
         subscription.set_arrival_callback(None)
         publisher.publish(UInt64(data=first + 2))
         assert (await task)[0].data == first + 2
-
-
-@pytest.mark.parametrize("turns", range(4))
-async def test_a_message_of_a_cancelled_task_is_replaced_by_newer_ones(
-    node: bus.Node, route: str, turns: int
-) -> None:
-    publisher = await node.create_publisher(UInt64, "mixed", bus.QoSProfile(1))
-    subscription = await node.create_subscription(UInt64, "mixed", bus.QoSProfile(1))
-    await until(lambda: len(publisher.matches) == 1)
-    task = asyncio.create_task(subscription.receive())
-    await asyncio.sleep(0)
-    publisher.publish(UInt64(data=0))
-    for _ in range(turns):
-        await asyncio.sleep(0)
-    task.cancel()
-    await asyncio.wait([task])
-    for number in (1, 2, 3):
-        publisher.publish(UInt64(data=number))
-        await until(lambda number=number: accounted(subscription) == number + 1)  # type: ignore[misc]
-    await until(lambda: subscription.statistics().queued == 1)
-    assert [message.data for message, _ in subscription.take_many(9)] == [3]
-    assert accounted(subscription) == 4

@@ -221,17 +221,6 @@ class Receiver(Generic[M]):
             self._let_go(gone)
             self.drop(DropReason.MEMORY_LIMIT, over)
 
-    def trim_ahead(self) -> None:
-        """Apply the depth to messages that were decoded for a task, and not yet taken.
-
-        Their bytes stay counted as taken.
-        """
-        depth = self._queue.depth
-        while depth and self.ahead and self.queued > depth:
-            self.ahead.popleft()
-            self._samples -= 1
-            self.drop(DropReason.REPLACED, 1)
-
     def drop(self, reason: str, count: int) -> None:
         """Count lost samples."""
         self._dropped[reason] = self._dropped.get(reason, 0) + count

@@ -80,8 +80,6 @@ class Arrivals(Generic[M]):
             for waiter in waiting:
                 if not waiter.done():
                     waiter.set_result(None)
-        elif self._ahead:  # for a task that has not run yet, or was cancelled
-            self._receiver.trim_ahead()
 
     def receive_lone(self, run: Run) -> bool:
         """Give the message of a run that came alone to the first task; False: nothing was done, put it."""

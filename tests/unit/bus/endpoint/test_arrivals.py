@@ -35,9 +35,6 @@ class Receiver:
         self.ahead: deque[Any] = deque()
         self.lone: Any = None
 
-    def trim_ahead(self) -> None:
-        """The depth is never reached."""
-
     def call_back_with_taken(self, callback: Callable[[Any], object], on_error: Any, *others: Any) -> None:
         self.reader.callback, self.reader.queues = callback, (self.ahead, *others)
 
