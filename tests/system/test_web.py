@@ -525,9 +525,8 @@ def test_counters_that_lie(daemon: Daemon) -> None:
 
 def test_counters_that_are_none(daemon: Daemon) -> None:
     """busd closes the connection of a peer that reports them, and nothing else changes."""
-    wrong: list[dict[str, Any]] = [
-        *({"samples": -1}, {"queued": 1 << 62}, {"at_ns": "soon"}, {"dropped": {"a": -1}}, {}),
-    ]
+    wrong: list[dict[str, Any]]
+    wrong = [{"samples": -1}, {"queued": 1 << 62}, {"at_ns": "soon"}, {"dropped": {"a": -1}}, {}]
     with script(TALKER, "0.01"), serving() as server, server.viewer() as viewer:
         viewer.hear("rates", lambda told: "/topic" in told["topics"])
         for fields in wrong:
