@@ -1,183 +1,29 @@
-"""A small blocking client of the broker, for verbs with one question. Needs no event loop."""
+"""The blocking client of the broker, for verbs with one question, and names on the command line."""
 
 import os
-import socket
 import sys
-import time
 from argparse import Namespace
-from collections.abc import Callable, Iterator
-from itertools import count
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING
 
 from bus import names
-from bus.base.version import RELEASE
-from bus.errors import (
-    BrokerUnavailable,
-    ConfigurationError,
-    ConnectionClosed,
-    RemoteProtocolError,
-)
-from bus.graph import Graph, graph_of
-from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet, try_to_connect
+from bus.graph import Graph
+from bus.link import query as library
+from bus.link.query import NotRunning
 from bus.process.address import socket_path
-from bus.wire import messages as m
-from bus.wire.answers import expect
-from bus.wire.layout import PROTOCOL_VERSION
-from bus.wire.session import Role, Session
 from bus_cli.output import CommandError, complain
 
 if TYPE_CHECKING:
     from bus.types.definitions import Kind
 
-A = TypeVar("A", bound=m.Message)
-
-ANSWER_S = 10.0
+__all__ = ["NotRunning", "Query", "full_topic_name", "full_type_name", "get_graph", "graph_to_list"]
 
 
-class NotRunning(BrokerUnavailable):
-    """No broker listens, and the caller did not allow to start one."""
+class Query(library.Query):
+    """As the library's; a line on stderr says if busd is slow to answer."""
 
-
-class Query:
-    """A connection to the broker at `path`. With `may_start`, starts a broker if none runs.
-
-    Each wait lasts `answer_s` seconds at most. Raises BrokerUnavailable; without `may_start` and without a
-    broker, it raises NotRunning, a subclass.
-    """
-
-    def __init__(self, path: Path, *, may_start: bool = True, answer_s: float = ANSWER_S) -> None:
-        self.path = path
-        self._answer_s = answer_s
-        self._session = Session(Role.CLIENT)
-        self._items: Iterator[Any] = iter(())
-        self._numbers = count(1)
-        patience = Patience(answer_s)
-        while True:
-            try:
-                self._socket = _connect(path) or _start(path, patience, may_start=may_start)
-                self.broker: m.Hello = self._greet()
-                return
-            except NotNow as error:
-                pause_s = patience.pause_s(str(error), error.longest_pause_s)
-            time.sleep(pause_s)
-
-    def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
-        """Send the message that `make` returns for a request number; returns the answer, a `kind`.
-
-        Raises ConfigurationError, QuotaExceeded or AccessDenied if the broker refuses; RemoteProtocolError if
-        the answer has another kind; ConnectionClosed if the broker ends.
-        """
-        number = next(self._numbers)
-        self._send(make(number))
-        while True:
-            message = self._receive()
-            if getattr(message, "request", None) == number:
-                return expect(message, kind)
-
-    def graph(self, *, statistics: bool = False) -> Graph:
-        """The current graph."""
-        return graph_of(
-            self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.GraphSnapshot)
-        )
-
-    def description(self, type_name: str, type_hash: str) -> bytes | None:
-        """The encoded description of a type on the bus; None if no endpoint has the type any more."""
-        try:
-            return self.request(
-                lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
-                m.TypeDescription,
-            ).schema
-        except ConfigurationError:
-            return None
-
-    def charges(self) -> m.Peers | None:
-        """Resources that busd holds for processes and users; None if this busd does not know the request."""
-        if not self.broker.release:  # such an old busd would close the connection
-            return None
-        return self.request(lambda number: m.GetPeers(request=number), m.Peers)
-
-    def wait_for_end(self) -> None:
-        """Wait until the broker has closed the connection. Raises BrokerUnavailable if it does not."""
-        try:
-            while True:
-                self._receive()
-        except BrokerUnavailable:
-            raise
-        except ConnectionClosed:
-            return
-
-    def close(self) -> None:
-        self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _greet(self) -> m.Hello:
-        """Exchange Hellos. Raises NotNow if the broker closes the connection for a temporary reason."""
-        self._socket.settimeout(self._answer_s)
-        self._session, self._items = Session(Role.CLIENT), iter(())
-        try:
-            self._send(m.Hello(version=PROTOCOL_VERSION, pid=os.getpid(), program="bus", release=RELEASE))
-            hello: m.Hello = self._receive()
-            behind = list(self._items)
-            self._items = iter(behind)
-            if behind and isinstance(behind[0], m.Fault) and behind[0].again:
-                raise NotNow(f"busd at {self.path} refused this process: {behind[0].text}")
-            return hello
-        except BrokerUnavailable:
-            self.close()
-            raise
-        except ConnectionClosed as error:  # for example, a broker ended with connections in its backlog
-            self.close()
-            raise NotNow(str(error)) from None
-        except BaseException:
-            self.close()
-            raise
-
-    def _send(self, message: m.Message) -> None:
-        try:
-            self._socket.sendall(m.encode_frame(message))
-        except (BrokenPipeError, ConnectionResetError):
-            pass  # busd is gone, but its last message, with the reason, can still be read
-        except OSError as error:
-            raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
-
-    def _receive(self) -> Any:
-        while (message := next(self._items, None)) is None:
-            try:
-                size = self._read()
-            except TimeoutError:
-                raise BrokerUnavailable(no_answer(self.path, self._answer_s)) from None
-            except OSError as error:
-                raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
-            if not size:
-                raise ConnectionClosed(f"busd at {self.path} closed the connection")
-            self._items = iter(self._session.received(size))
-        if isinstance(message, m.Fault):
-            raise RemoteProtocolError(message.text)
-        return message
-
-    def _read(self) -> int:
-        """Wait for bytes. After TELL_S, print once that it waits. Raises TimeoutError."""
-        buffer = self._session.reader.get_buffer()
-        if self._answer_s <= TELL_S:
-            return self._socket.recv_into(buffer)
-        self._socket.settimeout(TELL_S)
-        try:
-            return self._socket.recv_into(buffer)
-        except TimeoutError:
-            complain(no_answer_yet(self.path))
-            self._socket.settimeout(self._answer_s - TELL_S)
-            return self._socket.recv_into(buffer)
-        finally:
-            self._socket.settimeout(self._answer_s)
+    def __init__(self, path: Path, *, may_start: bool = True, answer_s: float = library.ANSWER_S) -> None:
+        super().__init__(path, may_start=may_start, answer_s=answer_s, program="bus", on_slow=complain)
 
 
 def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = True) -> Graph:
@@ -220,21 +66,3 @@ def full_type_name(text: str, kind: "Kind" = "msg") -> str:
         what = {"msg": "message", "srv": "service", "action": "action"}[kind]
         raise CommandError(f"The passed {what} type is invalid{near_type(text, kind)}")
     return text if len(parts) == 3 else f"{parts[0]}/{kind}/{parts[1]}"
-
-
-def _connect(path: Path) -> socket.socket | None:
-    """Connect to the broker; returns None if no broker listens."""
-    try:
-        return try_to_connect(path)
-    except (FileNotFoundError, ConnectionRefusedError):
-        return None
-
-
-def _start(path: Path, patience: Patience, *, may_start: bool) -> socket.socket:
-    if not may_start:
-        raise NotRunning(f"no busd listens on {path}")
-    import asyncio
-
-    from bus.link.reach import open_socket
-
-    return asyncio.run(open_socket(path, patience))

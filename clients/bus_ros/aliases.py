@@ -39,7 +39,6 @@ MODULES: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
         ("EndpointTypeEnum", "ServiceEndpointInfo", "TopicEndpointInfo"),
     ),  # of Rolling
     "expand_topic_name": ("validate_topic_name", ("expand_topic_name",)),
-    "experimental": ("executors", ("EventsExecutor",)),
     "experimental.events_executor": ("executors", ("EventsExecutor",)),
     "qos_event": ("event_handler", _EVENTS),  # of Humble
     "topic_or_service_is_hidden": (

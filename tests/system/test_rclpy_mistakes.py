@@ -214,7 +214,7 @@ class TestNamesOfAProgram:
 
     def test_the_node_has_few_that_are_not_mangled(self, node: Node) -> None:
         own = {name for name in {*vars(node), *dir(Node)} if name.startswith("_")}
-        mangled = ("__", "_Node__", "_NodeGraph__", "_NodeParameters__", "_NodeWaitables__")
+        mangled = ("__", "_BaseNode__", "_Node__", "_NodeGraph__", "_NodeParameters__", "_NodeWaitables__")
         for_actions = {"_evict_entity", "_host_entity"}
         assert {name for name in own if not name.startswith(mangled)} == {
             *("_clock", "_context", "_default_callback_group", "_logger", "_rate_group", "_time_source"),

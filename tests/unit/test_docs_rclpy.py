@@ -19,18 +19,21 @@ import bus_ros.rclpy
 from bus.node import SERVICE_QOS
 from bus_ros import aliases, import_hook
 from bus_ros.entity import Entity
+from bus_ros.rclpy.impl.async_entity import AsyncEntity
 from rows import for_each
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "rclpy.md").read_text()
 
 INSIDE = {
-    "rclpy.clock": {"ANY_JUMP", "CHANGES_OF_SOURCE"},
+    "rclpy.clock": {"ANY_JUMP", "CHANGES_OF_SOURCE", "OverridableClock"},
     "rclpy.event_handler": {
         *("PUBLISHER_EVENTS", "SUBSCRIPTION_EVENTS", "publisher_events", "subscription_events"),
         "watch_event",
     },
     "rclpy.parameter": {"ValueType", "parameter_message"},
+    "rclpy.publisher": {"why_closed"},
+    "rclpy.subscription": {"message_info"},
     "rclpy.task": {"UNFINISHED", "Step"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
     "rclpy.validate_topic_name": {
@@ -47,6 +50,14 @@ INSIDE = {
 """Public names of a module that rclpy hasn't. The facade's modules use them among themselves."""
 
 INSIDE_OF_CLASSES = {
+    "rclpy.experimental.async_client.AsyncClient": {"events", "forget_events"},
+    "rclpy.experimental.async_clock.AsyncClock": {"destroy", "is_destroyed"},
+    "rclpy.experimental.async_node.AsyncNode": {
+        *("context_ended", "fail", "forget", "native", "run_behind", "run_in_group"),
+    },
+    "rclpy.experimental.async_publisher.AsyncPublisher": {"hold", "release"},
+    "rclpy.experimental.async_service.AsyncService": {"events", "forget_events", "is_async", "native"},
+    "rclpy.experimental.async_timer.AsyncTimer": {"forget_clock", "is_simulated"},
     "rclpy.callback_groups.CallbackGroup": {"is_exclusive", "is_shared"},
     "rclpy.client.Client": {"events", "forget_events", "native", "on_response"},
     "rclpy.clock.ClockEvent": {"recheck"},
@@ -56,7 +67,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.clock.JumpThreshold": {"is_exceeded"},
     "rclpy.context.Context": {
         *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "wake_at_end"),
-        *("is_valid", "was_ended_by_signal"),
+        *("is_valid", "notify_at_end", "was_ended_by_signal"),
     },
     "rclpy.executors.Executor": {
         *(
@@ -90,6 +101,9 @@ INSIDE_OF_CLASSES = {
 }
 
 ROWLESS = {
+    *("rclpy.client.BaseClient", "rclpy.clock.BaseClock", "rclpy.node.BaseNode"),
+    *("rclpy.publisher.BasePublisher", "rclpy.service.BaseService", "rclpy.subscription.BaseSubscription"),
+    "rclpy.timer.BaseTimer",
     *("rclpy.callback_groups.MutuallyExclusiveCallbackGroup", "rclpy.callback_groups.ReentrantCallbackGroup"),
     *("rclpy.executors.EventsExecutor", "rclpy.executors.MultiThreadedExecutor"),
     *("rclpy.executors.SingleThreadedExecutor", "rclpy.InitContextManager"),
@@ -163,7 +177,10 @@ def _classes() -> dict[str, list[str]]:
 
 def inside_of(name: str) -> set[str]:
     """Names that are not for programs, such as those that every entity has for executors."""
-    of_entities = members(Entity) - {"callback_group"} if issubclass(find(name), Entity) else set()
+    of_entities: set[str] = set()
+    for base in (Entity, AsyncEntity):
+        if issubclass(find(name), base):
+            of_entities |= members(base) - {"callback_group", "destroy"}
     return of_entities | INSIDE_OF_CLASSES.get(name, set())
 
 

@@ -115,7 +115,7 @@ class Connection:
                     version=PROTOCOL_VERSION,
                     capabilities=(LEAVING, NAMESAKES, SILENCE, PLACES),
                     pid=os.getpid(),
-                    program=_program(),
+                    program=program_name(),
                     release=RELEASE,
                     clock_ns=monotonic_offset_ns(),
                 )
@@ -282,5 +282,6 @@ class Connection:
         self._requests.end(reason)
 
 
-def _program() -> str:
+def program_name() -> str:
+    """The name of this program for busd's lists."""
     return sys.argv[0].rpartition("/")[2][:255] if sys.argv and sys.argv[0] else "python"

@@ -16,10 +16,24 @@ from bus_ros.rclpy.task import Future
 if TYPE_CHECKING:  # most programs have no clients
     from bus.service.client import ServiceClient
 
-__all__ = ["Client"]
+__all__ = ["BaseClient", "Client"]
 
 
-class Client(Entity, Introspected, Destroyable):
+class BaseClient(Introspected, Destroyable):
+    """Base of `Client` and of `rclpy.experimental.AsyncClient`."""
+
+    def __init__(self, srv_type: Any, srv_name: str, qos_profile: QoSProfile) -> None:
+        self.srv_type = srv_type
+        self.srv_name = srv_name
+        self.qos_profile = qos_profile
+
+    @property
+    def logger_name(self) -> str:
+        """The logger name of its node."""
+        return str(self.node.get_logger().name)
+
+
+class Client(Entity, BaseClient):
     """Made by `Node.create_client`."""
 
     native: "ServiceClient"
@@ -34,20 +48,13 @@ class Client(Entity, Introspected, Destroyable):
         callback_group: Group,
         node: Owner,
     ) -> None:
-        self.srv_type = srv_type
-        self.srv_name = srv_name
-        self.qos_profile = qos_profile
+        BaseClient.__init__(self, srv_type, srv_name, qos_profile)
         self._engine = engine
         self._futures: dict[int, Future[Any]] = {}
         self._answers: deque[tuple[Future[Any], object, int]] = deque()
         self._callers: list[Waiter] = []  # threads in `call`
-        super().__init__(node, callback_group)
+        Entity.__init__(self, node, callback_group)
         self.held_group = None  # an answer calls no callback, and a callback of the group may await it
-
-    @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
 
     @property
     def service_name(self) -> str:

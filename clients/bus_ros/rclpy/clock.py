@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 __all__ = [
     "ANY_JUMP",
     "CHANGES_OF_SOURCE",
+    "BaseClock",
     "Clock",
     "ClockChange",
     "ClockEvent",
     "ClockType",
     "JumpHandle",
     "JumpThreshold",
+    "OverridableClock",
     "ROSClock",
     "TimeJump",
 ]
@@ -101,7 +103,7 @@ class JumpHandle:
     def __init__(
         self,
         *,
-        clock: "Clock",
+        clock: "BaseClock",
         threshold: JumpThreshold,
         pre_callback: Callable[[], object] | None,
         post_callback: Callable[[TimeJump], object] | None,
@@ -115,7 +117,7 @@ class JumpHandle:
         self.threshold = threshold
         self.pre_callback = pre_callback
         self.post_callback = post_callback
-        self._clock: Clock | None = clock
+        self._clock: BaseClock | None = clock
         clock._jump_handles.append(self)
 
     def unregister(self) -> None:
@@ -157,7 +159,7 @@ class ClockEvent:
         with self._changed:
             self._changed.notify_all()
 
-    def wait_until(self, clock: "Clock", until: Time) -> None:
+    def wait_until(self, clock: "BaseClock", until: Time) -> None:
         """Wait until `clock` shows `until`, or until `set`. Changes of simulated time need `recheck`."""
         with self._changed:
             while not self._is_set:
@@ -171,17 +173,17 @@ class ClockEvent:
     wait_until_steady = wait_until_system = wait_until_ros = wait_until
 
 
-class Clock(Handled):
-    """A clock of one type; `Clock(clock_type=ClockType.ROS_TIME)` is a ROSClock."""
+class BaseClock(Handled):
+    """Base of all clocks: a clock of one type, and its jumps."""
 
     is_destroyed = False  # always
     _clock_type: ClockType
     _jump_handles: list[JumpHandle]
 
-    def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> "Clock":
+    def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> "BaseClock":
         if not isinstance(clock_type, ClockType):
             raise TypeError("Clock type must be a ClockType enum")
-        self = super().__new__(ROSClock if clock_type is ClockType.ROS_TIME else cls)
+        self = super().__new__(cls)
         self._clock_type = clock_type
         self._jump_handles = []
         return self
@@ -222,6 +224,16 @@ class Clock(Handled):
             clock=self, threshold=threshold, pre_callback=pre_callback, post_callback=post_callback
         )
 
+
+class Clock(BaseClock):
+    """A clock by which threads can sleep; `Clock(clock_type=ClockType.ROS_TIME)` is a ROSClock."""
+
+    def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> "Clock":
+        made = ROSClock if clock_type is ClockType.ROS_TIME else cls
+        self = BaseClock.__new__(made, clock_type=clock_type)
+        assert isinstance(self, Clock)
+        return self
+
     def sleep_until(self, until: Time, context: "Context | None" = None) -> bool:
         """Block until the clock shows `until`.
 
@@ -255,16 +267,11 @@ class Clock(Handled):
         return self.sleep_until(self.now() + rel_time, context)
 
 
-class ROSClock(Clock):
+class OverridableClock(BaseClock):
     """The machine's time, or the simulation's while `ros_time_is_active`."""
 
     _is_active = False
     _override_ns = 0
-
-    def __new__(cls) -> "ROSClock":
-        self = super().__new__(cls, clock_type=ClockType.ROS_TIME)
-        assert isinstance(self, ROSClock)
-        return self
 
     @property
     def ros_time_is_active(self) -> bool:
@@ -306,6 +313,15 @@ class ROSClock(Clock):
         for handle in concerned:
             if handle.post_callback is not None:
                 handle.post_callback(jump)
+
+
+class ROSClock(OverridableClock, Clock):
+    """The clock of a node."""
+
+    def __new__(cls) -> "ROSClock":
+        self = BaseClock.__new__(cls, clock_type=ClockType.ROS_TIME)
+        assert isinstance(self, ROSClock)
+        return self
 
 
 # For each context, the waits that its end wakes: a context has no method to remove a callback.

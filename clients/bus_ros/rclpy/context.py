@@ -25,6 +25,13 @@ class _Node(Protocol):
     def destroy_node(self) -> None: ...
 
 
+class _Runner(Protocol):
+    """The interface of a running AsyncNode for its context."""
+
+    def context_ended(self) -> None:
+        """The context ends. Called in any thread, and in a signal's handler."""
+
+
 class Context:
     """A life of the facade, from `init` to `shutdown`. `with` initializes it, and its end shuts it down."""
 
@@ -37,6 +44,7 @@ class Context:
         self._callbacks: list[Callable[[], object]] = []
         self._sleepers: WeakSet[engines.Sleeper] = WeakSet()
         self._nodes: WeakSet[_Node] = WeakSet()
+        self._runners: WeakSet[_Runner] = WeakSet()
         self._is_destroyed = False
         self._handle: Handle | None = None
         self.arguments: tuple[str, ...] = ()
@@ -141,6 +149,10 @@ class Context:
     def track_node(self, node: _Node) -> None:
         self._nodes.add(node)
 
+    def notify_at_end(self, runner: _Runner) -> None:
+        """Call its `context_ended` at the end; it is not kept alive."""
+        self._runners.add(runner)
+
     def wake_at_end(self, sleeper: engines.Sleeper) -> None:
         """Call its `wake_up` at the end; it is not kept alive. Under the engine's guard."""
         self._sleepers.add(sleeper)
@@ -150,6 +162,7 @@ class Context:
         if self.is_valid:
             self.is_valid = False
             self.was_ended_by_signal = True
+            self._notify_runners()
             if engine := engines.current():
                 engine.loop.call_soon_threadsafe(self._wake_all)
                 engine.nudge()
@@ -165,6 +178,7 @@ class Context:
         with self._lock:
             was_valid, self.is_valid = self.is_valid, False
         if was_valid:
+            self._notify_runners()
             if engine := engines.current():
                 engine.call(self._wake_all)
             self._call_back()
@@ -173,6 +187,10 @@ class Context:
     def _wake_all(self) -> None:
         for sleeper in tuple(self._sleepers):
             sleeper.wake_up()
+
+    def _notify_runners(self) -> None:
+        for runner in tuple(self._runners):
+            runner.context_ended()
 
     def _call_back(self) -> None:
         with self._lock:

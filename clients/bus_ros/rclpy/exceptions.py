@@ -26,6 +26,7 @@ __all__ = [
     "RCLError",
     "RCLInvalidROSArgsError",
     "ROSInterruptException",
+    "TimeSourceChangedError",
     "TimerCancelledError",
     "UnknownROSArgsError",
     "UnsupportedEventTypeError",
@@ -73,6 +74,13 @@ class NoTypeSupportImportedException(Exception):
 
     def __init__(self) -> None:
         super().__init__("no type_support imported")
+
+
+class TimeSourceChangedError(Exception):
+    """Simulated time began or ended during a sleep."""
+
+    def __init__(self, text: str = "the time source has changed") -> None:
+        super().__init__(text)
 
 
 class ROSInterruptException(Exception):

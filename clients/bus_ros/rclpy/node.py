@@ -1,8 +1,7 @@
 """Nodes: a native node on the engine's loop, which makes and destroys publishers and entities.
 
-Owns the lists of a node's entities, and its beginning and end. `impl.node_graph` has its names in the graph,
-`impl.node_parameters` its parameters. Private names are mangled, except names that rclpy has too: a program's
-own nodes may use any other.
+Owns the lists of a node's entities, and its beginning and end. `impl.base_node` has the part that AsyncNode
+shares. Private names are mangled, except names that rclpy has too: a program's own nodes may use any other.
 """
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
@@ -11,12 +10,10 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from bus.base.together import together
-from bus.errors import AccessDenied, BusError
+from bus.errors import BusError
 from bus.events import PublisherEvents, SubscriptionEvents
+from bus.graph import Graph
 from bus.node import Node as NativeNode
-from bus.parameters import file
-from bus.parameters.messages import event_message
-from bus.parameters.store import Change
 from bus.qos import QoSProfile as NativeProfile
 from bus_ros.engine import current, engine
 from bus_ros.entity import Calls, Entity
@@ -27,28 +24,25 @@ from bus_ros.rclpy.callback_groups import (
 )
 from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.clock import Clock, ROSClock
-from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
+from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.destroyable import Handle
 from bus_ros.rclpy.duration import S_TO_NS
 from bus_ros.rclpy.exceptions import (
     InvalidHandle,
     NodeNameNonExistentError,
-    NotInitializedException,
     RCLError,
 )
 from bus_ros.rclpy.guard_condition import GuardCondition
+from bus_ros.rclpy.impl.base_node import BaseNode, NativeParts
 from bus_ros.rclpy.impl.callback_checks import check_arguments, check_callback
-from bus_ros.rclpy.impl.native_node import make_native, service_qos
-from bus_ros.rclpy.impl.node_graph import NodeGraph
-from bus_ros.rclpy.impl.node_parameters import NodeParameters
+from bus_ros.rclpy.impl.native_node import service_qos
 from bus_ros.rclpy.impl.node_waitables import NodeWaitables
-from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
-from bus_ros.rclpy.parameter import PARAMETER_SEPARATOR_STRING, Parameter, parameter_message
+from bus_ros.rclpy.impl.own_services import OwnServices
+from bus_ros.rclpy.parameter import PARAMETER_SEPARATOR_STRING, Parameter
 from bus_ros.rclpy.publisher import Publisher
 from bus_ros.rclpy.qos import (
     QoSProfile,
     profile_of,
-    qos_profile_parameter_events,
     qos_profile_services_default,
     to_native,
 )
@@ -57,7 +51,6 @@ from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 from bus_ros.rclpy.time_source import TimeSource
 from bus_ros.rclpy.timer import Rate, Timer
-from bus_ros.rclpy.type_description_service import TypeDescriptionService
 from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from bus_ros.rclpy.validate_topic_name import (
     full_name,
@@ -69,7 +62,14 @@ if TYPE_CHECKING:  # most programs need none
     from bus_ros.rclpy.executors import Executor
     from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
 
-__all__ = ["HIDDEN_NODE_PREFIX", "PARAMETER_SEPARATOR_STRING", "S_TO_NS", "Node", "NodeNameNonExistentError"]
+__all__ = [
+    "HIDDEN_NODE_PREFIX",
+    "PARAMETER_SEPARATOR_STRING",
+    "S_TO_NS",
+    "BaseNode",
+    "Node",
+    "NodeNameNonExistentError",
+]
 
 HIDDEN_NODE_PREFIX = "_"
 
@@ -86,7 +86,7 @@ class Closable(Protocol):
     async def close(self) -> None: ...
 
 
-class Node(NodeGraph, NodeParameters, NodeWaitables):
+class Node(BaseNode, NodeWaitables):
     """A node named `node_name`; in the graph at once, until `destroy_node` or the end of the process.
 
     Its publishers work without spinning. ROS arguments in `cli_args` (after --ros-args) are for this node,
@@ -115,20 +115,18 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         automatically_declare_parameters_from_overrides: bool = False,
         enable_logger_service: bool = False,
     ) -> None:
-        context = context or get_default_context()
-        if not context.ok():
-            raise NotInitializedException("cannot create node")
-        own = tuple(cli_args or ())
-        _, parameters = parse_arguments(own)
-        # `--` ends its ROS arguments: the program's follow.
-        words = [*own, "--", *context.arguments] if use_global_arguments else own
-        native = make_native(node_name, namespace or "", words, context, enable_rosout)
-        handle = Handle(lambda: self.__is_destroyed, self.destroy_node, self)
-        NodeGraph.__init__(self, engine(), native, context, handle)
+        parts = NativeParts(
+            node_name,
+            namespace,
+            context,
+            cli_args,
+            use_global_arguments=use_global_arguments,
+            enable_rosout=enable_rosout,
+        )
         self.__engine = engine()
-        NodeWaitables.__init__(self, self.__add, lambda entity: self.__remove(entity, None))
-        self.__native = native
+        self.__native = native = parts.node
         self.__is_destroyed = False
+        NodeWaitables.__init__(self, self.__add, lambda entity: self.__remove(entity, None))
         self._default_callback_group = MutuallyExclusiveCallbackGroup()
         self._rate_group = ReentrantCallbackGroup()
         self.__events = Calls(self, self._default_callback_group)
@@ -138,28 +136,23 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         self.timers: tuple[Timer, ...] = ()
         self.own_executor: Executor | None = None
         """The executor that works for this node."""
-        self.__parameter_events: Publisher[Any] | None = None
         self._clock = ROSClock()
-        self._logger = RcutilsLogger(native.get_logger().name)
-        NodeParameters.__init__(
+        own_services = OwnServices(self)
+        BaseNode.__init__(
             self,
-            overrides=file.overrides(
-                # Its own parameters override the program's.
-                [*(context.parameters if use_global_arguments else ()), *parameters],
-                native.full_name,
-            ),
+            parts,
+            Handle(lambda: self.__is_destroyed, self.destroy_node, self),
+            lambda: self.__engine.run(native.graph),
+            own_services.publish_change,
             parameter_overrides=parameter_overrides,
             allow_undeclared_parameters=allow_undeclared_parameters,
             automatically_declare_parameters_from_overrides=automatically_declare_parameters_from_overrides,
-            on_change=self.__tell_parameters,
         )
         self.__engine.run(native.open)
-        context.track_node(self)
+        self._context.track_node(self)
         self._time_source = TimeSource(node=self)
         self._time_source.attach_clock(self._clock)
-        if start_parameter_services:
-            self.__start_parameter_services()
-        self._type_description_service = TypeDescriptionService(self)
+        own_services.start(has_parameters=start_parameter_services, at_once=self.__at_once())
         if enable_logger_service:
             from bus_ros.rclpy.logging_service import LoggingService  # late: few nodes have it
 
@@ -173,10 +166,6 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
             return look_up(self, name)
 
     # --- properties
-
-    @property
-    def context(self) -> Context:
-        return self._context
 
     @property
     def executor(self) -> "Executor | None":
@@ -193,9 +182,6 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     def get_clock(self) -> Clock:
         """The clock that follows the parameter use_sim_time."""
         return self._clock
-
-    def get_logger(self) -> RcutilsLogger:
-        return self._logger
 
     @property
     def default_callback_group(self) -> CallbackGroup:
@@ -221,11 +207,6 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     @property
     def guards(self) -> Iterator[GuardCondition]:
         return (one for one in self.__entities if isinstance(one, GuardCondition))
-
-    @property
-    def native(self) -> NativeNode:
-        """The native node below."""
-        return self.__native
 
     def own_entities(self) -> Iterable[Entity]:
         """All entities that may have calls to make, except the timers."""
@@ -437,6 +418,21 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
 
     # --- waiting
 
+    def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
+        """Wait at most `timeout` seconds until such a node is in the graph; returns whether it is."""
+        wanted = fully_qualified_node_name
+        if not wanted.startswith("/"):
+            wanted = f"{self.get_namespace().rstrip('/')}/{wanted}"
+
+        def is_there(graph: Graph) -> bool:
+            return any(node.full_name == wanted for node in graph.nodes)
+
+        try:
+            self.__engine.run(lambda: self.__native.wait_for_graph(is_there), timeout, context=self._context)
+        except TimeoutError:
+            return False
+        return True
+
     def receive_one(
         self, msg_type: type[M], topic: str, qos: NativeProfile, timeout_s: float | None
     ) -> tuple[bool, M | None]:
@@ -473,29 +469,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     def __exit__(self, *_: object) -> None:
         self.destroy_node()
 
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.get_fully_qualified_name()}>"
-
     # --- inside
-
-    def __start_parameter_services(self) -> None:
-        from bus_ros.rclpy.parameter_service import ParameterService
-        from bus_ros.rosidl import message_class
-
-        # If access to them is denied, a node works without these topics and services.
-        try:
-            self.__parameter_events = self.create_publisher(
-                message_class("rcl_interfaces/msg/ParameterEvent"),
-                "/parameter_events",
-                qos_profile_parameter_events,
-            )
-        except AccessDenied as denied:
-            self._logger.warning(f"changes of parameters are told to nobody: {denied}")
-        try:
-            with self.__at_once():
-                ParameterService(self)
-        except AccessDenied as denied:
-            self._logger.warning(f"nobody else can read or set this node's parameters: {denied}")
 
     @contextmanager
     def __at_once(self) -> Iterator[None]:
@@ -529,14 +503,6 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
                 self.__add(service)
         for error in filter(None, errors):
             raise error
-
-    def __tell_parameters(self, change: Change[Parameter]) -> None:
-        if self.__is_destroyed or self.__parameter_events is None:
-            return
-        if self.__parameter_events.get_subscription_count():  # no subscription, no message
-            event = event_message(parameter_message, self.get_fully_qualified_name(), change)
-            event.stamp = self._clock.now().to_msg()
-            self.__parameter_events.publish(event)
 
     def __check(self, name: str, *, is_service: bool = False) -> None:
         """Check a name before an endpoint is made. Raises InvalidHandle if the node is destroyed."""

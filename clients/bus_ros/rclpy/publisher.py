@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from bus.endpoint.endpoint import core_of
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
+from bus.types.support import type_support
 from bus_ros.engine import Engine
 from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.duration import Duration
@@ -16,7 +17,7 @@ from bus_ros.rclpy.qos import QoSProfile
 if TYPE_CHECKING:
     from bus_ros.rclpy.event_handler import EventHandler, PublisherEventCallbacks
 
-__all__ = ["Publisher"]
+__all__ = ["BasePublisher", "Publisher", "why_closed"]
 
 M = TypeVar("M")
 
@@ -24,7 +25,38 @@ ROOM_S = 10.0
 """The longest wait of `publish` for room if the QoS is reliable + keep all."""
 
 
-class Publisher(Destroyable, Generic[M]):
+class BasePublisher(Destroyable, Generic[M]):
+    """Base of `Publisher` and of `rclpy.experimental.AsyncPublisher`."""
+
+    def __init__(self, msg_type: type[M], qos_profile: QoSProfile, node: Any) -> None:
+        self.msg_type = msg_type
+        self.qos_profile = qos_profile
+        self.node = node
+
+    @property
+    def logger_name(self) -> str:
+        """The logger name of its node."""
+        return str(self.node.get_logger().name)
+
+    @property
+    def topic(self) -> str:
+        return self.topic_name
+
+    @property
+    def topic_name(self) -> str:
+        raise NotImplementedError
+
+    def _encoded(self, msg: M | bytes) -> bytes:
+        """A message of the type, or of a subclass, as bytes; bytes as they are. Raises TypeError."""
+        if isinstance(msg, bytes):
+            return msg
+        if not isinstance(msg, self.msg_type):
+            raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
+        cls: Any = self.msg_type
+        return type_support(cls).encode(msg)
+
+
+class Publisher(BasePublisher[M]):
     """Made by `Node.create_publisher`."""
 
     event_callbacks: "PublisherEventCallbacks | None" = None
@@ -37,9 +69,7 @@ class Publisher(Destroyable, Generic[M]):
         qos_profile: QoSProfile,
         node: Any,
     ) -> None:
-        self.msg_type = msg_type
-        self.qos_profile = qos_profile
-        self.node = node
+        super().__init__(msg_type, qos_profile, node)
         self._engine = engine
         self._loop = engine.loop
         self._guard = engine.loop.guard
@@ -54,11 +84,6 @@ class Publisher(Destroyable, Generic[M]):
     def is_destroyed(self) -> bool:
         return self not in self.node.publishers
 
-    @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
-
     @cached_property
     def event_handlers(self) -> "list[EventHandler]":
         """Handlers for its events other than messages: callbacks, or warnings."""
@@ -66,10 +91,6 @@ class Publisher(Destroyable, Generic[M]):
 
         callbacks = self.event_callbacks or PublisherEventCallbacks()
         return callbacks.create_event_handlers(self.node.default_callback_group, self.handle, self.topic_name)
-
-    @property
-    def topic(self) -> str:
-        return self.native.topic_name
 
     @property
     def topic_name(self) -> str:
@@ -121,7 +142,7 @@ class Publisher(Destroyable, Generic[M]):
                         status = native._quick.publish(msg)
                     is_taken = status is True or native._publish_on(msg, status)
         except ConnectionClosed as error:
-            raise self._why_closed(error) from None
+            raise why_closed(self, error) from None
         if self._loop.is_interrupted:
             self._loop.check()
         if not is_taken:
@@ -134,22 +155,14 @@ class Publisher(Destroyable, Generic[M]):
 
     def _publish_other(self, msg: Any) -> None:
         """Publish bytes, or a message of a subclass of the topic's class."""
-        if not isinstance(msg, bytes):
-            if not isinstance(msg, self.msg_type):
-                raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
-            msg = core_of(self.native).support.encode(msg)
+        data = self._encoded(msg)
         try:
             with self._loop:
-                is_taken = self.native.publish_encoded(msg)
+                is_taken = self.native.publish_encoded(data)
         except ConnectionClosed as error:
-            raise self._why_closed(error) from None
+            raise why_closed(self, error) from None
         if not is_taken:
             raise RuntimeError(f"no room to publish on '{self.topic_name}'")
-
-    def _why_closed(self, error: ConnectionClosed) -> Exception:
-        if self.is_destroyed:
-            return InvalidHandle(f"the publisher on '{self.topic_name}' is destroyed")
-        return error
 
     def _wait_for_room(self, msg: M) -> None:
         try:
@@ -159,3 +172,10 @@ class Publisher(Destroyable, Generic[M]):
                 f"failed to publish on '{self.topic_name}': the subscriptions have taken nothing for"
                 f" {ROOM_S:g} s, and keep_all keeps all"
             ) from None
+
+
+def why_closed(publisher: Any, error: ConnectionClosed) -> Exception:
+    """The error for the user after `error`, from a closed publisher."""
+    if publisher.is_destroyed:
+        return InvalidHandle(f"the publisher on '{publisher.topic_name}' is destroyed")
+    return error

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 from bus.base.callbacks import is_async
@@ -14,42 +15,35 @@ from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.impl.introspected import Introspected
 from bus_ros.rclpy.qos import QoSProfile
 
-__all__ = ["Service"]
+__all__ = ["BaseService", "Service"]
 
 MOST_WAITING = 1000
 """Requests that wait for an executor; above this limit, the oldest are refused."""
 
 
-class Service(Entity, Introspected, Destroyable):
-    """Made by `Node.create_service`."""
+class BaseService(Introspected, Destroyable):
+    """Base of `Service` and of `rclpy.experimental.AsyncService`: the answers.
+
+    `guard` is entered around each use of the native server.
+    """
 
     native: ServiceServer
-    """Set by `begin`."""
+    is_destroyed: bool
 
     def __init__(
         self,
-        engine: Engine,
         srv_type: Any,
         srv_name: str,
         callback: Callable[[Any, Any], Any],
-        callback_group: Group,
         qos_profile: QoSProfile,
-        node: Owner,
+        guard: AbstractContextManager[None],
     ) -> None:
         self.srv_type = srv_type
         self.srv_name = srv_name
         self.callback = callback
         self.qos_profile = qos_profile
         self.is_async = is_async(callback)
-        self._engine = engine
-        self._waiting: deque[tuple[object, RequestId]] = deque()
-        super().__init__(node, callback_group)
-        self.is_queued = True  # until `begin`: no executor takes earlier requests
-
-    def begin(self, native: ServiceServer) -> None:
-        """For the node: `native` is made, and answers can be sent. Requests may have arrived before."""
-        self.native = native
-        self.is_queued = False
+        self._guard = guard
 
     @property
     def logger_name(self) -> str:
@@ -74,30 +68,6 @@ class Service(Entity, Introspected, Destroyable):
         self._respond(header, response)
         if self.events is not None:
             self.events.publish_event("RESPONSE_SENT", header.client, header.number, response=response)
-
-    def destroy(self) -> None:
-        """Stop taking requests."""
-        self.node.destroy_service(self)
-
-    # --- for the executor and the native server, under the guard
-
-    def on_request(self, request: object, request_id: RequestId) -> None:
-        if len(self._waiting) >= MOST_WAITING:
-            _, oldest = self._waiting.popleft()
-            self._refuse(oldest, RuntimeError("too many requests wait: nobody spins the server"))
-        self._waiting.append((request, request_id))
-        self.notify()
-
-    def take(self, most: int) -> Work | None:
-        while self._waiting:
-            request, request_id = self._waiting.popleft()
-            if self.native._skip(request_id):
-                continue
-            answer = self._answer_async if self.is_async else self._answer
-            if self.events is not None:
-                return self._report_and_answer, (answer, request, request_id)
-            return answer, (request, request_id)
-        return None
 
     def _report_and_answer(self, answer: Callable[..., Any], request: object, request_id: RequestId) -> Any:
         if self.events is not None:
@@ -132,14 +102,62 @@ class Service(Entity, Introspected, Destroyable):
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """Answer with an error; in ROS the client would wait for ever."""
-        with self._engine.loop:
+        with self._guard:
             if not self.is_destroyed:  # the callback may have destroyed it
                 self.native.respond(request_id, None, f"{type(error).__name__}: {error}")
 
     def _respond(self, request_id: RequestId, response: object) -> None:
-        with self._engine.loop:
+        with self._guard:
             if self.is_destroyed:
                 raise InvalidHandle(f"the service '{self.service_name}' is destroyed")
             has_room = self.native.respond(request_id, response)
         if not has_room:
             raise RuntimeError(f"no room for a response of service '{self.service_name}'")
+
+
+class Service(Entity, BaseService):
+    """Made by `Node.create_service`."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callable[[Any, Any], Any],
+        callback_group: Group,
+        qos_profile: QoSProfile,
+        node: Owner,
+    ) -> None:
+        BaseService.__init__(self, srv_type, srv_name, callback, qos_profile, engine.loop)
+        self._waiting: deque[tuple[object, RequestId]] = deque()
+        Entity.__init__(self, node, callback_group)
+        self.is_queued = True  # until `begin`: no executor takes earlier requests
+
+    def begin(self, native: ServiceServer) -> None:
+        """For the node: `native` is made, and answers can be sent. Requests may have arrived before."""
+        self.native = native
+        self.is_queued = False
+
+    def destroy(self) -> None:
+        """Stop taking requests."""
+        self.node.destroy_service(self)
+
+    # --- for the executor and the native server, under the guard
+
+    def on_request(self, request: object, request_id: RequestId) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            _, oldest = self._waiting.popleft()
+            self._refuse(oldest, RuntimeError("too many requests wait: nobody spins the server"))
+        self._waiting.append((request, request_id))
+        self.notify()
+
+    def take(self, most: int) -> Work | None:
+        while self._waiting:
+            request, request_id = self._waiting.popleft()
+            if self.native._skip(request_id):
+                continue
+            answer = self._answer_async if self.is_async else self._answer
+            if self.events is not None:
+                return self._report_and_answer, (answer, request, request_id)
+            return answer, (request, request_id)
+        return None

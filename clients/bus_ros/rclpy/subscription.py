@@ -22,7 +22,7 @@ from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptio
 if TYPE_CHECKING:
     from bus_ros.rclpy.event_handler import EventHandler, SubscriptionEventCallbacks
 
-__all__ = ["MessageInfo", "Subscription"]
+__all__ = ["BaseSubscription", "MessageInfo", "Subscription", "message_info"]
 
 M = TypeVar("M")
 
@@ -38,16 +38,79 @@ class MessageInfo(TypedDict):
     reception_sequence_number: int
 
 
-class Subscription(Entity, Destroyable, Generic[M]):
-    """Made by `Node.create_subscription`."""
-
-    event_callbacks: "SubscriptionEventCallbacks | None" = None
+class BaseSubscription(Destroyable, Generic[M]):
+    """Base of `Subscription` and of `rclpy.experimental.AsyncSubscription`."""
 
     class CallbackType(Enum):
         """The number of arguments of the callback."""
 
         MessageOnly = 0
         WithMessageInfo = 1
+
+    node: Any
+
+    def __init__(self, msg_type: type[M], qos_profile: QoSProfile, *, raw: bool) -> None:
+        self.msg_type = msg_type
+        self.qos_profile = qos_profile
+        self.raw = raw
+        self._filter: Callable[[Any], bool] | None = None
+        self._filter_options = ContentFilterOptions()
+
+    @property
+    def logger_name(self) -> str:
+        """The logger name of its node."""
+        return str(self.node.get_logger().name)
+
+    @property
+    def topic(self) -> str:
+        return self.topic_name
+
+    @property
+    def topic_name(self) -> str:
+        raise NotImplementedError
+
+    @property
+    def is_cft_enabled(self) -> bool:
+        """Whether there is a content filter."""
+        return self._filter is not None
+
+    def get_content_filter(self) -> ContentFilterOptions:
+        """The content filter. Raises RCLError if there is none."""
+        if self._filter is None:
+            raise RCLError("failed to get content filter: there is none")
+        return self._filter_options
+
+    def set_content_filter(self, filter_expression: str, expression_parameters: Sequence[str]) -> None:
+        """Call back only for messages that pass the filter, from now on; an empty expression: for all.
+
+        The subscription filters, so filtered messages are received nevertheless. Raises RCLError for an
+        invalid expression.
+        """
+        options = ContentFilterOptions(filter_expression, expression_parameters)
+        self._use_filter(options, self._compiled(options) if filter_expression else None)
+
+    def _use_filter(self, options: ContentFilterOptions, passes: Callable[[Any], bool] | None) -> None:
+        self._filter, self._filter_options = passes, options
+
+    def _compiled(self, options: ContentFilterOptions) -> Callable[[Any], bool]:
+        from bus.types.support import type_support  # late: few subscriptions have filters
+        from bus_ros.content_filter import FilterError, compile_filter
+
+        try:
+            passes = compile_filter(*options, self.msg_type())
+        except FilterError as error:
+            raise RCLError(f"failed to set content filter: {error}") from None
+        if not self.raw:
+            return passes
+        cls: Any = self.msg_type
+        decode = type_support(cls).decode
+        return lambda data: passes(decode(data))
+
+
+class Subscription(Entity, BaseSubscription[M]):
+    """Made by `Node.create_subscription`."""
+
+    event_callbacks: "SubscriptionEventCallbacks | None" = None
 
     def __init__(
         self,
@@ -60,10 +123,8 @@ class Subscription(Entity, Destroyable, Generic[M]):
         raw: bool,
         node: Owner,
     ) -> None:
-        self.msg_type = msg_type
+        BaseSubscription.__init__(self, msg_type, qos_profile, raw=raw)
         self._callback = callback
-        self.qos_profile = qos_profile
-        self.raw = raw
         self.is_async = is_async(callback)
         self._engine = engine
         self.native = native
@@ -73,9 +134,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self.batch = 1
         """The number of messages to take at once."""
         self._takes_one = self.is_async or self._wants_info
-        self._filter: Callable[[Any], bool] | None = None
-        self._filter_options = ContentFilterOptions()
-        super().__init__(node, callback_group)
+        Entity.__init__(self, node, callback_group)
         self._handover = Handover(engine, self)
         with engine.loop:
             native.set_arrival_callback(self._on_message)
@@ -96,15 +155,10 @@ class Subscription(Entity, Destroyable, Generic[M]):
             self.leave()
 
     @property
-    def _callback_type(self) -> CallbackType:
+    def _callback_type(self) -> BaseSubscription.CallbackType:
         """rclpy's private name for it."""
         kinds = self.CallbackType
         return kinds.WithMessageInfo if self._wants_info else kinds.MessageOnly
-
-    @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
 
     @cached_property
     def event_handlers(self) -> "list[EventHandler]":
@@ -115,10 +169,6 @@ class Subscription(Entity, Destroyable, Generic[M]):
         return callbacks.create_event_handlers(self.callback_group, self.handle, self.topic_name)
 
     @property
-    def topic(self) -> str:
-        return self.native.topic_name
-
-    @property
     def topic_name(self) -> str:
         return self.native.topic_name
 
@@ -127,47 +177,15 @@ class Subscription(Entity, Destroyable, Generic[M]):
         with self._engine.loop:
             return self.native.get_publisher_count()
 
-    @property
-    def is_cft_enabled(self) -> bool:
-        """Whether there is a content filter."""
-        return self._filter is not None
-
-    def get_content_filter(self) -> ContentFilterOptions:
-        """The content filter. Raises RCLError if there is none."""
-        if self._filter is None:
-            raise RCLError("failed to get content filter: there is none")
-        return self._filter_options
-
-    def set_content_filter(self, filter_expression: str, expression_parameters: Sequence[str]) -> None:
-        """Call back only for messages that pass the filter, from now on; an empty expression: for all.
-
-        The subscription filters, so filtered messages are received nevertheless. Raises RCLError for an
-        invalid expression.
-        """
-        options = ContentFilterOptions(filter_expression, expression_parameters)
-        passes = self._compiled(options) if filter_expression else None
-        with self._engine.loop:
-            self._filter, self._filter_options = passes, options
-            self._takes_one = self.is_async or self._wants_info or passes is not None
-            self.leave()
-
     def destroy(self) -> None:
         """Stop the calls."""
         self.node.destroy_subscription(self)
 
-    def _compiled(self, options: ContentFilterOptions) -> Callable[[Any], bool]:
-        from bus.types.support import type_support  # late: few subscriptions have filters
-        from bus_ros.content_filter import FilterError, compile_filter
-
-        try:
-            passes = compile_filter(*options, self.msg_type())
-        except FilterError as error:
-            raise RCLError(f"failed to set content filter: {error}") from None
-        if not self.raw:
-            return passes
-        cls: Any = self.msg_type
-        decode = type_support(cls).decode
-        return lambda data: passes(decode(data))
+    def _use_filter(self, options: ContentFilterOptions, passes: Callable[[Any], bool] | None) -> None:
+        with self._engine.loop:
+            super()._use_filter(options, passes)
+            self._takes_one = self.is_async or self._wants_info or passes is not None
+            self.leave()
 
     def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
         from bus_ros.rclpy.event_handler import watch_event  # late: few programs have wait sets
@@ -188,7 +206,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
                 taken = self.native.take()
             if taken is None:
                 return None
-            return self._callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
+            return self._callback, (taken[0], message_info(taken[1])) if self._wants_info else taken[:1]
         receiver = self._receiver
         if receiver.ahead:
             return self._callback, receiver.ahead.popleft()[:1]
@@ -240,7 +258,8 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self.notify()
 
 
-def _info(info: NativeInfo) -> MessageInfo:
+def message_info(info: NativeInfo) -> MessageInfo:
+    """The second argument of a callback, from the bus's."""
     return MessageInfo(
         source_timestamp=info.source_timestamp,
         received_timestamp=info.received_timestamp,

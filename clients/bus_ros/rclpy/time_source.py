@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 from bus_ros.rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
-from bus_ros.rclpy.clock import Clock, ROSClock
+from bus_ros.rclpy.clock import BaseClock, OverridableClock
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
-from bus_ros.rclpy.subscription import Subscription
+from bus_ros.rclpy.subscription import BaseSubscription
 from bus_ros.rclpy.time import Time
 
 __all__ = ["CLOCK_TOPIC", "USE_SIM_TIME_NAME", "TimeSource"]
@@ -38,8 +38,8 @@ class _Node(Protocol):
         qos_profile: QoSProfile,
         *,
         callback_group: CallbackGroup | None = None,
-    ) -> Subscription[Any]: ...
-    def destroy_subscription(self, subscription: Subscription[Any]) -> bool: ...
+    ) -> Any: ...
+    def destroy_subscription(self, subscription: Any) -> bool: ...
 
 
 class TimeSource:
@@ -47,10 +47,10 @@ class TimeSource:
 
     def __init__(self, *, node: _Node | None = None) -> None:
         self._node: _Node | None = None
-        self._subscription: Subscription[Any] | None = None
+        self._subscription: BaseSubscription[Any] | None = None
         # A separate group: a sleeping callback in the node's default group must not stop its clock.
         self._group = MutuallyExclusiveCallbackGroup()
-        self._clocks: list[ROSClock] = []
+        self._clocks: list[OverridableClock] = []
         self._last: Time | None = None
         self._is_active = False
         if node is not None:
@@ -94,20 +94,20 @@ class TimeSource:
             self._node.remove_post_set_parameters_callback(self._on_parameters)
             self._node = None
 
-    def attach_clock(self, clock: Clock) -> None:
+    def attach_clock(self, clock: BaseClock) -> None:
         """Attach a clock. Raises TypeError for another object, ValueError if its type is not ROS_TIME."""
-        if not isinstance(clock, Clock):
+        if not isinstance(clock, BaseClock):
             raise TypeError("Clock must be of type rclpy.clock.Clock")
-        if not isinstance(clock, ROSClock):
+        if not isinstance(clock, OverridableClock):
             raise ValueError("Only clocks with type ROS_TIME can be attached.")
         if self._last is not None:
             clock.set_ros_time_override(self._last)
         clock._set_ros_time_is_active(self._is_active)
         self._clocks.append(clock)
 
-    def detach_clock(self, clock: Clock) -> None:
+    def detach_clock(self, clock: BaseClock) -> None:
         """Detach a clock; does nothing if it is not attached."""
-        if isinstance(clock, ROSClock) and clock in self._clocks:
+        if isinstance(clock, OverridableClock) and clock in self._clocks:
             self._clocks.remove(clock)
 
     def clock_callback(self, msg: Any) -> None:

@@ -6,52 +6,64 @@ from time import monotonic_ns
 from bus.base.callbacks import is_async
 from bus_ros.engine import Engine, Lifetime, Waiter, engine
 from bus_ros.entity import Entity, Group, Owner, Work
-from bus_ros.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
+from bus_ros.rclpy.clock import (
+    ANY_JUMP,
+    CHANGES_OF_SOURCE,
+    BaseClock,
+    Clock,
+    JumpHandle,
+    OverridableClock,
+    TimeJump,
+)
 from bus_ros.rclpy.destroyable import Handled
 from bus_ros.rclpy.exceptions import InvalidHandle, ROSInterruptException
+from bus_ros.rclpy.time import ClockType, Time
 
-__all__ = ["Rate", "Timer"]
+__all__ = ["BaseTimer", "Rate", "Timer", "TimerInfo"]
 
 NEVER_NS = 1 << 62
 _GRACE_NS = 10_000_000
 """For this time, the sleepers of a rate leave its timer to an executor that waits for it."""
 
 
-def _now_ns(clock: Clock) -> int:
+def _now_ns(clock: BaseClock) -> int:
     """The clock's time, or the monotonic time if it is not simulated: a new date must not stall a timer."""
     return clock.now().nanoseconds if clock.ros_time_is_active else monotonic_ns()
 
 
-class Timer(Entity, Handled):
-    """Calls `callback()` every `timer_period_ns`, first after one period; made by `Node.create_timer`."""
+class TimerInfo:
+    """The times of one call of a timer, as its callback gets them if it takes an argument."""
 
-    is_single = True
-    is_timer = True
+    def __init__(self, *, expected_call_time: int, actual_call_time: int, clock_type: ClockType) -> None:
+        self._expected = Time(nanoseconds=expected_call_time, clock_type=clock_type)
+        self._actual = Time(nanoseconds=actual_call_time, clock_type=clock_type)
 
-    def __init__(
-        self,
-        callback: Callable[..., object] | None,
-        callback_group: Group,
-        timer_period_ns: int,
-        clock: Clock,
-        *,
-        node: Owner,
-        autostart: bool = True,
-    ) -> None:
-        self.callback = callback
+    @property
+    def expected_call_time(self) -> Time:
+        """When the call was due."""
+        return self._expected
+
+    @property
+    def actual_call_time(self) -> Time:
+        """When it was made."""
+        return self._actual
+
+
+class BaseTimer(Handled):
+    """The times of the calls of a timer: one each `timer_period_ns`, first after one period."""
+
+    is_destroyed: bool
+
+    def __init__(self, timer_period_ns: int, clock: BaseClock, *, autostart: bool) -> None:
         self.clock = clock
-        self.is_async = callback is not None and is_async(callback)
         self.is_simulated = clock.ros_time_is_active
         self._period_ns = timer_period_ns
         self._last_ns = self._now_ns()
         self._next_ns = self._last_ns + timer_period_ns
         self._is_canceled = not autostart
-        self.sleepers: list[Waiter] = []
-        """Threads in `Rate.sleep`: they look again at each change."""
-        super().__init__(node, callback_group)
         self._left_ns = timer_period_ns
         self._jumps: JumpHandle | None = None
-        if isinstance(clock, ROSClock):
+        if isinstance(clock, OverridableClock):
             self._jumps = clock.create_jump_callback(
                 ANY_JUMP, pre_callback=self._before, post_callback=self._after
             )
@@ -77,7 +89,7 @@ class Timer(Entity, Handled):
         self._check()
         self._is_canceled = False
         self._next_ns = self._now_ns() + self._period_ns
-        engine().call(self.rearm)
+        self._times_changed()
 
     def is_canceled(self) -> bool:
         self._check()
@@ -98,12 +110,8 @@ class Timer(Entity, Handled):
         self._check()
         return None if self._is_canceled else self._next_ns - self._now_ns()
 
-    def destroy(self) -> None:
-        self.node.destroy_timer(self)
-
     def forget_clock(self) -> None:
         """Leave the clock: the timer is destroyed."""
-        self.wake_sleepers()
         if self._jumps is not None:
             self._jumps.unregister()
 
@@ -119,7 +127,58 @@ class Timer(Entity, Handled):
             self._last_ns, self._next_ns = now_ns, now_ns + self._left_ns
         elif now_ns < self._last_ns:
             self._last_ns, self._next_ns = now_ns, now_ns + self._period_ns
-        engine().call(self.rearm)
+        self._times_changed()
+
+    # --- for subclasses
+
+    def _times_changed(self) -> None:
+        """The time of the next call has changed."""
+        raise NotImplementedError
+
+    def _advance(self, now_ns: int) -> None:
+        """A call is made at `now_ns`: plan the next one. Calls that were missed are skipped."""
+        self._next_ns += self._period_ns
+        if self._next_ns <= now_ns and self._period_ns:
+            self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
+        self._last_ns = now_ns
+
+    def _now_ns(self) -> int:
+        return _now_ns(self.clock)
+
+    def _check(self) -> None:
+        if self.is_destroyed:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+
+
+class Timer(Entity, BaseTimer):
+    """Calls `callback()` every `timer_period_ns`, first after one period; made by `Node.create_timer`."""
+
+    is_single = True
+    is_timer = True
+
+    def __init__(
+        self,
+        callback: Callable[..., object] | None,
+        callback_group: Group,
+        timer_period_ns: int,
+        clock: Clock,
+        *,
+        node: Owner,
+        autostart: bool = True,
+    ) -> None:
+        self.callback = callback
+        self.is_async = callback is not None and is_async(callback)
+        self.sleepers: list[Waiter] = []
+        """Threads in `Rate.sleep`: they look again at each change."""
+        Entity.__init__(self, node, callback_group)
+        BaseTimer.__init__(self, timer_period_ns, clock, autostart=autostart)
+
+    def destroy(self) -> None:
+        self.node.destroy_timer(self)
+
+    def forget_clock(self) -> None:
+        self.wake_sleepers()
+        super().forget_clock()
 
     # --- for the executor, under the guard
 
@@ -135,10 +194,7 @@ class Timer(Entity, Handled):
         now_ns = self._now_ns() if self.is_simulated else monotonic_ns()
         if self._is_canceled or now_ns < self._next_ns or self.callback is None:
             return None
-        self._next_ns += self._period_ns
-        if self._next_ns <= now_ns and self._period_ns:
-            self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
-        self._last_ns = now_ns
+        self._advance(now_ns)
         return self.callback, ()
 
     def wake_ns(self) -> int:
@@ -157,12 +213,8 @@ class Timer(Entity, Handled):
         if executor is not None:
             executor.on_timers_changed()
 
-    def _now_ns(self) -> int:
-        return _now_ns(self.clock)
-
-    def _check(self) -> None:
-        if self.is_destroyed:
-            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+    def _times_changed(self) -> None:
+        engine().call(self.rearm)
 
 
 class Rate:

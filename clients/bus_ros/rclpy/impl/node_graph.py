@@ -7,8 +7,6 @@ from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, services_of
 from bus.names import reply_topic, service_of_topic
 from bus.node import Node as NativeNode
-from bus_ros.engine import Engine
-from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.destroyable import Handle
 from bus_ros.rclpy.exceptions import NodeNameNonExistentError, RCLError, rule_of
 from bus_ros.rclpy.topic_endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
@@ -20,13 +18,15 @@ NamesAndTypes = list[tuple[str, list[str]]]
 
 
 class NodeGraph:
-    """Base of Node. Its private names are mangled: a program's nodes may use the same names."""
+    """Base of BaseNode. Its private names are mangled: a program's nodes may use the same names.
 
-    def __init__(self, engine: Engine, native: NativeNode, context: Context, handle: Handle) -> None:
-        self._context = context
-        self.__engine = engine
+    `read_graph` returns the current graph.
+    """
+
+    def __init__(self, native: NativeNode, handle: Handle, read_graph: Callable[[], Graph]) -> None:
         self.__native = native
         self.__handle = handle
+        self.__read_graph = read_graph
 
     @property
     def handle(self) -> Handle:
@@ -52,21 +52,6 @@ class NodeGraph:
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
         """As `resolve_topic_name`."""
         return self.__resolve(service, self.__native.resolve_service_name, only_expand)
-
-    def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait at most `timeout` seconds until such a node is in the graph; returns whether it is."""
-        wanted = fully_qualified_node_name
-        if not wanted.startswith("/"):
-            wanted = f"{self.get_namespace().rstrip('/')}/{wanted}"
-
-        def is_there(graph: Graph) -> bool:
-            return any(node.full_name == wanted for node in graph.nodes)
-
-        try:
-            self.__engine.run(lambda: self.__native.wait_for_graph(is_there), timeout, context=self._context)
-        except TimeoutError:
-            return False
-        return True
 
     # --- the content of the graph; lists are sorted by name
 
@@ -153,6 +138,22 @@ class NodeGraph:
         graph = self.__graph()
         return list(services_of(_of_node(graph, graph.publishers, node_name, node_namespace)).items())
 
+    # --- actions, found in topics as rcl_action does
+
+    def get_action_names_and_types(self) -> NamesAndTypes:
+        """All actions that have a server or a client."""
+        return _actions(self.get_topic_names_and_types(no_demangle=True))
+
+    def get_action_client_names_and_types_by_node(self, node_name: str, node_namespace: str) -> NamesAndTypes:
+        """The actions that a node calls. Raises NodeNameNonExistentError."""
+        topics = self.get_subscriber_names_and_types_by_node(node_name, node_namespace, no_demangle=True)
+        return _actions(topics)
+
+    def get_action_server_names_and_types_by_node(self, node_name: str, node_namespace: str) -> NamesAndTypes:
+        """The actions that a node serves. Raises NodeNameNonExistentError."""
+        topics = self.get_publisher_names_and_types_by_node(node_name, node_namespace, no_demangle=True)
+        return _actions(topics)
+
     # --- inside
 
     def __resolve(self, name: str, resolve: Callable[[str], str], only_expand: bool) -> str:
@@ -171,7 +172,7 @@ class NodeGraph:
 
     def __graph(self) -> Graph:
         self.__handle.check()
-        return self.__engine.run(self.__native.graph)
+        return self.__read_graph()
 
 
 def _of_node(
@@ -203,3 +204,10 @@ def _names_and_types(endpoints: Iterable[GraphEndpoint], with_services: bool) ->
         if with_services or service_of_topic(endpoint.topic) is None:
             found.setdefault(endpoint.topic, set()).add(endpoint.type_name)
     return [(topic, sorted(found[topic])) for topic in sorted(found)]
+
+
+def _actions(topics: NamesAndTypes) -> NamesAndTypes:
+    from bus_actions.graph import actions_of_topics  # late: few programs ask
+
+    found = actions_of_topics((topic, type_name) for topic, types in topics for type_name in types)
+    return list(found.items())

@@ -1,6 +1,7 @@
 """A service of the facade, without a bus: the moment at which an executor learns of a request."""
 
 from collections import deque
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,7 +24,7 @@ def test_a_request_that_is_quicker_than_the_call_that_creates_waits_for_it() -> 
     executor = SimpleNamespace(ready=deque(), waiter=SimpleNamespace(is_set=True))
     node: Any = Robot(executor)
     native: Any = SimpleNamespace(service_name="/add")
-    engine: Any = None
+    engine: Any = SimpleNamespace(loop=nullcontext())
     group = MutuallyExclusiveCallbackGroup()
     service = Service(engine, AddTwoInts, "add", max, group, qos_profile_services_default, node)
     service.on_request(AddTwoInts.Request(a=1), RequestId(bytes(16), 1))

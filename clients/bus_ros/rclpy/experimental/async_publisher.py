@@ -1,0 +1,197 @@
+"""Publishers of an AsyncNode: a native publisher, and the messages published before busd knows it."""
+
+from collections import deque
+from collections.abc import Iterable
+from time import time_ns
+from typing import Any, Generic, TypeVar
+
+from bus.errors import BusError, ConnectionClosed
+from bus.node import Node as NativeNode
+from bus.publisher import Publisher as NativePublisher
+from bus.types.support import type_support
+from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End
+from bus_ros.rclpy.impl.openings import Openings
+from bus_ros.rclpy.publisher import BasePublisher, why_closed
+from bus_ros.rclpy.qos import HistoryPolicy, QoSProfile, to_native
+
+__all__ = ["AsyncPublisher"]
+
+M = TypeVar("M")
+
+MOST_HELD = 1000
+"""The most messages that a keep-all publisher holds; with keep last, the depth is the limit."""
+
+
+class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
+    """Made by `AsyncNode.create_publisher`."""
+
+    def __init__(self, node: AsyncOwner, msg_type: type[M], topic_name: str, qos_profile: QoSProfile) -> None:
+        AsyncEntity.__init__(self, node)
+        BasePublisher.__init__(self, msg_type, qos_profile, node)
+        self._topic_name = topic_name
+        self._native: NativePublisher[Any] | None = None
+        self._openings: Openings | None = None
+        self._holds = 1  # until it is open
+        self._held: deque[tuple[bytes, int]] = deque()
+        """Encoded messages, each with its time."""
+        keeps_all = qos_profile.history is HistoryPolicy.KEEP_ALL
+        self._most_held = MOST_HELD if keeps_all else max(1, qos_profile.depth)
+        self._keeps_all = keeps_all
+        self._replaced = 0
+
+    @property
+    def topic_name(self) -> str:
+        return self._topic_name
+
+    def publish(self, msg: M | bytes) -> None:
+        """Publish a message, or serialized bytes; never blocks.
+
+        Before the node runs, and while it or a subscription to the topic in this event loop is being made,
+        messages wait, within the depth.
+
+        Raises TypeError for a message of another class, or with a wrong field; InvalidHandle after the
+        publisher, or its node, was destroyed; RuntimeError if the QoS is reliable + keep all and there is no
+        room (`send` waits for room).
+        """
+        native = self._native
+        if self._holds or native is None:
+            self._hold(msg)
+            return
+        status = native._quick.publish(msg)
+        if status is not True:
+            self._publish_on(native, msg, status)
+
+    async def send(self, msg: M | bytes) -> None:
+        """As `publish`. If the QoS is reliable + keep all, waits for room; not a method of ROS 2's class.
+
+        After a cancellation the message was not published.
+        """
+        while not self._put(msg):
+            assert self._native is not None
+            await self._native.wait_for_room()
+
+    def get_subscription_count(self) -> int:
+        """The number of matched subscriptions; 0 before the node runs."""
+        return 0 if self._native is None else self._native.get_subscription_count()
+
+    def assert_liveliness(self) -> None:
+        """Assert the publisher's liveliness if the QoS is manual by topic."""
+        if self._native is not None:
+            self._native.assert_liveliness()
+
+    # --- for the node and its openings
+
+    def begin(self, openings: Openings) -> None:
+        super().begin(openings)
+        self._openings = openings
+        openings.add_publisher(self._topic_name, self)
+
+    def hold(self) -> None:
+        self._holds += 1
+
+    def release(self) -> None:
+        self._holds -= 1
+        if not self._holds and self._held:
+            self._publish_held()
+
+    def ends(self) -> Iterable[End]:
+        cls: Any = self.msg_type
+        yield (
+            "publisher",
+            self._topic_name,
+            type_support(cls),
+            to_native(self.qos_profile, for_publisher=True),
+        )
+
+    # --- inside
+
+    async def _open(self, native_node: NativeNode) -> None:
+        self._native = await native_node.create_publisher(
+            self.msg_type,
+            self._topic_name,
+            to_native(self.qos_profile, for_publisher=True),
+        )
+
+    def _became_open(self) -> None:
+        self.release()
+
+    def _stop(self) -> None:
+        if self._openings is not None:
+            self._openings.remove_publisher(self._topic_name, self)
+        if self._native is not None and self._held:
+            self._publish_held()  # a subscription that was still opening lost its wait, the others get them
+        self._held.clear()
+        self._holds += 1  # for good: `publish` finds it destroyed
+
+    async def _close(self) -> None:
+        if self._native is not None:
+            await self._native.close()
+
+    def _publish_on(self, native: NativePublisher[Any], msg: M | bytes, status: int | bytes) -> None:
+        """Do the rest after the fast path, by its `status`, which is not True."""
+        if msg.__class__ is not self.msg_type:
+            is_taken = self._put(msg)
+        else:
+            try:
+                is_taken = native._publish_on(msg, status)
+            except ConnectionClosed as error:
+                raise why_closed(self, error) from None
+        if not is_taken:
+            raise self._no_room()
+
+    def _put(self, msg: M | bytes) -> bool:
+        """Publish, or hold; returns False if there is no room."""
+        native = self._native
+        if self._holds or native is None:
+            if self._keeps_all and len(self._held) >= self._most_held and native is not None:
+                return False
+            self._hold(msg)
+            return True
+        try:
+            return native.publish_encoded(self._encoded(msg))
+        except ConnectionClosed as error:
+            raise why_closed(self, error) from None
+
+    def _hold(self, msg: M | bytes) -> None:
+        if self.is_destroyed:
+            raise why_closed(self, ConnectionClosed(""))
+        data = self._encoded(msg)
+        if len(self._held) >= self._most_held:
+            if self._keeps_all:
+                raise self._no_room()
+            self._held.popleft()
+            self._replaced += 1
+        self._held.append((data, time_ns()))
+
+    def _publish_held(self) -> None:
+        native, held = self._native, self._held
+        assert native is not None
+        replaced, self._replaced = self._replaced, 0
+        if replaced:
+            self._owner.get_logger().warning(
+                f"{replaced} messages on '{self._topic_name}' were published before the node ran, beyond the"
+                f" depth of {self._most_held}: newer ones replaced them"
+            )
+        try:
+            while held:
+                data, at_ns = held[0]
+                if not native.publish_encoded(data, source_time_ns=at_ns):
+                    self._holds += 1  # the rest goes first, and later messages wait behind it
+                    self._owner.run_behind(self._publish_rest(native))
+                    return
+                held.popleft()
+        except BusError as error:
+            held.clear()
+            self._owner.get_logger().error(f"messages on '{self._topic_name}' were not published: {error}")
+
+    async def _publish_rest(self, native: NativePublisher[Any]) -> None:
+        try:
+            await native.wait_for_room()
+        finally:
+            self.release()
+
+    def _no_room(self) -> RuntimeError:
+        return RuntimeError(
+            f"no room to publish on '{self._topic_name}': the subscriptions have taken too little, and"
+            " keep_all keeps all; `await publisher.send(message)` waits for room"
+        )

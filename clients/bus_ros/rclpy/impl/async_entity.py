@@ -1,0 +1,143 @@
+"""The common part of the endpoints of an AsyncNode: their life, and their place at their node."""
+
+import asyncio
+from collections.abc import Coroutine, Iterable
+from enum import Enum
+from typing import Any, Protocol, TypeAlias
+
+from bus.errors import BusError
+from bus.node import Node as NativeNode
+from bus.qos import QoSProfile as NativeProfile
+from bus.types.support import TypeSupport
+from bus_ros.rclpy.impl.openings import Openings
+from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
+
+__all__ = ["TRANSITIONS", "AsyncEntity", "AsyncOwner", "End", "EntityEvent", "EntityState"]
+
+End: TypeAlias = tuple[str, str, TypeSupport[Any], NativeProfile]
+"""An endpoint in the graph: `publisher` or `subscription`, the topic's full name, the type, the QoS."""
+
+
+class EntityState(Enum):
+    """The life of an endpoint."""
+
+    MADE = "made"
+    """By the program. The node does not run."""
+    OPENING = "opening"
+    """busd is asked to add it to the graph."""
+    OPEN = "open"
+    """In the graph."""
+    DESTROYED = "destroyed"
+    """Not usable any more. If it was open, its native endpoint is closed in the background."""
+
+
+class EntityEvent(Enum):
+    """An event in the life of an endpoint."""
+
+    BEGIN = "begin"
+    """Its node runs."""
+    OPENED = "opened"
+    """busd has added it to the graph."""
+    DESTROY = "destroy"
+    """The program destroys it, or its node ends, or busd has refused it."""
+
+
+TRANSITIONS = {
+    EntityState.MADE: {
+        EntityEvent.BEGIN: EntityState.OPENING,
+        EntityEvent.DESTROY: EntityState.DESTROYED,
+    },
+    EntityState.OPENING: {
+        EntityEvent.OPENED: EntityState.OPEN,
+        EntityEvent.DESTROY: EntityState.DESTROYED,
+    },
+    EntityState.OPEN: {EntityEvent.DESTROY: EntityState.DESTROYED},
+    EntityState.DESTROYED: dict.fromkeys(EntityEvent, EntityState.DESTROYED),
+}
+"""For each state, the next one by event. The missing cells are mistakes of this package."""
+
+
+class AsyncOwner(Protocol):
+    """The interface of an AsyncNode for its endpoints."""
+
+    @property
+    def native(self) -> NativeNode: ...
+    def get_logger(self) -> RcutilsLogger: ...
+    def forget(self, entity: "AsyncEntity") -> None:
+        """The entity is destroyed."""
+
+    def run_in_group(self, work: Coroutine[Any, Any, Any]) -> "asyncio.Task[Any] | None":
+        """Run `work` in the node's task group: its exception ends the node. None: the node ends already."""
+
+    def run_behind(self, work: Coroutine[Any, Any, Any]) -> None:
+        """Run `work`, also after the end of the node, which waits for it. Its exception is ignored."""
+
+    def fail(self, error: BaseException) -> None:
+        """A callback raised `error`: end the node."""
+
+
+class AsyncEntity:
+    """Base of publishers, subscriptions, services, clients and timers of an AsyncNode."""
+
+    def __init__(self, node: AsyncOwner) -> None:
+        self.node: Any = node
+        self.state = EntityState.MADE
+        self.is_destroyed = False
+        """Whether the state is DESTROYED."""
+        self.is_optional = False
+        """If busd refuses it access, the node works without it."""
+        self._owner = node
+
+    def begin(self, openings: Openings) -> None:
+        """Its node runs, and `open` follows."""
+        self._change(EntityEvent.BEGIN)
+
+    async def open(self) -> None:
+        """Add it to the graph. Raises the error of busd, and then it is destroyed."""
+        if self.is_destroyed:
+            return
+        try:
+            await self._open(self._owner.native)
+        except BaseException as error:
+            if self.is_destroyed and isinstance(error, BusError):
+                return  # the program destroyed it, or its node, meanwhile
+            self.destroy()
+            raise
+        if self._change(EntityEvent.OPENED) is EntityState.DESTROYED:
+            self._owner.run_behind(self._close())  # the program destroyed it meanwhile
+        else:
+            self._became_open()
+
+    def ends(self) -> Iterable["End"]:
+        """Its ends in the graph."""
+        return ()
+
+    def destroy(self) -> None:
+        """End it: no callback is called any more. A second call does nothing."""
+        before = self.state
+        if before is EntityState.DESTROYED:
+            return
+        self._change(EntityEvent.DESTROY)
+        self._stop()
+        self._owner.forget(self)
+        if before is EntityState.OPEN:
+            self._owner.run_behind(self._close())
+
+    # --- for subclasses
+
+    async def _open(self, native_node: NativeNode) -> None:
+        """Make the native endpoint."""
+
+    def _became_open(self) -> None:
+        """It is open."""
+
+    def _stop(self) -> None:
+        """It is destroyed: stop at once, without waiting."""
+
+    async def _close(self) -> None:
+        """Close the native endpoint."""
+
+    def _change(self, event: EntityEvent) -> EntityState:
+        self.state = TRANSITIONS[self.state][event]
+        self.is_destroyed = self.state is EntityState.DESTROYED
+        return self.state

@@ -1,0 +1,209 @@
+"""Publishers and subscriptions of an AsyncNode, by both routes and on both event loops."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from bus.msg.std_msgs import String as NativeString
+from bus.node import Node as NativeNode
+from bus_ros.rclpy.exceptions import InvalidHandle
+from bus_ros.rclpy.experimental import AsyncNode, AsyncPublisher
+from bus_ros.rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
+from rclpy_async_world import String, context, node
+from semantics import until
+
+__all__ = ["context", "node"]
+
+pytestmark = pytest.mark.usefixtures("route", "context")
+
+
+class TestTopics:
+    async def test_a_message_published_at_once_reaches_a_subscription_made_before(self) -> None:
+        got: list[str] = []
+        async with AsyncNode("tester") as node:
+            publisher = node.create_publisher(String, "chatter", 10)
+            node.create_subscription(String, "chatter", lambda message: got.append(message.data), 10)
+            publisher.publish(String(data="hello"))
+            await until(lambda: got)
+        assert got == ["hello"]
+
+    async def test_between_two_nodes_of_one_loop(self) -> None:
+        got: list[str] = []
+        async with AsyncNode("a") as a, AsyncNode("b") as b:
+            publisher = a.create_publisher(String, "chatter", 10)
+            await until(lambda: publisher.state.name == "OPEN")
+            b.create_subscription(String, "chatter", lambda message: got.append(message.data), 10)
+            publisher.publish(String(data="1"))
+            publisher.publish(String(data="2"))
+            await until(lambda: len(got) == 2)
+        assert got == ["1", "2"]
+
+    async def test_made_before_the_node_runs(self) -> None:
+        node = AsyncNode("tester")
+        got: list[str] = []
+        publisher = node.create_publisher(String, "chatter", 2)
+        node.create_subscription(String, "chatter", lambda message: got.append(message.data), 10)
+        for text in "abc":  # beyond the depth: the oldest is replaced
+            publisher.publish(String(data=text))
+        async with node:
+            publisher.publish(String(data="d"))
+            await until(lambda: "d" in got)
+        assert got == ["b", "c", "d"]
+
+    async def test_a_message_before_the_end_of_the_block_is_published(self) -> None:
+        async with NativeNode("listener", arguments=[]) as listener:
+            subscription = await listener.create_subscription(NativeString, "chatter")
+            async with AsyncNode("tester") as node:
+                node.create_publisher(String, "chatter", 10).publish(String(data="last words"))
+            message, _ = await subscription.receive()
+        assert message.data == "last words"
+
+    async def test_async_callbacks_come_one_after_the_other(self, node: AsyncNode) -> None:
+        running, most, calls = 0, 0, 0
+
+        async def callback(message: Any) -> None:
+            nonlocal running, most, calls
+            running += 1
+            most = max(most, running)
+            await asyncio.sleep(0.001)
+            running -= 1
+            calls += 1
+
+        publisher = node.create_publisher(String, "chatter", 10)
+        node.create_subscription(String, "chatter", callback, 10)
+        for _ in range(5):
+            publisher.publish(String())
+        await until(lambda: calls == 5)
+        assert most == 1
+
+    async def test_concurrent_callbacks_run_together(self, node: AsyncNode) -> None:
+        meeting = asyncio.Barrier(3)
+        ended: list[int] = []
+
+        async def callback(message: Any, info: Any) -> None:
+            await meeting.wait()
+            ended.append(info["publication_sequence_number"])
+
+        publisher = node.create_publisher(String, "chatter", 10)
+        node.create_subscription(String, "chatter", callback, 10, concurrent=True)
+        for _ in range(3):
+            publisher.publish(String())
+        await until(lambda: len(ended) == 3)
+        assert sorted(ended) == [1, 2, 3]
+
+    async def test_raw_and_info(self, node: AsyncNode) -> None:
+        got: list[tuple[bytes, Any]] = []
+        publisher = node.create_publisher(String, "chatter", 10)
+        node.create_subscription(String, "chatter", lambda data, info: got.append((data, info)), 10, raw=True)
+        publisher.publish(b"\x91\xa2hi")
+        await until(lambda: got)
+        assert bytes(got[0][0]) == b"\x91\xa2hi" and got[0][1]["source_timestamp"] > 10**18
+
+    async def test_a_content_filter(self, node: AsyncNode) -> None:
+        got: list[str] = []
+        publisher = node.create_publisher(String, "chatter", 10)
+        subscription = node.create_subscription(
+            String,
+            "chatter",
+            lambda message: got.append(message.data),
+            10,
+            content_filter_options=ContentFilterOptions("data = %0", ["'b'"]),
+        )
+        assert subscription.is_cft_enabled
+        for text in "abc":
+            publisher.publish(String(data=text))
+        await until(lambda: got)
+        subscription.set_content_filter("", [])
+        publisher.publish(String(data="d"))
+        await until(lambda: "d" in got)
+        assert got[0] == "b" and "a" not in got
+
+    async def test_iteration_ends_with_the_subscription(self, node: AsyncNode) -> None:
+        publisher = node.create_publisher(String, "chatter", 10)
+        subscription = node.create_subscription(String, "chatter", None, 10)
+        publisher.publish(String(data="1"))
+        publisher.publish(String(data="2"))
+        got = []
+        async for message in subscription:
+            got.append(message.data)
+            if len(got) == 2:
+                subscription.destroy()
+        assert got == ["1", "2"]
+        with pytest.raises(InvalidHandle, match="is destroyed"):
+            await subscription.receive()
+
+    async def test_a_replaced_callback(self, node: AsyncNode) -> None:
+        first: list[Any] = []
+        second: list[Any] = []
+        publisher = node.create_publisher(String, "chatter", 10)
+        subscription = node.create_subscription(String, "chatter", first.append, 10)
+        publisher.publish(String())
+        await until(lambda: first)
+        subscription.callback = second.append
+        publisher.publish(String())
+        await until(lambda: second)
+        assert len(first) == 1
+        with pytest.raises(TypeError, match="make a new subscription"):
+            subscription.callback = lambda message, info: None
+
+    async def test_destroyed_ones_are_silent(self, node: AsyncNode) -> None:
+        got: list[Any] = []
+        publisher = node.create_publisher(String, "chatter", 10)
+        subscription = node.create_subscription(String, "chatter", got.append, 10)
+        publisher.publish(String())
+        await until(lambda: got)
+        subscription.destroy()
+        publisher.publish(String())
+        await until(lambda: publisher.get_subscription_count() == 0)
+        assert len(got) == 1 and list(node.subscriptions) == []
+        publisher.destroy()
+        with pytest.raises(InvalidHandle, match="the publisher on '/chatter' is destroyed"):
+            publisher.publish(String())
+
+    async def test_wrong_messages(self, node: AsyncNode) -> None:
+        publisher = node.create_publisher(String, "chatter", 10)
+        with pytest.raises(TypeError, match="Expected"):
+            publisher.publish("text")  # type: ignore[arg-type]
+        await until(lambda: publisher.state.name == "OPEN")
+        with pytest.raises(TypeError, match="Expected"):
+            publisher.publish("text")  # type: ignore[arg-type]
+
+    async def test_a_lossless_publisher_waits_for_room(self, node: AsyncNode) -> None:
+        lossless = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0)
+        publisher: AsyncPublisher[Any] = node.create_publisher(String, "chatter", lossless)
+        subscription = node.create_subscription(String, "chatter", None, lossless)
+        await until(lambda: publisher.get_subscription_count() == 1)
+
+        def flood() -> int:
+            for number in range(10**6):
+                try:
+                    publisher.publish(String(data="x" * 10_000))
+                except RuntimeError as error:
+                    assert "await publisher.send(message)" in str(error)
+                    return number
+            raise AssertionError("there was always room")
+
+        sent = flood()
+        sending = asyncio.create_task(publisher.send(String(data="last")))
+        got = 0
+        async for message in subscription:
+            got += 1
+            if message.data == "last":
+                break
+        await sending
+        assert got == sent + 1
+
+    async def test_a_late_joiner_gets_the_history(self) -> None:
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        got: list[str] = []
+        async with AsyncNode("tester") as node:
+            publisher = node.create_publisher(String, "map", latched)
+            publisher.publish(String(data="old"))
+            publisher.publish(String(data="new"))
+            await until(lambda: publisher.state.name == "OPEN")
+            async with AsyncNode("late") as late:
+                late.create_subscription(String, "map", lambda message: got.append(message.data), latched)
+                await until(lambda: got)
+        assert got == ["new"]
