@@ -32,6 +32,7 @@ INSIDE = {
         "watch_event",
     },
     "rclpy.parameter": {"ValueType", "parameter_message"},
+    "rclpy.lifecycle.publisher": {"PublishesWhileActive"},
     "rclpy.publisher": {"why_closed"},
     "rclpy.subscription": {"message_info"},
     "rclpy.task": {"UNFINISHED", "Step"},
@@ -103,7 +104,8 @@ INSIDE_OF_CLASSES = {
 ROWLESS = {
     *("rclpy.client.BaseClient", "rclpy.clock.BaseClock", "rclpy.node.BaseNode"),
     *("rclpy.publisher.BasePublisher", "rclpy.service.BaseService", "rclpy.subscription.BaseSubscription"),
-    "rclpy.timer.BaseTimer",
+    *("rclpy.timer.BaseTimer", "rclpy.experimental.async_lifecycle.AsyncLifecycleNode"),
+    "rclpy.experimental.async_lifecycle.AsyncLifecyclePublisher",
     *("rclpy.callback_groups.MutuallyExclusiveCallbackGroup", "rclpy.callback_groups.ReentrantCallbackGroup"),
     *("rclpy.executors.EventsExecutor", "rclpy.executors.MultiThreadedExecutor"),
     *("rclpy.executors.SingleThreadedExecutor", "rclpy.InitContextManager"),

@@ -23,6 +23,7 @@ from bus_ros.rclpy.executors import EventsExecutor
 from bus_ros.rclpy.experimental.async_action import AsyncActionClient, AsyncActionServer
 from bus_ros.rclpy.experimental.async_client import AsyncClient
 from bus_ros.rclpy.experimental.async_clock import AsyncClock
+from bus_ros.rclpy.experimental.async_lifecycle import AsyncLifecycleNode, AsyncLifecyclePublisher
 from bus_ros.rclpy.experimental.async_node import AsyncNode
 from bus_ros.rclpy.experimental.async_publisher import AsyncPublisher
 from bus_ros.rclpy.experimental.async_service import AsyncService
@@ -34,6 +35,8 @@ __all__ = [
     "AsyncActionServer",
     "AsyncClient",
     "AsyncClock",
+    "AsyncLifecycleNode",
+    "AsyncLifecyclePublisher",
     "AsyncNode",
     "AsyncPublisher",
     "AsyncService",

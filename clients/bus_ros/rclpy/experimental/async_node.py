@@ -228,16 +228,23 @@ class AsyncNode(BaseNode):
     # --- making
 
     def create_publisher(
-        self, msg_type: type[M], topic: str, qos_profile: QoSProfile | int
+        self,
+        msg_type: type[M],
+        topic: str,
+        qos_profile: QoSProfile | int,
+        *,
+        publisher_class: type[AsyncPublisher[Any]] | None = None,
     ) -> AsyncPublisher[M]:
         """Make a publisher; an int as `qos_profile` is keep last with that depth.
 
-        Raises InvalidTopicNameException, InvalidHandle after `destroy_node`. If busd refuses it, the node
-        ends with the error.
+        `publisher_class` is a subclass of AsyncPublisher, which is made with the same arguments. Raises
+        InvalidTopicNameException, InvalidHandle after `destroy_node`. If busd refuses it, the node ends with
+        the error.
         """
         check_is_valid_msg_type(msg_type)
         name = self.__full_name("publisher", topic)
-        return self.__add(AsyncPublisher(self, msg_type, name, profile_of(qos_profile)))
+        make: type[AsyncPublisher[M]] = publisher_class or AsyncPublisher
+        return self.__add(make(self, msg_type, name, profile_of(qos_profile)))
 
     def create_subscription(
         self,

@@ -1,6 +1,7 @@
 """The common part of both kinds of nodes: name, place in the graph, parameters, clock, logger."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from bus.graph import Graph
 from bus.node import Node as NativeNode
@@ -16,7 +17,7 @@ from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.parameter import Parameter
 
-__all__ = ["BaseNode", "NativeParts"]
+__all__ = ["BaseNode", "NativeParts", "base_of"]
 
 
 class NativeParts:
@@ -98,3 +99,8 @@ class BaseNode(NodeGraph, NodeParameters):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.get_fully_qualified_name()}>"
+
+
+def base_of(node: BaseNode) -> Any:
+    """The class of rclpy among the bases of a node: a program's own class may override its methods."""
+    return next(cls for cls in type(node).__mro__ if BaseNode in cls.__bases__)

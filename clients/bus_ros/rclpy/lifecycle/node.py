@@ -4,11 +4,13 @@ Owns: the callbacks, the managed entities, and the effect of a callback's result
 `services` has requests from outside, `state_machine` the states.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any, TypeVar, cast
 
+from bus.base.callbacks import is_async
 from bus_ros.rclpy.callback_groups import CallbackGroup
 from bus_ros.rclpy.exceptions import RCLError
+from bus_ros.rclpy.impl.base_node import base_of
 from bus_ros.rclpy.lifecycle.managed_entity import LifecycleState, ManagedEntity, TransitionCallbackReturn
 from bus_ros.rclpy.lifecycle.publisher import LifecyclePublisher
 from bus_ros.rclpy.lifecycle.services import LifecycleServices
@@ -28,6 +30,7 @@ __all__ = [
 M = TypeVar("M")
 
 _Callback = Callable[[LifecycleState], TransitionCallbackReturn]
+TransitionSteps = Generator[Any, Any, TransitionCallbackReturn]
 
 _CALLBACKS = {
     10: "on_configure",
@@ -47,6 +50,8 @@ class LifecycleNodeMixin(ManagedEntity):
     `callback_group` is the group of its services.
     """
 
+    _lifecycle_publisher_class: type[Any] = LifecyclePublisher
+
     def __init__(
         self, *, enable_communication_interface: bool = True, callback_group: CallbackGroup | None = None
     ) -> None:
@@ -59,7 +64,9 @@ class LifecycleNodeMixin(ManagedEntity):
         if not enable_communication_interface:
             self._state_machine = LifecycleStateMachine(lambda _: None, warn)
             return
-        services = LifecycleServices(node, self.__change_state, callback_group)
+        services = LifecycleServices(
+            node, self.__change_state, callback_group, is_async=is_async(self._run_transition)
+        )
         self._state_machine = LifecycleStateMachine(services.publish_transition, warn)
         services.begin(self._state_machine)
 
@@ -68,8 +75,8 @@ class LifecycleNodeMixin(ManagedEntity):
     def trigger_configure(self) -> TransitionCallbackReturn:
         """Call `on_configure` and go to the state for its result; returns it. So do the other triggers.
 
-        Raises RCLError if the transition is not possible now, TypeError if the callback returns no
-        TransitionCallbackReturn.
+        In an AsyncLifecycleNode they are awaited. Raises RCLError if the transition is not possible now,
+        TypeError if the callback returns no TransitionCallbackReturn.
         """
         return self.__trigger("configure")
 
@@ -104,8 +111,8 @@ class LifecycleNodeMixin(ManagedEntity):
         if "publisher_class" in keywords:
             raise TypeError("create_publisher() got an unexpected keyword argument 'publisher_class'")
         node: Any = self
-        publisher: Any = Node.create_publisher(
-            node, msg_type, topic, *args, **keywords, publisher_class=LifecyclePublisher
+        publisher: Any = base_of(node).create_publisher(
+            node, msg_type, topic, *args, **keywords, publisher_class=self._lifecycle_publisher_class
         )
         self._managed_entities[publisher] = None
         return cast(LifecyclePublisher[M], publisher)
@@ -114,7 +121,7 @@ class LifecycleNodeMixin(ManagedEntity):
         """Destroy a publisher; returns whether it belonged to this node."""
         self._managed_entities.pop(publisher, None)
         node: Any = self
-        return Node.destroy_publisher(node, publisher)
+        return bool(base_of(node).destroy_publisher(node, publisher))
 
     # --- callbacks; a program's own node overrides some of them
 
@@ -166,23 +173,40 @@ class LifecycleNodeMixin(ManagedEntity):
         return self.__change_state(next(one.id for one in TRANSITIONS if one.label == label))
 
     def __change_state(self, transition_id: int) -> TransitionCallbackReturn:
+        result: TransitionCallbackReturn = self._run_transition(self.__transition(transition_id))
+        return result
+
+    def _run_transition(self, steps: "TransitionSteps") -> Any:
+        """Run a transition. It yields the result of each callback, and gets that result sent.
+
+        An AsyncNode awaits it in between.
+        """
+        try:
+            result = next(steps)
+            while True:
+                result = steps.send(result)
+        except StopIteration as end:
+            return end.value
+
+    def __transition(self, transition_id: int) -> "TransitionSteps":
         machine = self._state_machine
         state_id, label = machine.current_state
         before = LifecycleState(label=label, state_id=state_id)
         machine.trigger_transition_by_id(transition_id)
-        result = self.__call_back(before)
+        result = yield from self.__call_back(before)
         machine.trigger_transition_by_label(result.to_label())
         if result is TransitionCallbackReturn.ERROR:
-            machine.trigger_transition_by_label(self.__call_back(before).to_label())
+            result_of_error = yield from self.__call_back(before)
+            machine.trigger_transition_by_label(result_of_error.to_label())
         return result
 
-    def __call_back(self, before: LifecycleState) -> TransitionCallbackReturn:
+    def __call_back(self, before: LifecycleState) -> "TransitionSteps":
         """Call the callback of the current state. Raises TypeError for a wrong type of its result."""
         node: Any = self
         callback = self._callbacks[self._state_machine.current_state[0]]
         name = getattr(callback, "__name__", repr(callback))
         try:
-            result = callback(before)
+            result = yield callback(before)
         except Exception as error:
             from traceback import format_exception
 

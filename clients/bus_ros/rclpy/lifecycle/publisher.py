@@ -10,33 +10,39 @@ from bus_ros.rclpy.lifecycle.managed_entity import (
 from bus_ros.rclpy.logging import get_logger
 from bus_ros.rclpy.publisher import Publisher
 
-__all__ = ["LifecyclePublisher"]
+__all__ = ["LifecyclePublisher", "PublishesWhileActive"]
 
 M = TypeVar("M")
 
 
-class LifecyclePublisher(SimpleManagedEntity, Publisher[M]):
-    """Made by `create_lifecycle_publisher` of a lifecycle node."""
+class PublishesWhileActive(SimpleManagedEntity):
+    """Base of publishers of lifecycle nodes, in front of the class that publishes."""
+
+    topic_name: Any
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         SimpleManagedEntity.__init__(self)
-        Publisher.__init__(self, *args, **keywords)
+        super(SimpleManagedEntity, self).__init__(*args, **keywords)
         self._has_warned = False
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._has_warned = False
         return super().on_activate(state)
 
-    def publish(self, msg: M | bytes) -> None:
+    def publish(self, msg: Any) -> None:
         """As `Publisher.publish` while the node is active.
 
         Otherwise it publishes nothing, and warns of the first such message since the node was active.
         """
         if self._enabled:
-            Publisher.publish(self, msg)
+            super().publish(msg)  # type: ignore[misc]
         elif not self._has_warned:
             self._has_warned = True
             get_logger("LifecyclePublisher").warning(
                 f"Trying to publish message on the topic '{self.topic_name}', "
                 "but the publisher is not activated"
             )
+
+
+class LifecyclePublisher(PublishesWhileActive, Publisher[M]):
+    """Made by `create_lifecycle_publisher` of a lifecycle node."""

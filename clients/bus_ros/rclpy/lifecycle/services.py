@@ -10,7 +10,8 @@ from typing import Any
 
 from bus.errors import ConnectionClosed
 from bus_ros.engine import engine
-from bus_ros.rclpy.exceptions import RCLError
+from bus_ros.rclpy.exceptions import InvalidHandle, RCLError
+from bus_ros.rclpy.impl.base_node import base_of
 from bus_ros.rclpy.impl.transition_callback_return import TransitionCallbackReturnType
 from bus_ros.rclpy.lifecycle.state_machine import (
     STATES,
@@ -18,7 +19,6 @@ from bus_ros.rclpy.lifecycle.state_machine import (
     LifecycleStateMachine,
     Transition,
 )
-from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import profile_of, to_native
 from bus_ros.rosidl import message_class, service_class
 
@@ -28,34 +28,36 @@ EVENTS_DEPTH = 10
 
 
 class LifecycleServices:
-    """The services of `node`; `change_state` makes the transitions. Served from `begin` on."""
+    """The services of `node`; `change_state` makes the transitions. Served from `begin` on.
+
+    `is_async`: it is an AsyncNode, and `change_state` is a coroutine function.
+    """
 
     def __init__(
-        self, node: Any, change_state: Callable[[int], TransitionCallbackReturnType], callback_group: Any
+        self, node: Any, change_state: Callable[[int], Any], callback_group: Any, *, is_async: bool
     ) -> None:
         self._node = node
+        self._base = base_of(node)
+        self._is_async = is_async
         self._change_state = change_state
         self._callback_group = callback_group
         self._state: Any = message_class("lifecycle_msgs/msg/State")
         self._event: Any = message_class("lifecycle_msgs/msg/TransitionEvent")
         self._description: Any = message_class("lifecycle_msgs/msg/TransitionDescription")
-        # Not one of the node's publishers, as in rclpy: it is not listed, and no program destroys it.
-        native, topic = node.native, self._name("transition_event")
-        qos = to_native(profile_of(EVENTS_DEPTH), for_publisher=True)
-        self._events: Any = engine().run(lambda: native.create_publisher(self._event, topic, qos))
+        self._publish: Callable[[Any], object] = self._make_publisher(self._name("transition_event"))
 
     def begin(self, machine: LifecycleStateMachine) -> None:
         """Begin to serve the state of `machine`."""
         self._machine = machine
         for srv_type, name, callback in (
-            ("ChangeState", "change_state", self._change),
+            ("ChangeState", "change_state", self._change_async if self._is_async else self._change),
             ("GetState", "get_state", self._get_state),
             ("GetAvailableStates", "get_available_states", self._get_states),
             ("GetAvailableTransitions", "get_available_transitions", self._get_transitions),
             ("GetAvailableTransitions", "get_transition_graph", self._get_graph),
         ):
             definition = service_class(f"lifecycle_msgs/srv/{srv_type}")
-            served = Node.create_service(
+            served = self._base.create_service(
                 self._node, definition, self._name(name), callback, callback_group=self._callback_group
             )
             setattr(self._node, f"_service_{name}", served)
@@ -66,23 +68,37 @@ class LifecycleServices:
         event.transition.id, event.transition.label = transition.id, transition.label
         event.start_state = self._state(id=transition.start, label=STATES[transition.start])
         event.goal_state = self._state(id=transition.goal, label=STATES[transition.goal])
-        with suppress(ConnectionClosed):
-            engine().call(self._events.publish, event)
+        with suppress(ConnectionClosed, InvalidHandle):
+            self._publish(event)
+
+    def _make_publisher(self, topic: str) -> Callable[[Any], object]:
+        if self._is_async:
+            publisher = self._base.create_publisher(self._node, self._event, topic, EVENTS_DEPTH)
+            return publisher.publish  # type: ignore[no-any-return]
+        # Not one of the node's publishers, as in rclpy: it is not listed, and no program destroys it.
+        native = self._node.native
+        qos = to_native(profile_of(EVENTS_DEPTH), for_publisher=True)
+        made: Any = engine().run(lambda: native.create_publisher(self._event, topic, qos))
+        return lambda event: engine().call(made.publish, event)
 
     def _name(self, name: str) -> str:
         return f"{self._node.get_fully_qualified_name()}/{name}"
 
     def _change(self, request: Any, response: Any) -> Any:
-        wanted = request.transition
-        try:
-            # As in ROS 2, a label comes before an id.
-            number = self._machine.get_transition_by_label(wanted.label) if wanted.label else wanted.id
-            result = self._change_state(number)
-        except RCLError:
-            response.success = False  # the log has it; a wrong id ends ROS 2's node
-        else:
+        with suppress(RCLError):  # the log has it; a wrong id ends ROS 2's node
+            result = self._change_state(self._number(request.transition))
             response.success = result is TransitionCallbackReturnType.SUCCESS
         return response
+
+    async def _change_async(self, request: Any, response: Any) -> Any:
+        with suppress(RCLError):
+            result = await self._change_state(self._number(request.transition))
+            response.success = result is TransitionCallbackReturnType.SUCCESS
+        return response
+
+    def _number(self, wanted: Any) -> int:
+        """The id of a requested transition. As in ROS 2, a label comes before an id. Raises RCLError."""
+        return self._machine.get_transition_by_label(wanted.label) if wanted.label else wanted.id
 
     def _get_state(self, request: Any, response: Any) -> Any:
         response.current_state.id, response.current_state.label = self._machine.current_state
