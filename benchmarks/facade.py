@@ -1,4 +1,4 @@
-"""The facade of rclpy beside the asyncio API, and beside ROS 2's own rclpy, in turns.
+"""The facade of rclpy, with both kinds of nodes, beside the asyncio API and ROS 2's own rclpy, in turns.
 
 Measures latency, CPU time, memory, throughput and start of the same work, and an action beside the same
 number of messages. Both programs are typical ones: a timer publishes and a callback takes, in `rclpy.spin` or
@@ -25,17 +25,23 @@ from benchmarks.installed import Installed, installed
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section, compare
 from benchmarks.startup import FIRST, compiling, measure_first_message
-from benchmarks.systems import BUS, RCLPY, RCLPY_THREADS, ROS, ROS_LARGE, System
+from benchmarks.systems import ASYNC_NODE, BUS, RCLPY, RCLPY_THREADS, ROS, ROS_LARGE, System
 from benchmarks.work import Work
 
 NAME = "facade"
 _SIZE, _LARGE = 64, 1 << 20
 _RATE, _LARGE_RATE = 2500.0, 200.0
 _LIMIT_S = 60.0
-_RCLPY, _ASYNCIO, _THREADS = "rclpy", "asyncio", "two threads"
+_RCLPY, _ASYNCIO, _THREADS, _ASYNC_NODE = "rclpy", "asyncio", "two threads", "AsyncNode"
 _GENUINE = ROS.name
-_SYSTEMS = {_RCLPY: RCLPY, _ASYNCIO: BUS, _THREADS: RCLPY_THREADS, _GENUINE: ROS}
-_BOTH, _SAME = (_RCLPY, _ASYNCIO), (_RCLPY, _GENUINE)
+_SYSTEMS = {
+    _RCLPY: RCLPY,
+    _ASYNCIO: BUS,
+    _ASYNC_NODE: ASYNC_NODE,
+    _THREADS: RCLPY_THREADS,
+    _GENUINE: ROS,
+}
+_BOTH, _SAME, _NEW = (_RCLPY, _ASYNCIO), (_RCLPY, _GENUINE), (_ASYNC_NODE, _ASYNCIO)
 _SCHEDULED, _TIMED, _LONG = "64 B by schedule", f"{_RATE:,.0f}/s by a timer", "1 MiB by schedule"
 _FLOOD, _LOSSY, _START = "lossless", "default QoS", "start"
 _ACTION, _MESSAGES = "an action", f"{MESSAGES} native messages"
@@ -47,6 +53,7 @@ _WITHOUT = {
     (_FLOOD, _GENUINE),  # measured in throughput
     (_START, _THREADS),
     (_START, _ASYNCIO),
+    (_START, _ASYNC_NODE),
 }
 _GOALS = [
     # work, systems, figure, at most, at least
@@ -70,6 +77,13 @@ _GOALS = [
     (_LOSSY, _BOTH, "published_per_s", None, None),
     (_LOSSY, (_THREADS, _RCLPY), "per_s", None, 1 / 4),
     (_LOSSY, _SAME, "per_s", None, 3.0),
+    (_SCHEDULED, _NEW, "p50", 1.1, None),
+    (_SCHEDULED, _NEW, "cpu", None, None),
+    (_TIMED, _NEW, "p50", 1.1, None),
+    (_TIMED, _NEW, "cpu", None, None),
+    (_LONG, _NEW, "p50", 1.1, None),
+    (_FLOOD, _NEW, "per_s", None, 1 / 1.1),
+    (_LOSSY, _NEW, "per_s", None, None),
     (_START, _SAME, "talker_ms", 1 / 3, None),
     (_START, _SAME, "listener_ms", 1 / 3, None),
 ]
@@ -100,6 +114,7 @@ _NOTES = [
     "does not wait, so what is not taken in time is replaced",
     f"{_GENUINE}: the same program on ROS 2 Jazzy as shipped, at 1 MiB with large segments; rclpy: on busd, "
     "by `bus run`",
+    "AsyncNode: rclpy.experimental.AsyncNode of ROS 2 Lyrical on busd, on the event loop of the asyncio API",
     "two threads: a MultiThreadedExecutor(2) takes, and the callback's group is mutually exclusive",
     f"{_START}: from the start of a talker's process to its message in another's hands, and from the start "
     "of a listener's process until its subscription is there",

@@ -218,6 +218,10 @@ RCLPY = BUS._replace(
     guess=Speed(1_900_000, 1e9),
 )
 """busd's facade, with the program that `ROS` runs."""
+ASYNC_NODE = BUS._replace(
+    name="busd, AsyncNode", module="benchmarks.adapters.async_node_string", runner=RCLPY.runner
+)
+"""busd's facade with nodes on asyncio's event loop, as in ROS 2 Lyrical."""
 RCLPY_THREADS = RCLPY._replace(name="busd, rclpy, threads", environ=MappingProxyType({"BENCH_THREADS": "2"}))
 
 FLOOR = System(

@@ -58,6 +58,7 @@ class Dispatcher(Generic[M]):
         self._receive = receive
         self._on_error = on_error
         self._on_slow = on_slow or _ignore
+        self._slow_option = on_slow
         self._wants_info = takes_info(callback)
         self._port = port
         self._has_ended = False
@@ -68,13 +69,18 @@ class Dispatcher(Generic[M]):
             self._cancel = port.start(self._run(), f"callback of {name}")
         self.is_plain = self._cancel is None and not self._wants_info and not is_timed
         """Whether the callback is a plain function of the message alone, and there is no deadline."""
-        if self.is_plain and receiver.reader is not None:
-            receiver.call_back(callback, on_error, on_slow=on_slow)
+        self.replace_callback(callback)
 
     @property
     def is_async(self) -> bool:
         """Whether the callback is a coroutine function; then a task takes messages by `receive`."""
         return self._cancel is not None
+
+    def replace_callback(self, callback: Callable[..., Any]) -> None:
+        """Call `callback` from the next turn on: a function of the same kind."""
+        self._callback = callback
+        if self.is_plain and self._receiver.reader is not None:
+            self._receiver.call_back(callback, self._on_error, on_slow=self._slow_option)
 
     def end(self) -> None:
         """Stop calling back."""

@@ -102,7 +102,10 @@ class Sends:
     ) -> None: ...
     def send(self, message: Any, /) -> Coroutine[Any, Any, None]: ...
     def share(self, loop: Any, rest: Callable[[Any, Any], None], /) -> None:
-        """Let threads share `loop`, which has a `guard` and `is_interrupted`: see `publish_shared`. Once."""
+        """Let threads share `loop`, which has a `guard` and `is_interrupted`: see `publish_shared`. Once.
+
+        With None as `loop` there is no guard: only the thread of the event loop publishes.
+        """
 
     def publish_shared(self, message: Any, /) -> None:
         """`publish` under the loop's guard. Then `rest(message, status)`, without the guard, does the rest.

@@ -26,7 +26,7 @@ typedef struct {
     char spares_turns;
     /* Attributes of a loop that threads share; NULL: no threads share it. */
     PyObject *acquire, *release; /* methods of the loop's guard */
-    PyObject *loop;              /* has `is_interrupted`, which `rest_shared` handles */
+    PyObject *loop;              /* has `is_interrupted`, which `rest_shared` handles. None: no guard is needed */
     PyObject *interrupted;       /* the name of that attribute */
     PyObject *rest_shared;       /* called with a message and the result of `publish` */
 } Sends;
@@ -349,6 +349,11 @@ static PyObject *sends_share(PyObject *object, PyObject *args)
         PyErr_SetString(PyExc_RuntimeError, "share() is called once");
         return NULL;
     }
+    if (loop == Py_None) {
+        self->rest_shared = Py_NewRef(rest);
+        self->loop = Py_NewRef(loop);
+        Py_RETURN_NONE;
+    }
     PyObject *guard = PyObject_GetAttrString(loop, "guard");
     if (guard == NULL)
         return NULL;
@@ -395,6 +400,15 @@ static PyObject *publish_guarded(const Sends *self, PyObject *message)
     return status;
 }
 
+/* Publishes a message without a guard. */
+static PyObject *publish_alone(const Sends *self, PyObject *message)
+{
+    PyObject *publish = Py_NewRef(self->publish); /* it may be exchanged meanwhile */
+    PyObject *status = PyObject_CallFunctionObjArgs(publish, message, NULL);
+    Py_DECREF(publish);
+    return status;
+}
+
 /* Publishes a message while threads share the loop. `rest_shared` does the rest: a wait for the guard, a message
  * that the quick way does not take, an interrupt that came while the message's encoding ran Python code. */
 static PyObject *sends_publish_shared(PyObject *object, PyObject *message)
@@ -404,9 +418,14 @@ static PyObject *sends_publish_shared(PyObject *object, PyObject *message)
         PyErr_SetString(PyExc_RuntimeError, "share() comes first");
         return NULL;
     }
-    PyObject *status = publish_guarded(self, message);
+    const bool has_guard = self->loop != Py_None;
+    PyObject *status = has_guard ? publish_guarded(self, message) : publish_alone(self, message);
     if (status == NULL)
         return NULL;
+    if (status == Py_True && !has_guard) {
+        Py_DECREF(status);
+        Py_RETURN_NONE;
+    }
     if (status == Py_True) {
         PyObject *is_interrupted = PyObject_GetAttr(self->loop, self->interrupted);
         if (is_interrupted == Py_False) {

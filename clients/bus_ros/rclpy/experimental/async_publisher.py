@@ -1,10 +1,11 @@
 """Publishers of an AsyncNode: a native publisher, and the messages published before busd knows it."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from time import time_ns
 from typing import Any, Generic, TypeVar
 
+from bus.endpoint.endpoint import core_of
 from bus.errors import BusError, ConnectionClosed
 from bus.node import Node as NativeNode
 from bus.publisher import Publisher as NativePublisher
@@ -38,6 +39,8 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         self._most_held = MOST_HELD if keeps_all else max(1, qos_profile.depth)
         self._keeps_all = keeps_all
         self._replaced = 0
+        self._quick_publish: Callable[[Any], None] | None = None
+        """Does the same as `publish` while it holds no messages."""
 
     @property
     def topic_name(self) -> str:
@@ -59,7 +62,7 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
             return
         status = native._quick.publish(msg)
         if status is not True:
-            self._publish_on(native, msg, status)
+            self._publish_on(msg, status)
 
     async def send(self, msg: M | bytes) -> None:
         """As `publish`. If the QoS is reliable + keep all, waits for room; not a method of ROS 2's class.
@@ -88,11 +91,14 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
 
     def hold(self) -> None:
         self._holds += 1
+        vars(self).pop("publish", None)
 
     def release(self) -> None:
         self._holds -= 1
         if not self._holds and self._held:
             self._publish_held()
+        if not self._holds and self._quick_publish is not None:
+            self.publish = self._quick_publish  # type: ignore[assignment, method-assign]
 
     def ends(self) -> Iterable[End]:
         cls: Any = self.msg_type
@@ -111,6 +117,11 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
             self._topic_name,
             to_native(self.qos_profile, for_publisher=True),
         )
+        sends = core_of(self._native).sender.quick.sends
+        if sends is not None and type(self).publish is AsyncPublisher.publish:
+            # The fast path in one native call, without a Python frame.
+            sends.share(None, self._publish_on)
+            self._quick_publish = sends.publish_shared
 
     def _became_open(self) -> None:
         self.release()
@@ -121,14 +132,20 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         if self._native is not None and self._held:
             self._publish_held()  # a subscription that was still opening lost its wait, the others get them
         self._held.clear()
-        self._holds += 1  # for good: `publish` finds it destroyed
+        self.hold()  # for good: `publish` finds it destroyed
 
     async def _close(self) -> None:
         if self._native is not None:
             await self._native.close()
 
-    def _publish_on(self, native: NativePublisher[Any], msg: M | bytes, status: int | bytes) -> None:
-        """Do the rest after the fast path, by its `status`, which is not True."""
+    def _publish_on(self, msg: Any, status: Any) -> None:
+        """Do the rest after the fast path, by its `status`, which is not True. None: it was not tried."""
+        native = self._native
+        assert native is not None
+        if status is None:
+            status = native._quick.publish(msg)
+        if status is True:
+            return
         if msg.__class__ is not self.msg_type:
             is_taken = self._put(msg)
         else:
@@ -176,7 +193,7 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
             while held:
                 data, at_ns = held[0]
                 if not native.publish_encoded(data, source_time_ns=at_ns):
-                    self._holds += 1  # the rest goes first, and later messages wait behind it
+                    self.hold()  # the rest goes first, and later messages wait behind it
                     self._owner.run_behind(self._publish_rest(native))
                     return
                 held.popleft()

@@ -17,6 +17,7 @@ from bus_ros.rclpy.impl.callback_checks import check_arguments
 from bus_ros.rclpy.impl.openings import Openings
 from bus_ros.rclpy.qos import QoSProfile, to_native
 from bus_ros.rclpy.subscription import BaseSubscription, MessageInfo, message_info
+from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 
 __all__ = ["AsyncSubscription"]
 
@@ -79,6 +80,7 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
                 " async def, with or without the message info); make a new subscription"
             )
         self._call = callback
+        self._use_direct(callback)
 
     def get_publisher_count(self) -> int:
         """The number of matched publishers; 0 before the node runs."""
@@ -179,12 +181,28 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
 
             return deliver_with_info
 
+        if self._filter is None:
+            return callback  # without a frame in between; see `_use_direct`
+        return self._filtered(callback)
+
+    def _filtered(self, callback: Callable[..., object]) -> Callable[..., Any]:
         @wraps(callback)
         def deliver(message: M) -> None:
             if self._filter is None or self._filter(message):
                 self._call(message)
 
         return deliver
+
+    def _use_direct(self, callback: Callable[..., object]) -> None:
+        """Give the bus another callback, or another filter, for plain functions of the message."""
+        dispatcher = core_of(self._native).dispatcher if self._native is not None else None
+        if dispatcher is not None and self._kind_of(callback) == (False, False):
+            dispatcher.replace_callback(self._native_callback(callback))
+
+    def _use_filter(self, options: ContentFilterOptions, passes: Callable[[Any], bool] | None) -> None:
+        super()._use_filter(options, passes)
+        if self._call is not None:
+            self._use_direct(self._call)
 
     def _concurrently(self, callback: Callable[..., object]) -> Callable[..., Coroutine[Any, Any, None]]:
         places = asyncio.Semaphore(MOST_AT_ONCE)

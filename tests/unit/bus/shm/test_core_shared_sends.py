@@ -98,6 +98,21 @@ def test_it_is_shared_once_and_first() -> None:
         sends.publish_shared("a")
 
 
+def test_without_a_guard() -> None:
+    end = End()
+    end.sends = core.Sends(print, print, print)
+    end.sends.publish = end.publish
+    end.sends.share(None, end.rest)
+    assert end.sends.publish_shared("a") is None
+    assert (end.tried, end.left) == ([("a", False)], [])
+    end.status = b"encoded"
+    end.sends.publish_shared("b")
+    assert end.left == [("b", b"encoded", False)]
+    end.status = ValueError("no")
+    with pytest.raises(ValueError, match="no"):
+        end.sends.publish_shared("c")
+
+
 def test_a_circle_through_it_is_collected() -> None:
     end = End()
     gone = weakref.ref(end)
