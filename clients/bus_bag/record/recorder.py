@@ -203,7 +203,9 @@ class Recorder:
     def _report_split(self, closed: Path, opened: Path) -> None:
         event: Any = message_class(_SPLIT_EVENT)
         with suppress(BusError):
-            self._splits.publish(event(closed_file=str(closed), opened_file=str(opened)))
+            self._splits.publish(
+                event(closed_file=str(closed), opened_file=str(opened), node_name=self._node.full_name)
+            )
 
     # --- the end
 
