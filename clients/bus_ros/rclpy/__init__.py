@@ -256,7 +256,8 @@ def _leave() -> None:
     threading.excepthook = lambda _: None
     for context in Context.all():
         for node in context.nodes():
-            node.destroy_node()
+            assert isinstance(node, Node)
+            Node.destroy_node(node)  # not a subclass's method, which rclpy would not call at the end
     engines.end()
 
 
