@@ -32,6 +32,7 @@ _SAME: Final = {
     "ament_index_python": "bus_ros.ament_index_python",
     "cv_bridge": "bus_ros.cv_bridge",
     "diagnostic_updater": "bus_ros.diagnostic_updater",
+    "interactive_markers": "bus_ros.interactive_markers",
     "laser_geometry": "bus_ros.laser_geometry",
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
