@@ -198,6 +198,16 @@ class TestPublishing:
         world.spin_until(lambda: heard)
         assert heard == [String(data="as bytes")]
 
+    def test_what_is_serialized_as_cdr(self, world: World, node: Node) -> None:
+        heard: list[Any] = []
+        node.create_subscription(String, "t", heard.append, 10)
+        publisher = node.create_publisher(String, "t", 10)
+        with pytest.raises(ValueError, match=r"no CDR message of std_msgs/msg/String"):
+            publisher.publish(b"\0\1\0\0\xff\0\0\0cut")
+        publisher.publish(b"\0\1\0\0\4\0\0\0cdr\0")
+        world.spin_until(lambda: heard)
+        assert heard == [String(data="cdr")]
+
     def test_a_message_of_another_class(self, node: Node) -> None:
         publisher = node.create_publisher(String, "t", 10)
         with pytest.raises(TypeError) as caught:

@@ -36,6 +36,7 @@ INSIDE = {
     "rclpy.publisher": {"why_closed"},
     "rclpy.subscription": {"message_info"},
     "rclpy.task": {"UNFINISHED", "Step"},
+    "rclpy.serialization": {"native_bytes"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
     "rclpy.validate_topic_name": {
         *(

@@ -13,6 +13,7 @@ from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
+from bus_ros.rclpy.serialization import native_bytes
 
 if TYPE_CHECKING:
     from bus_ros.rclpy.event_handler import EventHandler, PublisherEventCallbacks
@@ -47,9 +48,12 @@ class BasePublisher(Destroyable, Generic[M]):
         raise NotImplementedError
 
     def _encoded(self, msg: M | bytes) -> bytes:
-        """A message of the type, or of a subclass, as bytes; bytes as they are. Raises TypeError."""
+        """A message of the type or of a subclass, or bytes (MessagePack or CDR), as MessagePack.
+
+        Raises TypeError for any other object.
+        """
         if isinstance(msg, bytes):
-            return msg
+            return native_bytes(msg, self.msg_type)
         if not isinstance(msg, self.msg_type):
             raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
         cls: Any = self.msg_type
@@ -97,7 +101,7 @@ class Publisher(BasePublisher[M]):
         return self.native.topic_name
 
     def publish(self, msg: M | bytes) -> None:
-        """Publish a message, or serialized bytes; from any thread.
+        """Publish a message, or serialized bytes (MessagePack or CDR); from any thread.
 
         If the QoS is reliable + keep all and there is no room, it waits for up to ROOM_S seconds, then raises
         RuntimeError. Raises TypeError for a message of another class, or with a wrong field; InvalidHandle

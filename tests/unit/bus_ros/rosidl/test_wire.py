@@ -118,6 +118,16 @@ def test_any_buffer_is_read_and_what_is_no_message_refused() -> None:
             deserialize_message(wrong, cls("std_msgs/msg/String"))
 
 
+def test_cdr_is_deserialized() -> None:
+    string = cls("std_msgs/msg/String")
+    assert deserialize_message(b"\0\1\0\0\3\0\0\0hi\0", string) == string(data="hi")
+    assert deserialize_message(b"\0\0\0\0\0\0\0\3hi\0", string) == string(data="hi")  # big-endian
+    assert deserialize_message(b"\0\1\0\0\0", cls("std_msgs/msg/Empty")) == cls("std_msgs/msg/Empty")()
+    for wrong in (b"\0", b"\0\1\0\0\3\0\0\0h", b"\0\xff\0\0\3\0\0\0hi\0"):
+        with pytest.raises(ValueError, match="no CDR message of std_msgs/msg/String"):
+            deserialize_message(wrong, string)
+
+
 def test_what_is_decoded_has_the_types_of_the_fields() -> None:
     image = cls("sensor_msgs/msg/Image")(data=b"abc")
     scan = cls("sensor_msgs/msg/LaserScan")(ranges=[1.0])
