@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from bus.base.optional import how_to_install
 from bus_cli.output import CommandError, say
+from bus_cli.program_name import ALIAS, NAME, program_name
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -24,8 +25,20 @@ def main(args: Namespace) -> int:
     except ImportError:
         raise CommandError(f"completion needs argcomplete: {how_to_install('argcomplete')}") from None
     # argcomplete's code works in both shells: it checks which shell runs it.
-    say(shellcode(["bus"], shell=args.shell).rstrip())
+    say(shellcode(_names(), shell=args.shell).rstrip())
     return 0
+
+
+def _names() -> list[str]:
+    """Names of this program: `ros2` is one of them if a user has installed it, or has called it."""
+    import shutil
+    from pathlib import Path
+
+    from bus_cli.ros2.script import is_ours
+
+    found = shutil.which(ALIAS)
+    is_alias = program_name() == ALIAS or (found is not None and is_ours(Path(found)))
+    return [NAME, ALIAS] if is_alias else [NAME]
 
 
 def completed_by(action: Action, completer: Callable[..., Iterable[str]]) -> None:

@@ -28,6 +28,7 @@ from bus.errors import BusError
 from bus.process.termination import Terminated, die_now
 from bus_cli.exitcodes import EXIT_ERROR, EXIT_USAGE
 from bus_cli.output import CommandError, complain, say
+from bus_cli.program_name import program_name
 
 COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "topic": (
@@ -166,6 +167,13 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
         },
     ),
     "doctor": ("Check the set-up and advise how to correct faults", {}),
+    "ros2": (
+        "The name ros2 for this program, on machines without ROS 2",
+        {
+            "install": "Write a program ros2 that runs bus",
+            "uninstall": "Remove the program ros2 that install wrote",
+        },
+    ),
     "completion": ("Print the shell code that completes bus commands", {}),
 }
 """For each command, its help and its verbs. A command without verbs is a verb itself."""
@@ -249,7 +257,7 @@ class _Parser(ArgumentParser):
             return
         from bus_cli.suggestions import no_command, no_verb
 
-        is_command = self.prog == "bus"
+        is_command = self.prog == program_name()
         complain(no_command(value, COMMANDS) if is_command else no_verb(self.prog, value, action.choices))
         self.exit(EXIT_USAGE)
 
@@ -299,7 +307,7 @@ def _help_width() -> int:
 def make_parser(words: Sequence[str]) -> ArgumentParser:
     """The parser for `words`: it has all commands, but arguments only for the verbs in `words`."""
     parser = _Parser(
-        prog="bus",
+        prog=program_name(),
         description="Look at and take part in the message bus of this machine.",
         epilog=_EPILOG.format(verbs=_list_verbs()),
         formatter_class=_RawFormatter,
@@ -307,7 +315,7 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     _add_common_options(parser, None)
     parser.set_defaults(main=_print_help(parser), json=False, include_hidden_topics=False)
-    commands = parser.add_subparsers(title="commands", metavar="command", prog="bus")
+    commands = parser.add_subparsers(title="commands", metavar="command", prog=program_name())
     for command, (text, verbs) in COMMANDS.items():
         below = commands.add_parser(command, help=text, description=text, formatter_class=_Formatter)
         if command not in words:
@@ -318,7 +326,7 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
         below.set_defaults(main=_print_help(below))
         _add_common_options(below, SUPPRESS)
         choices = below.add_subparsers(
-            title="verbs", metavar="verb", prog=f"bus {command}", parser_class=_VerbParser
+            title="verbs", metavar="verb", prog=f"{program_name()} {command}", parser_class=_VerbParser
         )
         for verb, what in verbs.items():
             leaf: ArgumentParser = choices.add_parser(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from bus_cli.exitcodes import EXIT_ERROR, EXIT_USAGE
 from bus_cli.output import complain
+from bus_cli.program_name import program_name
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 _SWITCHES = ("--force", "--json", "--include-hidden-topics", "--no-daemon", "-s", "--use-sim-time")
 _VALUED = ("--prefix", "--socket", "--domain", "--spin-time")
 _OWN = ("--force", "--prefix")
-_USAGE = "bus run [options] script.py [args] | -m module [args] | PKG EXE [args]"
+_USAGE = "run [options] script.py [args] | -m module [args] | PKG EXE [args]"
 
 
 class _Refused(Exception):
@@ -98,7 +99,7 @@ def start(call: Call) -> int:
         complain("\n".join(refused.lines))
         return refused.code
     except OSError as error:  # an error of the start: exceptions of a program do not reach this line
-        complain(f"bus run: can't run '{error.filename}': {error.strerror}")
+        complain(f"{program_name()} run: can't run '{error.filename}': {error.strerror}")
     except BusError as error:
         complain(error)
     return EXIT_ERROR
@@ -107,7 +108,7 @@ def start(call: Call) -> int:
 def add_arguments(parser: "ArgumentParser") -> None:
     from argparse import REMAINDER
 
-    parser.usage = _USAGE
+    parser.usage = f"{program_name()} {_USAGE}"
     parser.allow_abbrev = False
     parser.description = (
         "Run a Python script or module, or a program of a package. If ROS 2's modules (rclpy, std_msgs, ...) "
@@ -196,14 +197,14 @@ def _split(prefix: str | None) -> list[str]:
     try:
         return shlex.split(prefix)
     except ValueError as error:
-        raise _Refused(f"bus run: --prefix {prefix!r}: {error}") from None
+        raise _Refused(f"{program_name()} run: --prefix {prefix!r}: {error}") from None
 
 
 def _is_script(words: Sequence[str]) -> bool:
     target = words[0]
     is_path = target.endswith((".py", ".pyz")) or os.sep in target
     if is_path and not os.path.exists(target):
-        raise _Refused(f"bus run: '{target}' does not exist", _near_file(target))
+        raise _Refused(f"{program_name()} run: '{target}' does not exist", _near_file(target))
     return is_path or (len(words) == 1 and os.path.isfile(target))
 
 
@@ -217,9 +218,9 @@ def _find(words: Sequence[str]) -> "Executable":
         found, compiled = _find_source(package)
     present = [one.name for one in found]
     if len(words) < 2 or words[1].startswith("-"):
-        problem = "bus run: error: the following arguments are required: executable_name"
+        problem = f"{program_name()} run: error: the following arguments are required: executable_name"
         hint = f"'{package}' has: {', '.join(present)}" if present else None
-        raise _Refused(f"usage: {_USAGE}\n{problem}", hint, EXIT_USAGE)
+        raise _Refused(f"usage: {program_name()} {_USAGE}\n{problem}", hint, EXIT_USAGE)
     fitting = [one for one in found if one.name == words[1]]
     if not fitting:
         if words[1] in compiled:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from bus.base.suggest import did_you_mean, nearest
 from bus.names import is_hidden_topic
+from bus_cli.program_name import program_name
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -104,15 +105,18 @@ def types_called(short: str, among: Iterable[str]) -> list[str]:
 
 
 def no_command(word: str, commands: Mapping[str, tuple[str, Iterable[str]]]) -> str:
-    """The message for an unknown command `bus WORD`."""
+    """The message for an unknown command WORD of the program."""
+    program = program_name()
     if word in _NOT_YET:
         instead = _NOT_YET[word]
-        return f"bus {word}: not available{'; ' if instead else ''}{instead}"
-    meant = [f"bus {command} {word}" for command, (_, verbs) in commands.items() if word in verbs][:_MOST]
+        return f"{program} {word}: not available{'; ' if instead else ''}{instead}"
+    meant = [f"{program} {command} {word}" for command, (_, verbs) in commands.items() if word in verbs][
+        :_MOST
+    ]
     if not meant and (near := _OTHER_NAMES.get(word) or nearest(word, commands)):
-        meant = [f"bus {near}"]
-    hint = f"did you mean {_listed(meant)}?" if meant else "bus --help lists what there is"
-    return f"bus: there is no command '{word}'; {hint}"
+        meant = [f"{program} {near}"]
+    hint = f"did you mean {_listed(meant)}?" if meant else f"{program} --help lists what there is"
+    return f"{program}: there is no command '{word}'; {hint}"
 
 
 def no_verb(command: str, word: str, verbs: Iterable[str]) -> str:

@@ -8,6 +8,7 @@ from bus.process.termination import heed_interrupts
 from bus_cli.launch.arguments import given_arguments
 from bus_cli.launch.bus import export
 from bus_cli.output import CommandError
+from bus_cli.program_name import program_name
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -23,7 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     given_arguments(args.arguments)
     if not args.test_file.endswith(".py"):
-        raise CommandError(f"bus test: '{args.test_file}' is not a Python file")
+        raise CommandError(f"{program_name()} test: '{args.test_file}' is not a Python file")
     heed_interrupts()  # a test file may have something to tidy up
     export(args)
     import_module("bus_ros.import_hook")

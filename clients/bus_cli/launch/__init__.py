@@ -23,10 +23,11 @@ from bus_cli.launch.bus import export
 from bus_cli.launch.completers import complete_file_or_package, complete_launch_words
 from bus_cli.launch.files import find_launch_file
 from bus_cli.output import CommandError, say
+from bus_cli.program_name import program_name
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.usage = "bus launch [options] FILE | PKG FILE [name:=value ...]"
+    parser.usage = f"{program_name()} launch [options] FILE | PKG FILE [name:=value ...]"
     parser.description = (
         "Run a launch file in Python, XML or YAML, given by its path, or by its package and name."
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from bus_cli.output import CommandError
+from bus_cli.program_name import program_name
 
 __all__ = ["ENDS", "find_launch_file", "launch_files"]
 
@@ -21,7 +22,7 @@ def find_launch_file(first: str, others: Sequence[str]) -> tuple[str, list[str]]
             return os.path.abspath(first), rest  # noqa: PTH100 (does not resolve links)
         if not has_second and not _looks_like_path(first):
             raise CommandError(_only_a_package(first))
-        raise CommandError(f"bus launch: '{first}' does not exist{_near_file(Path(first))}")
+        raise CommandError(f"{program_name()} launch: '{first}' does not exist{_near_file(Path(first))}")
     return str(_in_package(first, rest[0])), rest[1:]
 
 
@@ -74,10 +75,11 @@ def _only_a_package(package: str) -> str:
     try:
         share = ament_index_python.get_package_share_path(package, print_warning=False)
     except (ament_index_python.PackageNotFoundError, ValueError):
-        return f"bus launch: '{package}' is neither a launch file nor a package{_near_file(Path(package))}"
+        near = _near_file(Path(package))
+        return f"{program_name()} launch: '{package}' is neither a launch file nor a package{near}"
     names = sorted(path.name for path in _launch_files(share))
     has = f"it has: {', '.join(names)}" if names else "it has none"
-    return f"bus launch: which launch file of package '{package}'? {has}"
+    return f"{program_name()} launch: which launch file of package '{package}'? {has}"
 
 
 def _launch_files(share: Path) -> Iterator[Path]:
