@@ -7,6 +7,7 @@ itself.
 import asyncio
 import io
 import sys
+from argparse import ArgumentParser, Namespace
 from collections.abc import AsyncIterator, Iterable, Iterator
 from threading import Semaphore, Thread
 from typing import Any
@@ -24,6 +25,29 @@ def load(text: str) -> Any:
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise CommandError(f"The passed value needs to be a dictionary in YAML format: {error}") from None
+
+
+def add_values_arguments(parser: ArgumentParser, name: str, help_: str, *, stdin_help: str) -> None:
+    """Add the argument for a value in YAML, and the option `--stdin`; `given_value` reads them."""
+    parser.add_argument(name, nargs="?", help=help_)
+    parser.add_argument("--stdin", action="store_true", help=stdin_help)
+    parser.set_defaults(usage=parser.error, values_name=name)
+
+
+def given_value(args: Namespace) -> Any:
+    """The value on the command line or the whole standard input; {} if there is none.
+
+    Raises CommandError if it is not YAML.
+    """
+    text: str | None = getattr(args, args.values_name)
+    if text is not None and args.stdin:
+        args.usage(f"argument --stdin: not allowed with argument {args.values_name}")
+    if args.stdin:
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(errors="replace")
+        text = sys.stdin.read()
+    value = load(text or "{}")
+    return {} if value is None else value
 
 
 def split(lines: Iterable[str]) -> Iterator[str]:

@@ -65,6 +65,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "action": (
         "Various action related sub-commands",
         {
+            "find": "Output a list of available actions of a given type",
             "info": "Print information about an action",
             "list": "Output a list of action names",
             "send_goal": "Send an action goal",

@@ -157,7 +157,7 @@ class TestSize:
     def test_where_files_may_not_be_so_large(self, path: Path, log: Path) -> None:
         """The signal of the system for this limit does not end busd, and busd continues to log."""
         most = 16_384
-        limited = ["prlimit", f"--fsize={most}", *BUS, "daemon", "start", "--log-level", "debug"]
+        limited = ["prlimit", f"--fsize={most}", *BUS, "daemon", "start", "--debug"]
         assert subprocess.run(limited, timeout=WAIT_S, check=False).returncode == 0
         old = log.with_name(f"{log.name}.1")
         make_it_talk(

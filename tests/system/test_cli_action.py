@@ -75,6 +75,10 @@ GOLDEN = {
     "action list -c --json": '{"count":2}\n',
     "action list --json": f'{{"action":"/elsewhere","types":["{TYPE}"],"servers":0,"clients":1}}\n'
     f'{{"action":"/fibonacci","types":["{TYPE}"],"servers":1,"clients":1}}\n',
+    f"action find {TYPE}": "/elsewhere\n/fibonacci\n",
+    "action find example_interfaces/Fibonacci -c": "2\n",
+    "action find example_interfaces/Fibonacci -c --json": '{"count":2}\n',
+    "action find turtlesim/action/RotateAbsolute": "",
     "action type /fibonacci": f"{TYPE}\n",
     "action type fibonacci --json": f'{{"action":"/fibonacci","type":"{TYPE}"}}\n',
     "action info /fibonacci": INFO.format("    /other\n", "    /fibonacci_action_server\n"),
@@ -110,6 +114,7 @@ REFUSED = {
     f"action send_goal fibonacci {TYPE} {{c:1}}": (
         "Failed to populate field: 'Fibonacci_Goal' object has no attribute 'c'\n"
     ),
+    "action find Fibonacci": f"{INVALID}; did you mean '{TYPE}'?\n",
     "action type fibonaci": "Unknown action 'fibonaci'; did you mean '/fibonacci'?\n",
 }
 HEAD = "Waiting for an action server to become available...\nSending goal:\n     order: {}\n\n"
@@ -150,6 +155,9 @@ def test_what_can_not_be(server: None) -> None:
     assert unknown.err.startswith(f"{INVALID}: unknown interface 'demo/action/Nonsense'")
     wrong = bus("action", "send_goal", "fibonaci", "demo/Nonsense", "{}")
     assert wrong == Result("", "no server for '/fibonaci'; did you mean '/fibonacci'?\n", 1)
+    assert bus("action", "find", "example_interfaces/Fibonaci") == Result(
+        "", f"no action has the type 'example_interfaces/action/Fibonaci'; did you mean '{TYPE}'?\n", 0
+    )
     with start("action", "send_goal", "fibonaci", TYPE, "{}") as sending:
         assert sending.line() == "Waiting for an action server to become available..."
         assert sending.error_line() == "no server for '/fibonaci'; did you mean '/fibonacci'?"
@@ -174,6 +182,15 @@ def test_a_goal(server: None) -> None:
         '{"feedback":{"sequence":[0,1,1]}}\n'
         '{"result":{"sequence":[0,1,1]},"status":"SUCCEEDED"}\n'
     )
+
+
+def test_a_goal_from_the_standard_input(server: None) -> None:
+    words = ("action", "send_goal", "/fibonacci", TYPE)
+    assert "\n     order: 1\n" in bus(*words, "--stdin", stdin="{order: 1}\n").out
+    assert "\n     order: 0\n" in bus(*words).out
+    both = bus(*words, "{order: 1}", "--stdin")
+    assert (both.out, both.code) == ("", 2)
+    assert both.err.endswith("error: argument --stdin: not allowed with argument goal\n")
 
 
 def test_a_goal_that_comes_to_nothing(server: None) -> None:

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from bus.parameters.file import read_file
-from cli import TALKER, Result, Running, bus, script
+from cli import TALKER, Result, Running, bus, script, start, wait_for_graph
 
 # A node with parameters; its first argument is its name. It serves them itself, so this test does not need
 # the facade's engine.
@@ -112,9 +112,12 @@ def test_list(route: str, robot: Running) -> None:
 
 
 def test_list_a_part(robot: Running) -> None:
-    assert bus("param", "list", "robot", "--filter", "^arm|s$").out == (
+    assert bus("param", "list", "robot", "--filter", "arm|.*s$").out == (
         "  arm.flags\n  arm.lengths\n  arm.name\n  ids\n  names\n  octets\n"
     )
+    # As in ROS 2, the beginning of a name must match, and a node without a match has no line.
+    assert bus("param", "list", "--filter", "name") == said("/robot:\n  names")
+    assert bus("param", "list", "--filter", "nosuch") == Result("", "", 0)
     assert bus("param", "list", "robot", "--param-prefixes", "arm").out == (
         "  arm.flags\n  arm.lengths\n  arm.name\n"
     )
@@ -292,7 +295,7 @@ def test_json(robot: Running) -> None:
 
     assert read("list", "--filter", "name") == {
         "node": "/robot",
-        "parameters": [{"name": "arm.name"}, {"name": "names"}],
+        "parameters": [{"name": "names"}],
     }
     assert read("get", "robot", "ids") == {
         "node": "/robot",
@@ -321,7 +324,33 @@ def test_json(robot: Running) -> None:
     ["list x", "get x a", "set x a 1", "dump x", "load x f.yaml", "describe x a", "delete x a"],
 )
 def test_no_such_node(daemon: object, words: str) -> None:
-    assert bus("param", *words.split()) == refused("Node not found")
+    in_no_time = [] if words.startswith("list") else ["--timeout", "0"]
+    assert bus("param", *words.split(), *in_no_time) == refused("Node not found")
+
+
+def test_a_node_that_appears_in_time(daemon: object) -> None:
+    with start("param", "get", "robot", "speed", "--timeout", "-1") as getting:
+        wait_for_graph(lambda graph: True)
+        with script(ROBOT, "robot"):
+            assert getting.line() == "Integer value is: 42"
+            assert getting.end().code == 0
+
+
+def test_hidden_nodes(daemon: object) -> None:
+    with script(ROBOT, "_robot"):
+        for words in ("list _robot", "get _robot speed", "set _robot speed 2"):
+            assert bus("param", *words.split()) == refused(
+                "Node not found; --include-hidden-nodes finds hidden ones, too"
+            )
+        assert bus("param", "list") == Result("", "", 0)
+        for words, text in {
+            "get _robot speed": "Integer value is: 42",
+            "set _robot speed 2": "Set parameter successful",
+            "delete _robot extra": "Deleted parameter successfully",
+        }.items():
+            assert bus("param", *words.split(), "--include-hidden-nodes") == said(text)
+        assert bus("param", "dump", "_robot", "--include-hidden-nodes").out.startswith("/_robot:\n")
+        assert bus("param", "list", "--include-hidden-nodes").out.startswith("/_robot:\n  arm.flags\n")
 
 
 def test_nothing_is_there(daemon: object) -> None:

@@ -152,6 +152,19 @@ def test_what_can_not_be(adder: None) -> None:
     assert unknown.err.startswith("The passed service type is invalid: unknown interface 'demo/srv/Nonsense'")
 
 
+def test_a_request_from_the_standard_input(adder: None) -> None:
+    words = ("service", "call", "add_two_ints", TYPE)
+    answer = Result(f"{MAKING}(a=1, b=2)\n{ANSWER}(sum=3)\n\n", "", 0)
+    assert bus(*words, "--stdin", stdin="a: 1\nb: 2\n") == answer
+    assert bus(*words, "--stdin", stdin='{"a": 1, "b": 2}') == answer
+    broken = bus(*words, "--stdin", stdin="a: 1\n---\na: 2\n")
+    assert (broken.out, broken.code) == ("", 1)
+    assert broken.err.startswith("The passed value needs to be a dictionary in YAML format: ")
+    both = bus(*words, "{a: 1}", "--stdin")
+    assert (both.out, both.code) == ("", 2)
+    assert both.err.endswith("error: argument --stdin: not allowed with argument values\n")
+
+
 def test_node_info_as_json(adder: None) -> None:
     record = msgspec.json.decode(bus("node", "info", "adder", "--json").out)
     assert record["service_servers"] == {"/add_two_ints": [TYPE]}

@@ -10,7 +10,7 @@ from bus_actions.errors import GoalAborted, GoalCanceled, GoalRejected
 from bus_actions.graph import action_servers_of
 from bus_cli.action.definitions import action_types, actions, find_action_type, full_action_type
 from bus_cli.completion import completed_by
-from bus_cli.documents import load
+from bus_cli.documents import add_values_arguments, given_value
 from bus_cli.output import complain, print_json, say
 from bus_cli.populate import Prototype
 from bus_cli.query import full_topic_name
@@ -28,15 +28,20 @@ def add_arguments(parser: ArgumentParser) -> None:
         ),
         action_types,
     )
-    parser.add_argument("goal", help="Goal request values in YAML format (e.g. '{order: 10}')")
+    add_values_arguments(
+        parser,
+        "goal",
+        "Goal request values in YAML format (e.g. '{order: 10}'), otherwise default values",
+        stdin_help="Read values from standard input",
+    )
     parser.add_argument("-f", "--feedback", action="store_true", help="Echo feedback messages for the goal")
 
 
 def main(args: Namespace) -> int:
     # Before anything else, report mistakes in the command line itself.
-    name, values = full_action_type(args.action_type), load(args.goal)
+    name, values = full_action_type(args.action_type), given_value(args)
     action = full_topic_name(args.action_name)
-    return run_stream(_send(args, action, name, {} if values is None else values))
+    return run_stream(_send(args, action, name, values))
 
 
 async def _send(args: Namespace, action: str, name: str, values: Any) -> int:

@@ -19,6 +19,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--log-level", metavar="LEVEL", help="lowest level of lines in busd's log (see busd --help)"
     )
+    parser.add_argument(
+        "-d", "--debug", action="store_true", help="the same as --log-level debug, for busd's log"
+    )
     parser.add_argument("--log-format", metavar="FORMAT", help="format of busd's log (see busd --help)")
 
 
@@ -29,7 +32,7 @@ def main(args: Namespace) -> int:
     if is_new:
         options = {
             "--config": args.config,
-            "--log-level": args.log_level,
+            "--log-level": "debug" if args.debug else args.log_level,
             "--log-format": args.log_format,
         }
         try:

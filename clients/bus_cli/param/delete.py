@@ -11,5 +11,5 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    result = set_parameters(args, find_node(args), {args.parameter_name: None})[0]
+    result = set_parameters(args, find_node(args, args.timeout), {args.parameter_name: None})[0]
     return say_result(args, result, "Deleted parameter successfully", "Deleting parameter failed")

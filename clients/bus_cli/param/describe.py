@@ -17,7 +17,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    return run_stream(_describe(args, find_node(args)))
+    return run_stream(_describe(args, find_node(args, args.timeout)))
 
 
 async def _describe(args: Namespace, name: str) -> int:

@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    return run_stream(_dump(args, find_node(args)))
+    return run_stream(_dump(args, find_node(args, args.timeout)))
 
 
 async def _dump(args: Namespace, name: str) -> int:

@@ -22,7 +22,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    return run_stream(_get(args, find_node(args)))
+    return run_stream(_get(args, find_node(args, args.timeout)))
 
 
 async def _get(args: Namespace, name: str) -> int:

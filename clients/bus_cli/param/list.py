@@ -9,14 +9,20 @@ from bus.errors import BusError
 from bus.names import is_hidden_node
 from bus_cli.completion import completed_by, nodes
 from bus_cli.output import CommandError, complain, print_json, say
-from bus_cli.param.remote import TYPE_NAMES, Remote, find_node, nodes_with_parameters
+from bus_cli.param.remote import (
+    TYPE_NAMES,
+    Remote,
+    add_hidden_nodes_option,
+    find_node,
+    nodes_with_parameters,
+)
 from bus_cli.query import graph_to_list
 from bus_cli.stream import open_node, run_stream
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     completed_by(parser.add_argument("node_name", nargs="?", help="Name of the ROS node"), nodes)
-    parser.add_argument("--include-hidden-nodes", action="store_true", help="Consider hidden nodes as well")
+    add_hidden_nodes_option(parser)
     parser.add_argument(
         "--param-prefixes",
         metavar="PREFIX",
@@ -54,7 +60,7 @@ async def _list(args: Namespace, names: list[str]) -> int:
             if args.json:
                 print_json({"node": name, "parameters": found})
                 continue
-            if args.node_name is None:
+            if args.node_name is None and found:
                 say(f"{name}:")
             for one in found:
                 kind = f" (type: {one['type']})" if args.param_type else ""
@@ -65,7 +71,7 @@ async def _list(args: Namespace, names: list[str]) -> int:
 async def _find(args: Namespace, remote: Remote) -> list[dict[str, Any]]:
     names = await remote.names(args.param_prefixes)
     if args.filter is not None:
-        names = [name for name in names if args.filter.search(name)]
+        names = [name for name in names if args.filter.match(name)]
     if not args.param_type:
         return [{"name": name} for name in names]
     types = (await remote.call("GetParameterTypes", names=names)).types

@@ -18,7 +18,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    name = find_node(args)
+    name = find_node(args, args.timeout)
     sections = read_file(args.parameter_file)
     chosen = [
         section

@@ -8,13 +8,17 @@ from argparse import ArgumentParser, Namespace
 from array import array
 from collections.abc import AsyncIterator, Collection, Iterable
 from contextlib import asynccontextmanager
+from math import inf
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 
+from bus.names import is_hidden_node
 from bus.parameters.messages import SERVICES, python_value, value_message
 from bus.parameters.values import ParameterType
+from bus.process.address import socket_path
 from bus_cli.completion import completed_by, nodes
 from bus_cli.output import CommandError, complain, print_json, say
-from bus_cli.query import get_graph
+from bus_cli.query import Query
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -24,6 +28,7 @@ __all__ = [
     "LABELS",
     "TYPE_NAMES",
     "Remote",
+    "add_hidden_nodes_option",
     "add_node_argument",
     "find_node",
     "listed",
@@ -62,24 +67,57 @@ LABELS = (
     "String values are:",
 )
 
+_NODE_S = 1
+_LOOK_S = 0.05
 _ANSWER_S = 10.0
 _APPEAR_S = 2.0  # a new node may not have its services yet
 _TYPECODES = {7: "q", 8: "d"}
 
 
 def add_node_argument(parser: ArgumentParser) -> None:
+    """Add the argument for the node's name, and the options for finding the node."""
     completed_by(parser.add_argument("node_name", help="Name of the ROS node"), nodes)
+    add_hidden_nodes_option(parser)
+    parser.add_argument(
+        "--timeout",
+        metavar="N",
+        type=int,
+        default=_NODE_S,
+        help=f"Wait for N seconds until node becomes available (default {_NODE_S} sec; -1: no limit)",
+    )
 
 
-def find_node(args: Namespace) -> str:
-    """The full name of the node on the command line. Raises CommandError if it does not exist."""
+def add_hidden_nodes_option(parser: ArgumentParser) -> None:
+    parser.add_argument("--include-hidden-nodes", action="store_true", help="Consider hidden nodes as well")
+
+
+def find_node(args: Namespace, timeout_s: float = 0.0) -> str:
+    """The full name of the node on the command line, as soon as it exists.
+
+    A negative time means no limit. Raises CommandError if the node has not appeared until then, or if it is
+    hidden and hidden nodes are not wanted.
+    """
     name: str = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
-    graph = get_graph(args)
-    if all(node.full_name != name for node in graph.nodes):
+    with Query(socket_path(args.socket, args.domain)) as query:
+        graph = _graph_with(query, name, inf if timeout_s < 0 else timeout_s)
+    found = [node for node in graph.nodes if node.full_name == name]
+    if not found:
         from bus_cli.suggestions import near_node
 
         raise CommandError(f"Node not found{near_node(name, graph)}")
+    if is_hidden_node(found[0].name) and not args.include_hidden_nodes:
+        raise CommandError("Node not found; --include-hidden-nodes finds hidden ones, too")
     return name
+
+
+def _graph_with(query: Query, name: str, timeout_s: float) -> "Graph":
+    """The first graph with the node `name`, or the one at the end of the time."""
+    end_s = monotonic() + timeout_s
+    while True:
+        graph = query.graph()
+        if any(node.full_name == name for node in graph.nodes) or monotonic() >= end_s:
+            return graph
+        sleep(_LOOK_S)
 
 
 def nodes_with_parameters(graph: "Graph") -> list[str]:

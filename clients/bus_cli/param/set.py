@@ -13,6 +13,6 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    name = find_node(args)
+    name = find_node(args, args.timeout)
     result = set_parameters(args, name, {args.parameter_name: parse_typed(args.value)})[0]
     return say_result(args, result, "Set parameter successful", "Setting parameter failed")

@@ -7,7 +7,7 @@ from typing import Any
 from bus.service.client import ServiceClient
 from bus.types.support import type_support
 from bus_cli.completion import completed_by
-from bus_cli.documents import load
+from bus_cli.documents import add_values_arguments, given_value
 from bus_cli.output import complain, print_json, say
 from bus_cli.populate import Prototype
 from bus_cli.query import full_topic_name
@@ -22,12 +22,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         services,
     )
     parser.add_argument("service_type", help="Type of the service (e.g. 'std_srvs/srv/Empty')")
-    parser.add_argument(
+    add_values_arguments(
+        parser,
         "values",
-        nargs="?",
-        default="{}",
-        help='Values to fill the service request with in YAML format (e.g. "{a: 1, b: 2}"), otherwise the '
+        'Values to fill the service request with in YAML format (e.g. "{a: 1, b: 2}"), otherwise the '
         "service request will be published with default values",
+        stdin_help="Read values from standard input",
     )
     parser.add_argument(
         "-r", "--rate", metavar="N", type=positive, help="Repeat the call at a specific rate in Hz"
@@ -36,9 +36,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     # Before anything else, report mistakes in the command line itself.
-    name, values = full_service_type(args.service_type), load(args.values)
+    name, values = full_service_type(args.service_type), given_value(args)
     service = full_topic_name(args.service_name)
-    return run_stream(_call(args, service, name, {} if values is None else values))
+    return run_stream(_call(args, service, name, values))
 
 
 async def _call(args: Namespace, service: str, name: str, values: Any) -> int:

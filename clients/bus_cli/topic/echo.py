@@ -93,7 +93,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "-i", "--include-message-info", action="store_true", help="Shows the associated message info"
     )
     parser.add_argument(
-        "-c", "--clear-screen", action="store_true", help="Clear the screen before each message"
+        "-c", "--clear", "--clear-screen", action="store_true", help="Clear the screen before each message"
     )
     parser.add_argument("-n", "--node-name", metavar="NAME", help="Name of the node (default: a hidden one)")
 
@@ -174,7 +174,7 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
     )
     # As in ros2, a text that was asked for by itself is not cut.
     whole = replace(view, truncate_length=args.truncate_length)
-    clear = _CLEAR if args.clear_screen and sys.stdout.isatty() else ""
+    clear = _CLEAR if args.clear and sys.stdout.isatty() else ""
 
     def write(message: Any, info: MessageInfo | None) -> None:
         if budget is not None:

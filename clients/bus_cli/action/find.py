@@ -1,0 +1,40 @@
+"""`bus action find`: actions of a type."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_actions.graph import actions_of
+from bus_cli.action.definitions import action_types, full_action_type
+from bus_cli.completion import completed_by
+from bus_cli.output import complain, show
+from bus_cli.query import get_graph
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(
+        parser.add_argument(
+            "action_type",
+            help="Name of the ROS action type to find (e.g. 'example_interfaces/action/Fibonacci')",
+        ),
+        action_types,
+    )
+    parser.add_argument(
+        "-c", "--count-actions", action="store_true", help="Only display the number of actions discovered"
+    )
+
+
+def main(args: Namespace) -> int:
+    wanted = full_action_type(args.action_type)
+    graph = get_graph(args)
+    actions = actions_of((*graph.publishers, *graph.subscriptions))
+    found = [action for action, types in actions.items() if wanted in types]
+    if not found:
+        from bus_cli.suggestions import near_type
+
+        if near := near_type(wanted, "action"):
+            complain(f"no action has the type '{wanted}'{near}")
+    if args.count_actions:
+        show(len(found), {"count": len(found)}, as_json=args.json)
+        return 0
+    for action in found:
+        show(action, {"action": action, "type": wanted}, as_json=args.json)
+    return 0
