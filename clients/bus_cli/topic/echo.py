@@ -16,7 +16,7 @@ from bus_cli.fields import FieldPath
 from bus_cli.filter import compile_filter
 from bus_cli.output import CommandError, complain, dropped_text, print_json, say
 from bus_cli.qosargs import add_qos_arguments, choose_profile
-from bus_cli.render import Budget, TooManyValuesError, View, to_csv, to_text, to_yaml
+from bus_cli.render import TooManyValuesError, to_csv, to_text, to_yaml
 from bus_cli.silence import Silence
 from bus_cli.stream import (
     find_class,
@@ -24,12 +24,9 @@ from bus_cli.stream import (
     open_node,
     positive,
     run_stream,
-    unsigned_int,
 )
+from bus_cli.viewargs import MOST_VALUES, add_view_arguments, view_of
 
-_TRUNCATE_LENGTH = 128
-_MOST_VALUES = 100_000
-"""Of one message as YAML, if its arrays are truncated: it takes some seconds and some 100 MiB."""
 _INFO = (
     "source_timestamp",
     "received_timestamp",
@@ -52,34 +49,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         types,
     )
     add_qos_arguments(parser, "subscribe", "sensor_data")
-    parser.add_argument(
-        "--csv",
-        action="store_true",
-        help="Output all recursive fields separated by commas (e.g. for plotting)",
-    )
+    add_view_arguments(parser)
     parser.add_argument(
         "--field",
         action="append",
         metavar="PATH",
         help="Echo a selected field of a message, such as pose.pose.position or ranges[0]; may be repeated",
     )
-    parser.add_argument(
-        "-f",
-        "--full-length",
-        action="store_true",
-        help="Output all elements for arrays, bytes, and string with a length > '--truncate-length', by "
-        "default they are truncated after '--truncate-length' elements with '...'",
-    )
-    parser.add_argument(
-        "-l",
-        "--truncate-length",
-        type=unsigned_int,
-        metavar="N",
-        help=f"The length to truncate arrays, bytes, and string to (default: {_TRUNCATE_LENGTH}; JSON: all)",
-    )
-    parser.add_argument("--no-arr", action="store_true", help="Don't print array fields of messages")
-    parser.add_argument("--no-str", action="store_true", help="Don't print string fields of messages")
-    parser.add_argument("--flow-style", action="store_true", help="Print collections in the flow style")
     parser.add_argument("--no-lost-messages", action="store_true", help="Don't report when a message is lost")
     parser.add_argument("--raw", action="store_true", help="Echo the raw binary representation")
     parser.add_argument(
@@ -126,7 +102,7 @@ async def _echo(args: Namespace) -> int:
                     write(message, info)
                 except TooManyValuesError:
                     raise CommandError(
-                        f"a message on '{topic}' has more than {_MOST_VALUES:,} values to show, even with "
+                        f"a message on '{topic}' has more than {MOST_VALUES:,} values to show, even with "
                         "arrays truncated; --field shows a part, --no-arr leaves arrays out, "
                         "--full-length shows all"
                     ) from None
@@ -160,18 +136,8 @@ async def _echo(args: Namespace) -> int:
 def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageInfo | None], None]:
     """A function that writes a message in the format of the options, with its info if there is one."""
     paths = [FieldPath(text, schema) for text in args.field or ()]
-    length = args.truncate_length
-    if length is None and not args.json:
-        length = _TRUNCATE_LENGTH
-    is_cut_text = not (args.full_length or args.json or args.csv)
-    budget = Budget(_MOST_VALUES) if is_cut_text else None
-    view = View(
-        truncate_length=None if args.full_length else length,
-        no_arr=args.no_arr,
-        no_str=args.no_str,
-        octets=args.json,
-        budget=budget,
-    )
+    view = view_of(args)
+    budget = view.budget
     # As in ros2, a text that was asked for by itself is not cut.
     whole = replace(view, truncate_length=args.truncate_length)
     clear = _CLEAR if args.clear and sys.stdout.isatty() else ""

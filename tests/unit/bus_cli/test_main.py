@@ -18,6 +18,7 @@ from bus_cli.query import full_topic_name, full_type_name
 from rows import for_each
 
 VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs or ("",)]
+ECHOES = "'bus topic echo' or 'bus service echo' or 'bus tf2 echo'"
 
 
 @pytest.fixture(autouse=True)
@@ -108,7 +109,7 @@ def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixtur
     [
         ("tpoic list", "bus: there is no command 'tpoic'; did you mean 'bus topic'?"),
         ("--domain 3 topics list", "bus: there is no command 'topics'; did you mean 'bus topic'?"),
-        ("echo /x", "bus: there is no command 'echo'; did you mean 'bus topic echo' or 'bus tf2 echo'?"),
+        ("echo /x", f"bus: there is no command 'echo'; did you mean {ECHOES}?"),
         ("wtf", "bus: there is no command 'wtf'; did you mean 'bus doctor'?"),
         ("xyz", "bus: there is no command 'xyz'; bus --help lists what there is"),
         ("topic lsit", "bus topic: there is no verb 'lsit'; did you mean 'bus topic list'?"),
