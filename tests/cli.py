@@ -16,7 +16,7 @@ import pytest
 
 from bus.graph import Graph
 from bus.process.address import socket_path
-from bus_cli.main import COMMANDS
+from bus_cli.main import COMMANDS, module_of
 from bus_cli.query import Query
 from conftest import WAIT_S
 from forks import Fork, Forks
@@ -25,7 +25,7 @@ from neighbours import wait_until
 BUS = (sys.executable, "-m", "bus_cli")
 
 IMPORTED = (
-    *(f"bus_cli.{command}.{verb}" for command, (_, verbs) in COMMANDS.items() for verb in verbs),
+    *(module_of(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs),
     *("bus_cli.doctor", "bus_cli.entry", "bus_cli.fields", "bus_cli.metrics", "bus_cli.run"),
     "bus_cli.suggestions",
     *("bus", "bus.link.autostart", "bus.node", "bus.service.server", "bus.service.client", "uvloop", "yaml"),

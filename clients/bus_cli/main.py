@@ -168,7 +168,21 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "xml": "Output the manifest of a package, or a tag of it",
         },
     ),
-    "doctor": ("Check the set-up and advise how to correct faults", {}),
+    "doctor": (
+        "Check the set-up and advise how to correct faults",
+        {"hello": "Check network connectivity between multiple hosts"},
+    ),
+    "wtf": (
+        "Use `wtf` as alias to `doctor`",
+        {"hello": "Check network connectivity between multiple hosts"},
+    ),
+    "multicast": (
+        "Various multicast related sub-commands",
+        {
+            "receive": "Receive a single UDP multicast packet",
+            "send": "Send a single UDP multicast packet",
+        },
+    ),
     "ros2": (
         "The name ros2 for this program, on machines without ROS 2",
         {
@@ -179,6 +193,12 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "completion": ("Print the shell code that completes bus commands", {}),
 }
 """For each command, its help and its verbs. A command without verbs is a verb itself."""
+
+VERBS_WITH_VERBS = ("doctor", "wtf")
+"""Commands that are verbs themselves and also have verbs."""
+
+_MODULES = {"wtf": "doctor"}
+"""Modules of commands that have another name."""
 
 _EPILOG = """\
 {verbs}
@@ -322,11 +342,13 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
         below = commands.add_parser(command, help=text, description=text, formatter_class=_Formatter)
         if command not in words:
             continue
+        if not verbs or command in VERBS_WITH_VERBS:
+            _fill(below, module_of(command))
+        else:
+            below.set_defaults(main=_print_help(below))
+            _add_common_options(below, SUPPRESS)
         if not verbs:
-            _fill(below, f"bus_cli.{command}")
             continue
-        below.set_defaults(main=_print_help(below))
-        _add_common_options(below, SUPPRESS)
         choices = below.add_subparsers(
             title="verbs", metavar="verb", prog=f"{program_name()} {command}", parser_class=_VerbParser
         )
@@ -335,8 +357,13 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
                 verb, help=what, description=what, formatter_class=_Formatter
             )
             if verb in words:
-                _fill(leaf, f"bus_cli.{command}.{verb}")
+                _fill(leaf, module_of(command, verb))
     return parser
+
+
+def module_of(command: str, verb: str = "") -> str:
+    """The module of a verb, or of a command that is a verb itself."""
+    return ".".join(filter(None, ("bus_cli", _MODULES.get(command, command), verb)))
 
 
 def version(distribution: str) -> str | None:

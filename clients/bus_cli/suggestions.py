@@ -36,7 +36,6 @@ _NOT_YET = {
     "control": "",
     "extension_points": "",
     "extensions": "",
-    "multicast": "a bus does not use the network",
     "plugin": "",
     "security": "access rules are in busd.toml, under [[access]]",
     "trace": "",
@@ -46,7 +45,7 @@ _NOT_YET = {
 _MOST = 3
 """Most commands in one suggestion."""
 
-_OTHER_NAMES = {"wtf": "doctor", "msg": "interface show", "srv": "interface show"}
+_OTHER_NAMES = {"msg": "interface show", "srv": "interface show"}
 
 
 def near_topic(name: str, graph: "Graph") -> str:

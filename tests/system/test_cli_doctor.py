@@ -1,9 +1,11 @@
 """`bus doctor` with a fault in a real busd or in a program on it."""
 
 import os
+import re
 import signal
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from bus_cli.doctor import daemon as module
@@ -54,3 +56,52 @@ def test_a_daemon_whose_socket_is_gone(daemon: Daemon, tmp_path: Path) -> None:
     daemon.path.unlink()
     text = f"[warn] other daemons: busd (pid {daemon.pid}) listens on {daemon.path}, which is gone"
     assert text in bus("doctor", "--socket", str(tmp_path / "other.sock")).out
+
+
+MISMATCH = """
+import asyncio, bus
+from bus.msg.std_msgs import String
+async def main():
+    async with bus.Node("talker") as talker, bus.Node("listener") as listener:
+        await talker.create_publisher(String, "topic", bus.QoSProfile(depth=1, reliability="best_effort"))
+        await listener.create_subscription(String, "topic", 10, lambda message: None)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+REASON = "ERROR: Best effort publisher and reliable subscription"
+
+
+def test_endpoints_that_do_not_match(daemon: Daemon) -> None:
+    with script(MISMATCH):
+        result, strict = bus("doctor"), bus("doctor", "--include-warnings", "-rf")
+        excluded = bus("doctor", "-ep")
+    assert f"[warn] topics: /topic: /talker and /listener do not match: {REASON}\n" in result.out
+    assert "       -> bus topic info -v /topic\n" in result.out
+    assert re.search(r"\n\nAll \d+ checks passed\n\n\Z", result.out)
+    assert result.code == 0
+    assert re.search(r"\n\n\d+/\d+ check\(s\) failed\n\nFailed modules: .*\btopics\b", strict.out)
+    assert f"compatibility status    : {REASON}\n" in strict.out
+    assert strict.code == 1
+    assert "] msgspec: " in result.out
+    assert "] msgspec: " not in excluded.out
+
+
+def test_reports(daemon: Daemon) -> None:
+    with script(LISTENER):
+        result = bus("wtf", "--report")
+        records = [
+            msgspec.json.decode(line) for line in bus("doctor", "-r", "-ep", "--json").out.splitlines()
+        ]
+    assert result.code == 0
+    assert "\n   TOPIC LIST\ntopic               : /topic\npublisher count     : 0\n" in result.out
+    assert f"daemon             : pid {daemon.pid}\n" in result.out
+    assert [record["report"] for record in records] == [
+        "RMW MIDDLEWARE",
+        "PLATFORM INFORMATION",
+        "TOPIC LIST",
+        "QOS COMPATIBILITY LIST",
+    ]
+    assert {"name": "subscriber count", "value": 1} in records[2]["items"]
+    both = bus("doctor", "-r", "-rf")
+    assert (both.out, both.code) == ("", 2)

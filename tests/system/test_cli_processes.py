@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from bus_cli.main import COMMANDS
+from bus_cli.main import COMMANDS, VERBS_WITH_VERBS
 from cli import bus, script
 
 WORLD = """
@@ -30,6 +30,13 @@ bus.run(main())
 """
 TRIGGER = "std_srvs/srv/Trigger"
 LINES = {
+    "action find": "example_interfaces/action/Fibonacci",
+    "doctor hello": "--help",
+    "wtf hello": "--help",
+    "multicast receive": "--help",
+    "multicast send": "",
+    "ros2 install": "--help",
+    "ros2 uninstall": "--help",
     "service call": f"/ask {TRIGGER}",
     "service find": TRIGGER,
     "service info": "/ask",
@@ -81,6 +88,7 @@ LINES = {
     "pkg xml": "--help",
     "top": "--once -d 0.1",
     "doctor": "",
+    "wtf": "",
     "completion": "bash",
 }
 """Arguments for each command; the tests run in this order."""
@@ -89,6 +97,7 @@ ELSEWHERE = {
     *(
         "node info",
         "node list",
+        "service echo",
         "daemon status",
         "metrics",
         "web",
@@ -128,4 +137,5 @@ def test_none_is_missing() -> None:
     verbs = {
         f"{command} {verb}".strip() for command, (_, verbs) in COMMANDS.items() for verb in verbs or [""]
     }
+    verbs.update(VERBS_WITH_VERBS)
     assert verbs == LINES.keys() | ELSEWHERE | {"daemon reload"}

@@ -20,6 +20,16 @@ from bus_cli import doctor
 from bus_cli.doctor import examine, machine, place, procfs, versions
 from bus_cli.doctor.finding import Finding
 
+OPTIONS: dict[str, object] = {
+    "socket": None,
+    "domain": None,
+    "json": False,
+    "report": False,
+    "report_failed": False,
+    "exclude_packages": False,
+    "include_warnings": False,
+}
+
 
 @pytest.fixture
 def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -30,7 +40,7 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def look(subject: str, **options: object) -> Finding:
-    args = Namespace(**{"socket": None, "domain": None, "json": False, **options})
+    args = Namespace(**{**OPTIONS, **options})
     (found,) = (finding for finding in examine(args) if finding.subject == subject)
     return found
 
@@ -341,14 +351,17 @@ def test_it_fails_where_something_fails(
     path: Path, is_missing: bool, code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     where = path.parent / "missing" / "0.sock" if is_missing else path
-    assert doctor.main(Namespace(socket=str(where), domain=None, json=False)) == code
-    lines = capsys.readouterr().out.splitlines()
+    assert doctor.main(Namespace(**{**OPTIONS, "socket": str(where)})) == code
+    findings, _, end = capsys.readouterr().out.partition("\n\n")
+    assert ("check(s) failed\n\nFailed modules: folder\n" in end) is is_missing
+    assert (re.fullmatch(r"All \d+ checks passed\n\n", end) is None) is is_missing
+    lines = findings.splitlines()
     assert all(line.startswith(("[ ok ] ", "[warn] ", "[fail] ", "       -> ")) for line in lines)
     assert any(line.startswith("[fail]") for line in lines) is is_missing
 
 
 def test_json(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    doctor.main(Namespace(socket=None, domain=None, json=True))
+    doctor.main(Namespace(**{**OPTIONS, "json": True}))
     lines = [msgspec.json.decode(line, type=dict) for line in capsys.readouterr().out.splitlines()]
     assert {"mark", "subject", "text", "advice"} == set(lines[0])
 
