@@ -1,11 +1,13 @@
 """`bus bag info`, `reindex`, `convert`: their output, and errors of one sentence if it is not a bag."""
 
 import json
+import signal
 from pathlib import Path
 
 from bags import read, said, write_bag
 from bus_bag.storage import open_bag
-from cli import bus
+from cli import TALKER, bus, script, start
+from neighbours import wait_until
 
 
 def test_info(tmp_path: Path) -> None:
@@ -56,6 +58,33 @@ def test_no_bags(tmp_path: Path) -> None:
         1,
     )
     assert bus("bag", "reindex", junk) == ("", "[ERROR] [ros2bag]: Must specify a bag directory\n", 1)
+
+
+def test_list() -> None:
+    assert bus("bag", "list", "storage") == ("mcap\nsqlite3\n", "", 0)
+    assert bus("bag", "list", "converter") == ("cdr_converter\n", "", 0)
+    assert bus("bag", "list", "compressor") == ("zstd\n", "", 0)
+    verbose = bus("bag", "list", "decompressor", "--verbose").out
+    assert verbose.startswith("available decompressor plugins are:\nname: zstd\n\t")
+    record = json.loads(bus("bag", "list", "decompressor", "--json").out)
+    assert (record["name"], record["type"]) == ("zstd", "bus_bag.storage.decompression")
+    assert bus("bag", "list", "plugins").code == 2
+
+
+def test_record_compressed(daemon: object, tmp_path: Path) -> None:
+    words = ("/topic", "-o", str(tmp_path / "walk"), "-f", "cdr", "--compression-mode", "file")
+    with script(TALKER, "0.01"), start("bag", "record", *words) as record:
+        assert record.error_line() == (
+            "[WARN] [ros2bag]: --compression-mode file: chunks of messages are compressed instead, as with "
+            "--storage-preset-profile zstd_fast"
+        )
+        record.error_line_with("Recording\\.\\.\\.")
+        wait_until(lambda: any((tmp_path / "walk").glob("*.mcap")))
+        assert record.end(signal.SIGINT).code == 0
+    assert b"zstd" in (tmp_path / "walk" / "walk_0.mcap").read_bytes()
+    refused = bus("bag", "record", "-a", "--storage-config-file", "x.yaml")
+    assert (refused.out, refused.code) == ("", 1)
+    assert refused.err.startswith("[ERROR] [ros2bag]: --storage-config-file is not available; ")
 
 
 def test_convert(tmp_path: Path) -> None:

@@ -68,6 +68,7 @@ LINES = {
     "interface show": "std_msgs/msg/String",
     "bag convert": "--help",
     "bag info": "--help",
+    "bag list": "storage",
     "bag reindex": "--help",
     "bridge ros2": "--help",
     "bridge status": "--help",

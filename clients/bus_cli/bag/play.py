@@ -34,6 +34,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=[],
         help="Leave the events of these services out",
     )
+    parser.add_argument(
+        "--disable-loan-message", action="store_true", help="ignored: it makes no difference here"
+    )
     group = parser.add_argument_group("simulated time")
     group.add_argument(
         "--clock",

@@ -36,6 +36,9 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
         help="YAML file with QoS profiles that replace the recorded ones, by topic",
     )
     parser.add_argument(
+        "--storage-config-file", metavar="FILE", help="ignored: files are read without settings"
+    )
+    parser.add_argument(
         "-m",
         "--remap",
         metavar="OLD:=NEW",

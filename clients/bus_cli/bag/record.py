@@ -6,6 +6,7 @@ from time import localtime, strftime
 
 from bus.names import validate_full_topic_name
 from bus.node import Node
+from bus_cli.bag.compression import add_compression_arguments, preset_of
 from bus_cli.bag.reading import overrides_in
 from bus_cli.completion import completed_by, topics, types
 from bus_cli.output import CommandError, complain
@@ -111,12 +112,23 @@ def add_arguments(parser: ArgumentParser) -> None:
         default="none",
         help="how the file is chunked and compressed",
     )
+    group.add_argument(
+        "-f",
+        "--serialization-format",
+        choices=("cdr",),
+        default="cdr",
+        help="the format of messages in the file (default: cdr)",
+    )
+    group.add_argument(
+        "--storage-config-file", metavar="FILE", help="refused: --storage-preset-profile replaces it"
+    )
     group.add_argument("--custom-data", nargs="*", metavar="KEY=VALUE", help="stored in the bag's metadata")
     group.add_argument(
         "--snapshot-mode",
         action="store_true",
         help="keep the newest messages in memory, write them when ~/snapshot is called",
     )
+    add_compression_arguments(parser)
     group = parser.add_argument_group("how to run")
     group.add_argument("--start-paused", action="store_true", help="wait for SPACE, or ~/resume")
     group.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
@@ -172,7 +184,7 @@ def main(args: Namespace) -> int:
         max_bag_files=args.max_bag_files,
         max_cache_size=args.max_cache_size,
         storage=args.storage,
-        preset=args.storage_preset_profile,
+        preset=preset_of(args),
         is_paused=args.start_paused,
         is_simulated=args.use_sim_time,
         is_snapshot=args.snapshot_mode,
@@ -224,6 +236,8 @@ def _check(args: Namespace, folder: Path) -> None:
             "--use-sim-time and --no-discovery both set, but are incompatible settings. The /clock topic "
             "needs to be discovered to record with sim time."
         )
+    if args.storage_config_file:
+        raise _error("--storage-config-file is not available; --storage-preset-profile has the settings")
     if args.snapshot_mode and not args.max_cache_size:
         raise _error("In snapshot mode, max_cache_size must be larger than 0")
 
