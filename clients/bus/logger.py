@@ -239,7 +239,7 @@ def set_default_level(level: Severity | int | str) -> None:
 
 
 def configure(arguments: "Arguments") -> None:
-    """Apply the log options of a command line."""
+    """Apply the log options of a command line, and warn of rules outside of its ROS arguments, once."""
     for level in arguments.log_levels:
         if level.logger:
             get_logger(level.logger).set_level(level.severity)
@@ -247,6 +247,12 @@ def configure(arguments: "Arguments") -> None:
             set_default_level(level.severity)
     if not arguments.log_to_console:
         enable_console(False)
+    for rule in arguments.deprecated:
+        if rule not in _warned_of:
+            _warned_of.add(rule)
+            get_logger("bus").warning(
+                f"found remap rule '{rule}'; this syntax is deprecated, use --ros-args -r {rule}"
+            )
 
 
 def enable_console(enabled: bool) -> None:
@@ -423,6 +429,8 @@ def _shown(line: str) -> str:
     return "".join(parts)
 
 
+_warned_of: set[str] = set()
+"""The deprecated remap rules of command lines."""
 _TOP = logging.getLogger(TOP_NAME)
 _CONSOLE = ConsoleHandler()
 _TOP.addHandler(_CONSOLE)

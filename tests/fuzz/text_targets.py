@@ -112,6 +112,7 @@ def arguments(data: bytes) -> None:
         node = parsed.node_name("node")
         namespace = parsed.namespace("/ns", node)
         names.validate_full_topic_name(parsed.topic("/ns/chatter", node, namespace))
+        names.validate_full_topic_name(parsed.service("/ns/add", node, namespace))
 
 
 def topic_names(data: bytes) -> None:

@@ -109,7 +109,7 @@ def test_domains_are_apart(world: World, tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_arguments_that_are_wrong(world: World) -> None:
-    with pytest.raises(RuntimeError, match="Failed to parse ROS arguments"):
+    with pytest.raises(RuntimeError, match="failed to initialize rcl: Couldn't parse"):
         Context().init(["--ros-args", "-r", "no rule"])
 
 

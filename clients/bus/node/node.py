@@ -497,11 +497,9 @@ class Node(ParameterHost, GraphHost):
         return self._arguments.topic(full, self.name, self.namespace)
 
     def resolve_service_name(self, name: str) -> str:
-        """The full name of service `name` in this node, by the rules for topics.
-
-        Raises ConfigurationError for a bad name.
-        """
-        return self.resolve_topic_name(name)
+        """The full name of service `name` in this node. Raises ConfigurationError for a bad name."""
+        full = names.topic_in_node(name, self.name, self.namespace)
+        return self._arguments.service(full, self.name, self.namespace)
 
     async def spin(self) -> None:
         """Wait for ever while callbacks and timers work; an exception in one ends the `async with`.

@@ -1,8 +1,8 @@
 """Parameters as text: YAML files of parameters, and the values of `-p name:=value`.
 
 Owns: the type of a scalar (by the rules of rcl_yaml_param_parser, which differ from PyYAML's: `1e3` is a
-number, a date is a text), the names of nested parameters, the nodes of a file's section. Must not know:
-declared parameters, their types and rules (`bus.parameters.values`), or the bus.
+number, a date or `null` is a text), the names of nested parameters, the nodes of a file's section. Must not
+know: declared parameters, their types and rules (`bus.parameters.values`), or the bus.
 
     /robot/wheels:              the node's full name; `/**` every node, `/*` one token of any name
       ros__parameters:
@@ -63,11 +63,15 @@ class Section(NamedTuple):
 
 
 def load(sources: Iterable[ParameterSource]) -> tuple[Section, ...]:
-    """The parameters of a command line, including those in its files.
+    """The parameters of a command line, including those in its files: one section for each pattern.
 
-    Raises ConfigurationError, naming the unusable rule or file.
+    The place of a pattern is that of its first appearance, as in rcl. Raises ConfigurationError, naming the
+    unusable rule or file.
     """
-    return tuple(_load(sources))
+    merged: dict[str, Section] = {}
+    for section in _load(sources):
+        merged.setdefault(section.pattern, Section(section.pattern, {})).parameters.update(section.parameters)
+    return tuple(merged.values())
 
 
 def overrides(sections: Iterable[Section], full_name: str) -> dict[str, Value]:
@@ -121,7 +125,7 @@ def parse_typed(text: str) -> Value:
 
 
 def parse_scalar(text: str) -> _Scalar:
-    """The value of an unquoted scalar, by rcl's rules; None if it is no value at all."""
+    """The value of an unquoted scalar, by rcl's rules; None for YAML's null and for no value at all."""
     if text in _TRUE:
         return True
     if text in _FALSE:
@@ -213,14 +217,14 @@ class _Reader:
     def _scalar(self, node: Any, name: str) -> bool | int | float | str:
         if node.id != "scalar":
             raise self._error(node, f"{_of(name)}a list must hold plain values, no lists and no mappings")
-        if node.tag == f"{_TAG}str":
+        if node.tag in (f"{_TAG}str", f"{_TAG}null"):
             return str(node.value)
         if node.tag not in (_PLAIN, f"{_TAG}int", f"{_TAG}float", f"{_TAG}bool"):
             raise self._error(node, f"{_of(name)}the tag '{node.tag}' is not known")
-        value = parse_scalar(node.value)
-        if value is None:
+        if node.value == "":
             raise self._error(node, f"{_of(name)}there is no value")
-        return value
+        value = parse_scalar(node.value)
+        return str(node.value) if value is None else value  # rcl has no null: `~` is a text
 
     def _error(self, node: Any, text: str) -> ConfigurationError:
         return ConfigurationError(f"{self._name}:{node.start_mark.line + 1}: {text}" if self._name else text)

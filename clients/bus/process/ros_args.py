@@ -1,5 +1,7 @@
 """ROS-style command line arguments: remap rules, parameters and log levels between `--ros-args` and `--`.
 
+A remap rule outside of them, `name:=value`, is deprecated in ROS 2, and is obeyed as there.
+
 Owns their grammar (rcl/arguments.c, parse_*) and the application of remap rules (rcl/remap.c). Must not know
 the meaning of a parameter, and must not read parameter files: values stay YAML text.
 """
@@ -38,11 +40,13 @@ class RemapKind(Enum):
 
     NODE_NAME = "__node"
     NAMESPACE = "__ns"
-    TOPIC = "topic"
+    TOPIC = "rostopic"
+    SERVICE = "rosservice"
+    TOPIC_OR_SERVICE = "topic or service"
 
 
 class RemapRule(msgspec.Struct, frozen=True):
-    """A rule `-r [node:]match:=replacement`; `match` is empty unless the rule is for topics."""
+    """A rule `-r [node:][rostopic://]match:=replacement`; `match` is empty for __node and __ns."""
 
     kind: RemapKind
     match: str
@@ -88,6 +92,8 @@ class Arguments(msgspec.Struct, frozen=True):
     """In their order: if two set the same logger, the later one wins."""
     log_to_console: bool = True
     log_to_rosout: bool = True
+    deprecated: tuple[str, ...] = ()
+    """The remap rules outside of --ros-args; `remaps` has them, too."""
     remaining: tuple[str, ...] = ()
     """All other arguments, in order."""
 
@@ -102,6 +108,7 @@ class Arguments(msgspec.Struct, frozen=True):
         parameters: list[ParameterSource] = []
         log_levels: list[LogLevel] = []
         switches = {"stdout-logs": True, "rosout-logs": True, "external-lib-logs": True}
+        deprecated: list[str] = []
         remaining: list[str] = []
         unknown: list[str] = []
         inside = False
@@ -110,7 +117,11 @@ class Arguments(msgspec.Struct, frozen=True):
             if argument == "--ros-args":
                 inside = True
             elif not inside:
-                remaining.append(argument)
+                if (rule := _deprecated_rule(argument)) is None:
+                    remaining.append(argument)
+                else:
+                    remaps.append(rule)
+                    deprecated.append(argument)
             elif argument == "--":
                 inside = False
             elif argument in ("-r", "--remap"):
@@ -137,6 +148,7 @@ class Arguments(msgspec.Struct, frozen=True):
             log_levels=tuple(log_levels),
             log_to_console=switches["stdout-logs"],
             log_to_rosout=switches["rosout-logs"],
+            deprecated=tuple(deprecated),
             remaining=tuple(remaining),
         )
 
@@ -153,8 +165,15 @@ class Arguments(msgspec.Struct, frozen=True):
 
         Both sides of a rule are expanded; the first matching rule is applied, once.
         """
+        return self._remapped(full_name, node, namespace, RemapKind.TOPIC)
+
+    def service(self, full_name: str, node: str, namespace: str) -> str:
+        """The remapped full name of a service; as `topic`."""
+        return self._remapped(full_name, node, namespace, RemapKind.SERVICE)
+
+    def _remapped(self, full_name: str, node: str, namespace: str, kind: RemapKind) -> str:
         for rule in self.remaps:
-            if rule.kind is not RemapKind.TOPIC or rule.node not in (None, node):
+            if rule.kind not in (kind, RemapKind.TOPIC_OR_SERVICE) or rule.node not in (None, node):
                 continue
             try:
                 match = names.topic_in_node(rule.match, node, namespace)
@@ -183,9 +202,21 @@ def _value(rest: Iterator[str], flag: str, what: str) -> str:
     return value
 
 
+def _deprecated_rule(argument: str) -> RemapRule | None:
+    if ":=" not in argument or "{" in argument:
+        return None
+    try:
+        return _parse_remap("", argument)
+    except ConfigurationError:
+        return None
+
+
 def _parse_remap(flag: str, rule: str) -> RemapRule:
     try:
-        node, match, replacement = _split_rule(rule)
+        kind, plain = _split_kind(rule)
+        node, match, replacement = _split_rule(plain)
+        if match.startswith("__") and kind is not RemapKind.TOPIC_OR_SERVICE:
+            raise ConfigurationError(f"'{match}' is no name of a {kind.value.removeprefix('ros')}")
         if match in ("__node", "__name"):
             names.validate_node_name(replacement)
             return RemapRule(RemapKind.NODE_NAME, "", replacement, node)
@@ -198,7 +229,15 @@ def _parse_remap(flag: str, rule: str) -> RemapRule:
                 raise ConfigurationError(f"topic name must not contain repeated '/': '{side}'")
     except ConfigurationError as error:
         raise ConfigurationError(f"Couldn't parse remap rule: '{flag} {rule}'. Error: {error}") from None
-    return RemapRule(RemapKind.TOPIC, match, replacement, node)
+    return RemapRule(kind, match, replacement, node)
+
+
+def _split_kind(rule: str) -> tuple[RemapKind, str]:
+    """The kind that a prefix (`rostopic://`) gives, and the rule without the prefix."""
+    for kind in (RemapKind.TOPIC, RemapKind.SERVICE):
+        if found := re.match(rf"((?:\w+:)?){kind.value}://", rule):
+            return kind, found[1] + rule[found.end() :]
+    return RemapKind.TOPIC_OR_SERVICE, rule
 
 
 def _parse_parameter(flag: str, rule: str) -> Parameter:

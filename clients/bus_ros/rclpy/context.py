@@ -18,6 +18,8 @@ from bus_ros.rclpy.exceptions import RCLError, RCLInvalidROSArgsError, UnknownRO
 
 __all__ = ["Context", "get_default_context"]
 
+_INVALID = "Failed to parse ROS arguments: "
+
 
 class _Node(Protocol):
     """The interface of a node for its context."""
@@ -75,11 +77,15 @@ class Context:
     ) -> None:
         """Begin. `args`: the command line, by default the program's own. Its ROS arguments follow --ros-args.
 
-        Raises RuntimeError if it has begun already. Raises RCLInvalidROSArgsError or UnknownROSArgsError,
-        which are RuntimeErrors, for invalid ROS arguments.
+        Raises RuntimeError if it has begun already. Raises UnknownROSArgsError, and RCLError for other
+        invalid ROS arguments; both are RuntimeErrors.
         """
         words = tuple(sys.argv[1:] if args is None else args)
-        arguments, parameters = parse_arguments(words)
+        try:
+            arguments, parameters = parse_arguments(words)
+        except RCLInvalidROSArgsError as error:
+            reason = str(error).removeprefix(_INVALID)
+            raise RCLError(f"failed to initialize rcl: {reason}") from None
         if domain_id is not None and domain_id < 0:
             raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
         with self._lock:
@@ -212,7 +218,7 @@ def parse_arguments(words: Sequence[str]) -> tuple[Arguments, tuple[file.Section
         return arguments, file.load(arguments.parameters) if arguments.parameters else ()
     except ConfigurationError as error:
         kind = UnknownROSArgsError if isinstance(error, UnknownArguments) else RCLInvalidROSArgsError
-        raise kind(f"Failed to parse ROS arguments: {error}") from None
+        raise kind(f"{_INVALID}{error}") from None
 
 
 _contexts: WeakSet[Context] = WeakSet()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bus.errors import ConfigurationError
 from bus.parameters import messages
-from bus.parameters.file import PARAMETERS_KEY, parse_typed, read_file
+from bus.parameters.file import parse_file, parse_typed
 from bus.parameters.values import SEPARATOR
 from bus.parameters.values import ParameterType as ValueType
 
@@ -115,10 +115,12 @@ def parameter_value_to_python(parameter_value: Any) -> Any:
 
 def get_parameter_value(string_value: str) -> Any:
     """A ParameterValue from YAML text; a text that is not a value in YAML is a string."""
-    value: Any = parse_typed(string_value)
-    # In ROS, an empty list is a list of booleans here, and of bytes in Parameter.
-    type_ = ValueType.BOOL_ARRAY if value == [] else None
-    return Parameter("", type_, value).get_parameter_value()
+    return _of_text("", parse_typed(string_value)).get_parameter_value()
+
+
+def _of_text(name: str, value: Any) -> "Parameter":
+    # In ROS, an empty list is a list of booleans in text, and of bytes in Parameter.
+    return Parameter(name, ValueType.BOOL_ARRAY if value == [] else None, value)
 
 
 def parameter_dict_from_yaml_file(
@@ -130,11 +132,13 @@ def parameter_dict_from_yaml_file(
     """From name to rcl_interfaces/msg/Parameter, for a file of parameters.
 
     Only sections of `target_nodes`, by default all. Sections of `/**` come first, and only with
-    `use_wildcard`. `namespace` is put in front of each name. Raises RuntimeError if the file has no such
-    section, or is invalid.
+    `use_wildcard`. `namespace` is put in front of each name, as it is. Raises OSError if the file can't be
+    read, and RuntimeError if it is invalid or a target node has no section in it.
     """
+    with open(parameter_file, encoding="utf-8") as file:  # noqa: PTH123
+        text = file.read()
     try:
-        sections = read_file(parameter_file)
+        sections = parse_file(text, str(parameter_file))
     except ConfigurationError as error:
         raise RuntimeError(f"YAML file is not a valid ROS parameter file: {error}") from None
     named = [section for section in sections if section.pattern != "/**"]
@@ -143,7 +147,7 @@ def parameter_dict_from_yaml_file(
         known = [section.pattern for section in sections]
         for node in target_nodes:
             own = [section for section in named if section.pattern.lstrip("/") == node.lstrip("/")]
-            if not own and not chosen:
+            if not own:
                 raise RuntimeError(
                     f"Param file does not contain parameters for {node}, only for nodes: {known}"
                 )
@@ -151,10 +155,9 @@ def parameter_dict_from_yaml_file(
     else:
         chosen += named
     if not chosen:
-        raise RuntimeError(f"Param file does not contain selected parameters ({PARAMETERS_KEY})")
-    prefix = f"{namespace}{PARAMETER_SEPARATOR_STRING}" if namespace else ""
+        raise RuntimeError("Param file does not contain selected parameters")
     return {
-        prefix + name: Parameter(prefix + name, value=value).to_parameter_msg()
+        namespace + name: _of_text(namespace + name, value).to_parameter_msg()
         for section in chosen
         for name, value in section.parameters.items()
     }

@@ -5,6 +5,7 @@ returns the Future of the service's response.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from math import inf
 from pathlib import Path
 from time import monotonic
@@ -121,21 +122,21 @@ class AsyncParameterClient:
     ) -> Future[Any]:
         """Set the file's parameters for this node; `use_wildcard`: for all nodes, too.
 
-        Raises RuntimeError if the file is invalid.
+        If the file has none for this node, set those for other nodes, as rclpy does. Raises OSError if the
+        file can't be read, RuntimeError if it is invalid.
         """
-        found = parameter_dict_from_yaml_file(
-            parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
-        )
-        return self.set_parameters(list(found.values()), callback)
+        return self.set_parameters(self._parameters_of(parameter_file, use_wildcard), callback)
 
     def load_parameter_file_atomically(
         self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
     ) -> Future[Any]:
         """As `load_parameter_file`, but sets all parameters or none."""
-        found = parameter_dict_from_yaml_file(
-            parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
-        )
-        return self.set_parameters_atomically(list(found.values()), callback)
+        return self.set_parameters_atomically(self._parameters_of(parameter_file, use_wildcard), callback)
+
+    def _parameters_of(self, path: str | Path, use_wildcard: bool) -> list[Any]:
+        with suppress(RuntimeError):
+            return list(parameter_dict_from_yaml_file(path, use_wildcard, [self.remote_node_name]).values())
+        return list(parameter_dict_from_yaml_file(path, use_wildcard).values())
 
     def on_parameter_event(
         self,

@@ -15,6 +15,7 @@ import pytest
 from bus import logger
 from bus.errors import ConfigurationError
 from bus.logger import ConsoleHandler, Filters, LogEntry, Logger, Severity, get_logger
+from bus.process.ros_args import Arguments
 from rows import for_each
 
 LINE = re.compile(r"\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[\d{10}\.\d{9}\] \[([^]]+)\]: (.*)")
@@ -101,6 +102,15 @@ def test_level_reaches_children_that_have_none(log: Logger) -> None:
 def test_level_belongs_to_the_name(log: Logger) -> None:
     log.set_level(Severity.FATAL)
     assert get_logger(log.name).get_effective_level() is Severity.FATAL
+
+
+def test_a_deprecated_remap_rule_is_warned_of_once(capsys: pytest.CaptureFixture[str]) -> None:
+    rule = f"a:=test_{next(_numbers)}"
+    for _ in range(2):
+        logger.configure(Arguments.parse([rule]))
+    assert texts(capsys) == [
+        f"found remap rule '{rule}'; this syntax is deprecated, use --ros-args -r {rule}"
+    ]
 
 
 @pytest.mark.usefixtures("default_level")

@@ -56,6 +56,10 @@ VALUES: dict[str, Any] = {
     "'42'": "42",
     '"true"': "true",
     "''": "",
+    "null": "null",
+    "~": "~",
+    "!!null x": "x",
+    "[a, ~]": ["a", "~"],
     "!!str off": "off",
     "!!str 1e3": "1e3",
     "!!int '7'": 7,
@@ -84,12 +88,12 @@ def test_not_a_number() -> None:
 
 NO_VALUES = {
     "": "there is no value",
-    "~": "there is no value",
     "{a: 1}": "a parameter's value can't be a mapping",
     "[[1]]": "a list must hold plain values, no lists and no mappings",
     "[1, a]": "a list must hold values of one type, not int and str",
     "[true, 1]": "a list must hold values of one type, not bool and int",
-    "[1, ~]": "there is no value",
+    "[1, ~]": "a list must hold values of one type, not int and str",
+    "!!int ''": "there is no value",
     "!!binary aGk=": "the tag 'tag:yaml.org,2002:binary' is not known",
     "!!python/object/apply:os.getcwd []": "the tag ",
     "[&a 1, *a]": "aliases are not supported",
@@ -214,7 +218,7 @@ BROKEN = {
     "ros__parameters: {a: 1}\n": "f:1: no name of a node stands before ros__parameters",
     "- 1\n": "f:1: a mapping (name: value) was expected",
     "/a:\n  ros__parameters:\n    x: 1\n    y: [[1]]\n": "f:4: parameter 'y': a list must hold plain values",
-    "/a:\n  ros__parameters:\n    b:\n      c: ~\n": "f:4: parameter 'b.c': there is no value",
+    "/a:\n  ros__parameters:\n    b:\n      c:\n": "f:4: parameter 'b.c': there is no value",
     "/a:\n  ros__parameters:\n    [1, 2]: 3\n": "f:3: a name must be a text",
     "/a:\n  ros__parameters: 5\n": "f:2: a mapping (name: value) was expected",
     "/a: &x {ros__parameters: {b: 1}}\n/c: *x\n": "f:2: aliases are not supported",
@@ -266,6 +270,18 @@ def test_command_line(tmp_path: Path) -> None:
     assert overrides(sections, "/other/arm")["speed"] == [1, 2]
     assert overrides(sections, "/other")["speed"] == 1.0
     assert load(()) == ()
+
+
+def test_a_section_has_the_place_of_its_first_appearance(tmp_path: Path) -> None:
+    """Like rcl: `-p` for every node overrides a file for every node, and not its section for one node."""
+    path = tmp_path / "f.yaml"
+    path.write_text("/**: {ros__parameters: {x: 1, y: 1}}\narm: {ros__parameters: {x: 2}}\n")
+    sections = given_by("--params-file", str(path), "-p", "x:=3", "-p", "y:=3")
+    assert [section.pattern for section in sections] == ["/**", "/arm"]
+    assert overrides(sections, "/arm") == {"x": 2, "y": 3}
+    assert overrides(sections, "/leg") == {"x": 3, "y": 3}
+    path.write_text("arm: {ros__parameters: {x: 2}}\n")
+    assert overrides(given_by("--params-file", str(path), "-p", "x:=3"), "/arm") == {"x": 3}
 
 
 def test_broken_command_lines(tmp_path: Path) -> None:

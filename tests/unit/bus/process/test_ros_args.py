@@ -23,8 +23,8 @@ def parse(*arguments: str) -> Arguments:
 
 def test_nothing_given() -> None:
     assert Arguments.parse([]) == Arguments()
-    nothing = Arguments.parse(["talker.py", "-r", "a:=b", "--", "x"])
-    assert nothing == Arguments(remaining=("talker.py", "-r", "a:=b", "--", "x"))
+    nothing = Arguments.parse(["talker.py", "-r", "a=b", "--", "x"])
+    assert nothing == Arguments(remaining=("talker.py", "-r", "a=b", "--", "x"))
     assert nothing.node_name("n") == "n"
     assert nothing.namespace("/ns", "n") == "/ns"
     assert nothing.topic("/t", "n", "/ns") == "/t"
@@ -46,7 +46,7 @@ def test_ros_arguments_end_at_two_dashes() -> None:
             "--ros-args",
         ]
     )
-    assert arguments.remaps == (RemapRule(RemapKind.TOPIC, "a", "b"),)
+    assert arguments.remaps == (RemapRule(RemapKind.TOPIC_OR_SERVICE, "a", "b"),)
     assert arguments.parameters == (Parameter("x", "1"),)
     assert arguments.remaining == ("talker.py", "-v", "file")
 
@@ -60,7 +60,17 @@ def test_remove_ros_args() -> None:
     ]
 
 
-@given(st.lists(st.text(max_size=8).filter(lambda text: text != "--ros-args")))
+def test_a_remap_rule_outside_of_ros_args_is_deprecated() -> None:
+    words = ["talker.py", "-v", "a:=b", "model:=/a/x.urdf", "n:=1", "x:={node}", "--ros-args", "-r", "c:=d"]
+    arguments = Arguments.parse([*words, "--", "__ns:=/e", "file"])
+    assert arguments.deprecated == ("a:=b", "__ns:=/e")
+    assert arguments.remaining == ("talker.py", "-v", "model:=/a/x.urdf", "n:=1", "x:={node}", "file")
+    assert arguments.topic("/a", "n", "/") == "/b"
+    assert arguments.topic("/c", "n", "/") == "/d"
+    assert arguments.namespace("/", "n") == "/e"
+
+
+@given(st.lists(st.text(max_size=8).filter(lambda text: text != "--ros-args" and ":=" not in text)))
 def test_what_is_not_ros_stays(argv: list[str]) -> None:
     assert remove_ros_args(argv) == argv
     assert remove_ros_args([*argv, "--ros-args", "-r", "a:=b"]) == argv
@@ -70,16 +80,21 @@ def test_what_is_not_ros_stays(argv: list[str]) -> None:
 @for_each(
     ("rule", "expected"),
     [
-        ("a:=b", RemapRule(RemapKind.TOPIC, "a", "b")),
-        ("/a/b:=~/c", RemapRule(RemapKind.TOPIC, "/a/b", "~/c")),
-        ("~/a:={node}/b", RemapRule(RemapKind.TOPIC, "~/a", "{node}/b")),
-        ("talker:a:=b", RemapRule(RemapKind.TOPIC, "a", "b", "talker")),
+        ("a:=b", RemapRule(RemapKind.TOPIC_OR_SERVICE, "a", "b")),
+        ("/a/b:=~/c", RemapRule(RemapKind.TOPIC_OR_SERVICE, "/a/b", "~/c")),
+        ("~/a:={node}/b", RemapRule(RemapKind.TOPIC_OR_SERVICE, "~/a", "{node}/b")),
+        ("talker:a:=b", RemapRule(RemapKind.TOPIC_OR_SERVICE, "a", "b", "talker")),
         ("__node:=n", RemapRule(RemapKind.NODE_NAME, "", "n")),
         ("__name:=n", RemapRule(RemapKind.NODE_NAME, "", "n")),
         ("talker:__node:=n", RemapRule(RemapKind.NODE_NAME, "", "n", "talker")),
         ("__ns:=/a/b", RemapRule(RemapKind.NAMESPACE, "", "/a/b")),
         ("__ns:=/", RemapRule(RemapKind.NAMESPACE, "", "/")),
         ("talker:__ns:=/a", RemapRule(RemapKind.NAMESPACE, "", "/a", "talker")),
+        ("rostopic://a:=b", RemapRule(RemapKind.TOPIC, "a", "b")),
+        ("rostopic:///a:=~/b", RemapRule(RemapKind.TOPIC, "/a", "~/b")),
+        ("rosservice://~/a:=b", RemapRule(RemapKind.SERVICE, "~/a", "b")),
+        ("talker:rosservice://a:=b", RemapRule(RemapKind.SERVICE, "a", "b", "talker")),
+        ("rostopic:a:=b", RemapRule(RemapKind.TOPIC_OR_SERVICE, "a", "b", "rostopic")),
     ],
 )
 @for_each("flag", ["-r", "--remap"])
@@ -103,6 +118,11 @@ def test_remap_rules(flag: str, rule: str, expected: RemapRule) -> None:
         ("a:b:c:=d", "node name must not contain characters"),
         ("__node:=a/b", "node name must not contain characters"),
         ("__ns:=a", "namespace must be absolute"),
+        ("rostopic://__node:=a", "'__node' is no name of a topic"),
+        ("rosservice://__ns:=/a", "'__ns' is no name of a service"),
+        ("rostopic://:=a", "nothing stands before ':='"),
+        ("rosaction://a:=b", "repeated '/'"),
+        ("a:=rostopic://b", "topic name must not contain characters"),
         ("__ns:=/a/", "namespace must not end with a '/'"),
     ],
 )
@@ -235,6 +255,12 @@ def test_first_node_rule_wins_and_is_applied_once() -> None:
 def test_topics(rules: list[str], topic: str, expected: str) -> None:
     arguments = Arguments.parse(["--ros-args", *(word for rule in rules for word in ("-r", rule))])
     assert arguments.topic(topic, "trudy", "/ns") == expected
+
+
+def test_rules_for_topics_and_for_services() -> None:
+    arguments = parse("-r", "rosservice://foo:=b", "-r", "foo:=a", "-r", "rostopic://bar:=c")
+    assert [arguments.topic(name, "n", "/") for name in ("/foo", "/bar")] == ["/a", "/c"]
+    assert [arguments.service(name, "n", "/") for name in ("/foo", "/bar")] == ["/b", "/bar"]
 
 
 def test_replacement_that_cannot_be_expanded_is_an_error() -> None:

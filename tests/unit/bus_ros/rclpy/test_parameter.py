@@ -134,12 +134,17 @@ def test_parameters_of_a_file(tmp_path: Path) -> None:
     assert values() == {"a": 3, "c.d": "x"}
     assert values(target_nodes=["/node"]) == {"a": 2, "c.d": "x"}
     assert values(target_nodes=["/node"], use_wildcard=True) == {"a": 2, "b": 1, "c.d": "x"}
-    assert values(target_nodes=["node"], namespace="p") == {"p.a": 2, "p.c.d": "x"}
+    assert values(target_nodes=["node"], namespace="p.") == {"p.a": 2, "p.c.d": "x"}
     with pytest.raises(RuntimeError, match="Param file does not contain parameters for /nosuch"):
-        values(target_nodes=["/nosuch"])
+        values(target_nodes=["/nosuch"], use_wildcard=True)
+    path.write_text("/node: {ros__parameters: {a: []}}")
+    assert parameter_dict_from_yaml_file(path)["a"].value.type == Type.BOOL_ARRAY.value
     path.write_text("")
     with pytest.raises(RuntimeError, match="Param file does not contain selected parameters"):
         values()
     path.write_text("a: 1")
     with pytest.raises(RuntimeError, match="not a valid ROS parameter file"):
+        values()
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
         values()
