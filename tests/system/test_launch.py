@@ -122,7 +122,7 @@ async def test_two_nodes_talk_and_ctrl_c_ends_all(here: Path) -> None:
         talker, listener = launch.family("talker"), launch.family("listener")
         assert len(talker) == len(listener) == 1
         launch.process.send_signal(signal.SIGINT)
-        assert await launch.end() == -signal.SIGINT
+        assert await launch.end() == 0
         assert launch.family() == []
     assert launch.lines[0].startswith(f"[INFO] [launch]: All log files can be found below {here.parent}/log/")
     assert launch.lines[1] == "[INFO] [launch]: Default logging verbosity is set to INFO"
@@ -213,10 +213,27 @@ async def test_ctrl_z_and_a_second_ctrl_c_reach_all(here: Path) -> None:
         launch.process.send_signal(signal.SIGINT)
         await launch.line("interrupted 1")
         launch.process.send_signal(signal.SIGINT)
-        assert await launch.end() == -signal.SIGINT
+        assert await launch.end() == 0
     assert "[WARNING] [launch]: user interrupted with ctrl-c (SIGINT) again, ignoring..." in launch.lines
     assert "[python3-1] interrupted 2" in launch.lines
     assert "process has finished cleanly" in launch.lines[-1]
+
+
+@on_one_loop
+async def test_sigterm_after_a_ctrl_c_is_the_status(here: Path) -> None:
+    write(
+        here,
+        slow__py=SLOW,
+        slow__launch__yaml="launch: [{executable: {cmd: python3 slow.py, output: screen}}]",
+    )
+    async with launched(here, "slow.launch.yaml") as launch:
+        await launch.line("ready")
+        launch.process.send_signal(signal.SIGINT)
+        await launch.line("interrupted 1")
+        launch.process.send_signal(signal.SIGTERM)
+        for pid in launch.family("slow.py"):
+            os.kill(pid, signal.SIGINT)
+        assert await launch.end() == -signal.SIGTERM
 
 
 @on_one_loop

@@ -56,6 +56,7 @@ class LaunchService:
         self.__interrupts = 0
         self.__return_code = 0
         self.ended_by: signal.Signals | None = None
+        """The last signal other than SIGINT. After a Ctrl-C the launch has ended well."""
 
     @property
     def context(self) -> LaunchContext:
@@ -209,7 +210,6 @@ class LaunchService:
         self.__interrupts += 1
         text = "user interrupted with ctrl-c (SIGINT)"
         if self.__interrupts == 1:
-            self.ended_by = number
             self.__logger.warning(text)
             self.__shut_down("ctrl-c (SIGINT)", due_to_sigint=True)
         else:
@@ -226,7 +226,7 @@ class LaunchService:
         self.__shut_down("nobody reads stdout")
 
     def __on_signal(self, number: signal.Signals) -> None:
+        self.ended_by = number
         if not self.__is_shutting_down:
-            self.ended_by = number
             self.__logger.warning(f"{number.name} received: ending all processes")
         self.__shut_down(number.name)
