@@ -34,11 +34,7 @@ class Model:
     def exact(self, index: int, stamp: int, name: int) -> list[Set]:
         self.put(index, stamp, name)
         common = set.intersection(*map(set, self.queues))
-        out = [self.take((one,) * len(self.queues)) for one in sorted(common)]
-        for queue in self.queues if common else ():
-            for older in [one for one in queue if one < max(common)]:
-                del queue[older]
-        return out
+        return [self.take((one,) * len(self.queues)) for one in sorted(common)]
 
     def approximate(self, index: int, stamp: int, name: int, slop: int) -> list[Set]:
         self.put(index, stamp, name)

@@ -6,7 +6,7 @@ A queue has waiting entries by stamp, in order of arrival. Pure: no messages, no
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-__all__ = ["bound", "drop_older", "match_approximately", "match_exactly"]
+__all__ = ["bound", "match_approximately", "match_exactly"]
 
 Queues = Sequence[dict[int, Any]]
 
@@ -15,13 +15,6 @@ def bound(queue: dict[int, Any], limit: int) -> None:
     """Drop the oldest by stamp, until at most `limit` wait."""
     while len(queue) > limit:
         del queue[min(queue)]
-
-
-def drop_older(queues: Queues, stamp: int) -> None:
-    """Drop everything older than `stamp`."""
-    for queue in queues:
-        for older in [one for one in queue if one < stamp]:
-            del queue[older]
 
 
 def match_exactly(queues: Queues, stamp: int) -> bool:

@@ -16,9 +16,9 @@ class TimeSynchronizer(SimpleFilter):
     """Puts out one message of each filter in `fs` once all have one with the same stamp.
 
     `queue_size`: at most so many messages of each filter wait for the others. Above it, the oldest by stamp
-    is dropped. Messages older than a set that was put out are dropped. Callbacks are called for one set at a
-    time, in the thread that brought its last message; a callback that blocks holds up the others. Raises
-    ValueError for a `queue_size` below 1.
+    is dropped. Messages older than a set that was put out still wait: sets may come out of order. Callbacks
+    are called for one set at a time, in the thread that brought its last message; a callback that blocks
+    holds up the others. Raises ValueError for a `queue_size` below 1.
     """
 
     def __init__(self, fs: Iterable[SimpleFilter], queue_size: int) -> None:
@@ -56,10 +56,7 @@ class TimeSynchronizer(SimpleFilter):
 
     def _match(self, stamp: int, index: int) -> tuple[int, ...] | None:
         """The stamps of the set that this message completes."""
-        if not matching.match_exactly(self.queues, stamp):
-            return None
-        matching.drop_older(self.queues, stamp)
-        return (stamp,) * len(self.queues)
+        return (stamp,) * len(self.queues) if matching.match_exactly(self.queues, stamp) else None
 
 
 class ApproximateTimeSynchronizer(TimeSynchronizer):
