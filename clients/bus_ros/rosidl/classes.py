@@ -156,7 +156,11 @@ def _make(name: str) -> type[RosMessage]:
     nested = {
         field.name: message_class(field.type.base) for field in definition.fields if "/" in field.type.base
     }
-    checks = {field.name: fields.checker(field, nested.get(field.name)) for field in definition.fields}
+    is_strict = os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1"
+    checks = {
+        field.name: fields.checker(field, nested.get(field.name), is_strict=is_strict)
+        for field in definition.fields
+    }
     functions = _functions(name, definition.fields, nested, checks)
     namespace: dict[str, object] = {
         "__slots__": [f"_{field.name}" for field in definition.fields],
@@ -167,7 +171,6 @@ def _make(name: str) -> type[RosMessage]:
         "__reduce__": _reduce,
         "__definition__": definition,
         "__nested__": nested,
-        "__checks__": checks,
         "_fields_and_field_types": {field.name: fields.type_text(field.type) for field in definition.fields},
     }
     for index, field in enumerate(definition.fields):

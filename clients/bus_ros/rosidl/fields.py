@@ -1,8 +1,8 @@
 """Fields of messages: their types as texts and as values, and the checks of assignments.
 
 Owns: the assertions, with rosidl's texts, and the stored form of a value. An integer is not a float, as in
-ROS; a scalar of numpy counts as the Python value of the same type. Must not know: the making of classes, the
-wire.
+ROS; a scalar of numpy counts as the Python value of the same type. Any iterable of numbers becomes an array,
+unless the checks are strict. Must not know: the making of classes, the wire.
 """
 
 from array import array
@@ -92,15 +92,19 @@ def loose(type_: Type) -> Callable[[Any], object] | None:
     return lambda value: value if value.__class__ is array else numbers.sequence(code, value)
 
 
-def checker(field: Field, message_class: type | None) -> Check:
-    """The check of one field; `message_class` is the class of the messages in it."""
+def checker(field: Field, message_class: type | None, *, is_strict: bool) -> Check:
+    """The check of one field; `message_class` is the class of the messages in it.
+
+    `is_strict`: as rosidl with ROS_PYTHON_CHECK_FIELDS=1. Otherwise sequences are converted, and the messages
+    in a sequence are only checked when they are encoded.
+    """
     type_ = field.type
     expected = message_class or _class_of(type_.base)
     if not type_.array:
         return _scalar(field.name, type_, expected)
     if type_.base in numbers.CODES:
-        return _numeric(field.name, type_, expected)
-    return _several(field.name, type_, expected)
+        return _numeric(field.name, type_, expected, is_strict=is_strict)
+    return _several(field.name, type_, expected, is_strict=is_strict)
 
 
 def _class_of(base: str) -> type:
@@ -172,9 +176,10 @@ def _float32(begin: str) -> Check:
     return float32
 
 
-def _several(name: str, type_: Type, expected: type) -> Check:
+def _several(name: str, type_: Type, expected: type, *, is_strict: bool) -> Check:
     """The check for several texts, booleans, octets or messages: stores a list, or the given sequence."""
     text = _text(name, type_, expected)
+    looks_at_items = is_strict or "/" not in type_.base
     only, of_class = frozenset((expected,)), _OCTETS if expected is bytes else expected
 
     def several(value: object) -> object:
@@ -182,8 +187,12 @@ def _several(name: str, type_: Type, expected: type) -> Check:
             value = value.tolist()
         elif isinstance(value, bytes) and expected is bytes:
             value = [value[index : index + 1] for index in range(len(value))]
+        elif not is_strict and not _is_collection(value) and _is_iterable(value):
+            value = list(value)
         if not _is_collection(value) or not _fits(type_, len(value)):
             raise AssertionError(text)
+        if not looks_at_items:
+            return value
         if not only.issuperset(map(type, value)) and not all(isinstance(item, of_class) for item in value):
             raise AssertionError(text)
         if expected is bytes and any(len(item) != 1 for item in value):
@@ -195,7 +204,7 @@ def _several(name: str, type_: Type, expected: type) -> Check:
     return several
 
 
-def _numeric(name: str, type_: Type, expected: type) -> Check:
+def _numeric(name: str, type_: Type, expected: type, *, is_strict: bool) -> Check:
     """The check for several numbers: stores an array."""
     text = _text(name, type_, expected)
     code = numbers.CODES[type_.base]
@@ -204,6 +213,10 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
     of_numbers = memoryview, array, bytes, bytearray
 
     def looked_at(value: object) -> Iterable[Any]:
+        if not is_strict:
+            if not _is_iterable(value):
+                raise AssertionError(text)
+            return value if isinstance(value, of_numbers) else list(value)
         if not numbers.is_array(value) and not _is_collection(value):
             raise AssertionError(text)
         given: Iterable[Any] = value
@@ -220,7 +233,8 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
             if value.__class__ is list and only.issuperset(map(type, value)):  # the usual case
                 given, made = value, array(code, value)
             else:
-                made = numbers.sequence(code, given := looked_at(value))
+                flat = value.ravel() if numbers.is_array(value) else value
+                made = numbers.sequence(code, given := looked_at(flat))
         except (OverflowError, TypeError, ValueError):
             raise AssertionError(text) from None
         if not (is_unbounded or _fits(type_, len(made))) or (code == "f" and _has_overflowed(made, given)):
@@ -231,6 +245,8 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
         if not isinstance(value, array):
             return made_of(value)
         if value.typecode != code:
+            if not is_strict:
+                return made_of(value)
             raise AssertionError(f"The '{name}' array.array() must have the type code of '{code}'")
         if not _fits(type_, len(value)):
             raise AssertionError(f"The '{name}' array.array() must have a size <= {type_.size}")
@@ -243,6 +259,8 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
         assert numpy is not None
         dtype = numpy.dtype(code)
         if value.dtype != dtype:
+            if not is_strict:
+                return made_of(value)
             raise AssertionError(f"The '{name}' numpy.ndarray() must have the dtype of 'numpy.{dtype}'")
         if value.size != type_.size:
             raise AssertionError(f"The '{name}' numpy.ndarray() must have a size of {type_.size}")
@@ -258,6 +276,10 @@ def _has_overflowed(made: "array[float]", value: Iterable[float]) -> bool:
 
 def _is_collection(value: object) -> TypeGuard[Collection[Any]]:
     return isinstance(value, Sequence | Set) and not isinstance(value, str | UserString)
+
+
+def _is_iterable(value: object) -> TypeGuard[Iterable[Any]]:
+    return isinstance(value, Iterable) and not isinstance(value, str | UserString)
 
 
 def _fits(type_: Type, length: int) -> bool:

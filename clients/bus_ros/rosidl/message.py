@@ -23,7 +23,7 @@ class _SlotTypes:
 class RosMessage:
     """A message as rosidl generates it: one property per field, all keyword arguments optional.
 
-    Assigning an invalid value raises AssertionError, unless ROS_PYTHON_CHECK_FIELDS is 0.
+    Assigning a value that can't be converted raises AssertionError, unless ROS_PYTHON_CHECK_FIELDS is 0.
     """
 
     __slots__: ClassVar[tuple[str, ...]] = ()
@@ -34,7 +34,6 @@ class RosMessage:
     """The classes of the fields that hold messages."""
     __generated__: ClassVar["type[RosMessage]"]
     """The class made from the definition: this class, or the base that a program's class derives from."""
-    __checks__: ClassVar[dict[str, fields.Check]]
 
     _fields_and_field_types: ClassVar[dict[str, str]]
     SLOT_TYPES: ClassVar[_SlotTypes] = _SlotTypes()

@@ -15,6 +15,7 @@ from bus.errors import ConfigurationError, MessageTypeError
 from bus.types.check import plan
 from bus.types.classes import message_class as native_class
 from bus.types.support import ENCODE_ERRORS, TypeSupport, hash_and_description, wrong_class
+from bus_ros.rosidl import fields
 from bus_ros.rosidl.message import RosMessage
 from bus_ros.rosidl.wire import codec
 
@@ -98,7 +99,7 @@ def _mistakes(message: RosMessage, path: str) -> Iterator[tuple[str, str]]:
                     if isinstance(item, RosMessage):
                         yield from _mistakes(item, f"{here}[{index}]")
         try:
-            message.__checks__[field.name](value)
+            fields.checker(field, message.__nested__.get(field.name), is_strict=True)(value)
             if isinstance(value, str):
                 value.encode()
         except AssertionError as error:

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from bus.errors import ConfigurationError
+from bus.types.support import type_support
 from bus_ros.rosidl import RosMessage, action_class, definition, message_class, service_class
-from bus_ros.rosidl.classes import module_of
+from bus_ros.rosidl.classes import _make, module_of
 from rows import for_each
 
 DEFINITION = """
@@ -188,24 +189,14 @@ def test_its_text_is_that_of_rosidl(own: Any) -> None:
             "The 'name' field must be a set or sequence and each value of type 'str'",
         ),
         ("sensor_msgs/msg/JointState", "name", "abc", "The 'name' field must be a set or sequence"),
-        (
-            "sensor_msgs/msg/JointState",
-            "position",
-            [1.0, 2],
-            "must be a set or sequence and each value of type 'float' and each double in [-17976931348",
-        ),
         ("sensor_msgs/msg/JointState", "position", 5.0, "The 'position' field must be a set or sequence"),
+        ("sensor_msgs/msg/JointState", "position", ["1"], "The 'position' field must be a set or sequence"),
+        ("std_msgs/msg/Int8MultiArray", "data", [1.5], "The 'data' field must be a set or sequence"),
         (
             "sensor_msgs/msg/LaserScan",
             "ranges",
             [1e39],
             "and each float in [-340282346600000016151267322115014000640.000000, ",
-        ),
-        (
-            "sensor_msgs/msg/LaserScan",
-            "ranges",
-            array("d"),
-            "The 'ranges' array.array() must have the type code of 'f'",
         ),
         (
             "std_msgs/msg/Int8MultiArray",
@@ -225,12 +216,6 @@ def test_its_text_is_that_of_rosidl(own: Any) -> None:
             [0.0],
             "The 'k' field must be a set or sequence with length 9 and each value of type 'float'",
         ),
-        (
-            "geometry_msgs/msg/Polygon",
-            "points",
-            [None],
-            "The 'points' field must be a set or sequence and each value of type 'Point32'",
-        ),
     ],
 )
 def test_a_wrong_value_is_refused_in_the_words_of_ros(name: str, field: str, value: Any, text: str) -> None:
@@ -241,6 +226,94 @@ def test_a_wrong_value_is_refused_in_the_words_of_ros(name: str, field: str, val
             assign()
         assert text in str(caught.value)
     assert repr(message) == before
+
+
+@for_each(
+    ("name", "field", "value", "text"),
+    [
+        (
+            "sensor_msgs/msg/JointState",
+            "position",
+            [1.0, 2],
+            "must be a set or sequence and each value of type 'float' and each double in [-17976931348",
+        ),
+        (
+            "sensor_msgs/msg/LaserScan",
+            "ranges",
+            array("d"),
+            "The 'ranges' array.array() must have the type code of 'f'",
+        ),
+        (
+            "geometry_msgs/msg/Polygon",
+            "points",
+            [None],
+            "The 'points' field must be a set or sequence and each value of type 'Point32'",
+        ),
+        (
+            "sensor_msgs/msg/JointState",
+            "name",
+            iter("ab"),
+            "The 'name' field must be a set or sequence and each value of type 'str'",
+        ),
+        ("sensor_msgs/msg/JointState", "effort", iter([1.0]), "The 'effort' field must be a set or sequence"),
+        ("std_msgs/msg/String", "data", 5, "The 'data' field must be of type 'str'"),
+    ],
+)
+def test_strict_checks(name: str, field: str, value: Any, text: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
+        strict: Any = _make(name)
+    message = strict()
+    before = repr(message)
+    with pytest.raises(AssertionError) as caught:
+        setattr(message, field, value)
+    assert text in str(caught.value)
+    assert repr(message) == before
+
+
+@for_each(
+    ("name", "field", "value", "stored"),
+    [
+        ("sensor_msgs/msg/LaserScan", "ranges", [0] * 3, array("f", [0.0] * 3)),
+        ("sensor_msgs/msg/LaserScan", "ranges", range(3), array("f", [0.0, 1.0, 2.0])),
+        ("sensor_msgs/msg/LaserScan", "ranges", {1: None}.keys(), array("f", [1.0])),
+        ("sensor_msgs/msg/LaserScan", "ranges", array("d", [0.5]), array("f", [0.5])),
+        ("sensor_msgs/msg/JointState", "position", array("f", [0.5]), array("d", [0.5])),
+        ("sensor_msgs/msg/JointState", "position", array("i", [2]), array("d", [2.0])),
+        ("sensor_msgs/msg/JointState", "position", map(float, "12"), array("d", [1.0, 2.0])),
+        ("sensor_msgs/msg/JointState", "position", {1: 2.5}.values(), array("d", [2.5])),
+        ("std_msgs/msg/Int32MultiArray", "data", array("b", [-1]), array("i", [-1])),
+        ("std_msgs/msg/UInt8MultiArray", "data", map(int, "12"), array("B", [1, 2])),
+        ("sensor_msgs/msg/JointState", "name", map(str, [1, 2]), ["1", "2"]),
+        ("sensor_msgs/msg/JointState", "name", {1: "a"}.values(), ["a"]),
+    ],
+)
+def test_sequences_are_converted(name: str, field: str, value: Any, stored: Any) -> None:
+    message = cls(name)()
+    setattr(message, field, value)
+    assert getattr(message, field) == stored and type(getattr(message, field)) is type(stored)
+
+
+def test_arrays_of_a_fixed_size_are_converted() -> None:
+    info = cls("sensor_msgs/msg/CameraInfo")(k=range(9))
+    assert listed(info.k) == [float(i) for i in range(9)]
+    info.k = array("i", range(9))
+    assert listed(info.k) == [float(i) for i in range(9)]
+    info.k = (0.5 for _ in range(9))
+    assert listed(info.k) == [0.5] * 9
+    with pytest.raises(AssertionError, match="with length 9"):
+        info.k = range(8)
+
+
+def test_messages_in_a_sequence_are_checked_when_they_are_sent() -> None:
+    polygon, point = cls("geometry_msgs/msg/Polygon"), cls("geometry_msgs/msg/Point32")
+    support: Any = type_support(polygon)
+    message = polygon(points=(point(x=float(x)) for x in range(2)))
+    assert [one.x for one in support.decode(support.encode(message)).points] == [0.0, 1.0]
+    message.points = [point(), None]
+    with pytest.raises(TypeError, match="'NoneType' is no Point32"):
+        support.encode(message)
+    assert "each value of type 'Point32' - at `$.points`" in str(support.explain(message))
 
 
 @pytest.mark.parametrize(

@@ -37,12 +37,18 @@ def test_numpy_where_it_is_installed() -> None:
     assert info.k.dtype == np.float64 and info.k.shape == (9,)
     info.k = np.arange(9.0).reshape(3, 3)
     assert info.k.tolist() == [float(i) for i in range(9)]
-    with pytest.raises(AssertionError, match=r"numpy.ndarray\(\) must have the dtype of 'numpy.float64'"):
-        info.k = np.zeros(9, np.float32)
+    info.k = np.ones(9, np.float32)
+    assert info.k.dtype == np.float64 and info.k.tolist() == [1.0] * 9
+    with pytest.raises(AssertionError, match="The 'k' field must be a set or sequence with length 9"):
+        info.k = np.zeros(8, np.float32)
     with pytest.raises(AssertionError, match=r"The 'k' numpy.ndarray\(\) must have a size of 9"):
         info.k = np.zeros(8)
     scan = cls("sensor_msgs/msg/LaserScan")(ranges=np.arange(3.0), range_min=np.float32(0.5))
     assert scan.ranges == array("f", [0.0, 1.0, 2.0])
+    scan.ranges = np.ones((2, 2), np.int32)
+    assert scan.ranges == array("f", [1.0] * 4)
+    with pytest.raises(AssertionError, match="The 'data' field must be a set or sequence"):
+        cls("std_msgs/msg/Int32MultiArray")(data=np.array([0.5]))
     assert type(scan.range_min) is float
     scan.range_max = np.float64(2.0)
     assert cls("std_msgs/msg/Int32")(data=np.int64(7)).data == 7
