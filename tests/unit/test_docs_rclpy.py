@@ -54,9 +54,7 @@ INSIDE = {
 INSIDE_OF_CLASSES = {
     "rclpy.experimental.async_client.AsyncClient": {"events", "forget_events"},
     "rclpy.experimental.async_clock.AsyncClock": {"destroy", "is_destroyed"},
-    "rclpy.experimental.async_node.AsyncNode": {
-        *("context_ended", "fail", "forget", "native", "run_behind", "run_in_group"),
-    },
+    "rclpy.experimental.async_node.AsyncNode": {"native"},
     "rclpy.experimental.async_publisher.AsyncPublisher": {"hold", "release"},
     "rclpy.experimental.async_service.AsyncService": {"events", "forget_events", "is_async", "native"},
     "rclpy.experimental.async_timer.AsyncTimer": {"forget_clock", "is_simulated"},

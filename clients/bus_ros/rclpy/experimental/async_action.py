@@ -20,7 +20,7 @@ class AsyncActionServer(AsyncEntity):
 
     def __init__(
         self,
-        node: AsyncOwner,
+        owner: AsyncOwner,
         action_type: Any,
         action_name: str,
         execute_callback: Callable[..., Any],
@@ -29,11 +29,11 @@ class AsyncActionServer(AsyncEntity):
         cancel_callback: Callable[[Any], Any] | None,
         result_timeout: float,
     ) -> None:
-        super().__init__(node)
+        super().__init__(owner)
         self.action_type = action_type
         self.action_name = action_name
         self.native = ActionServer(
-            node.native,
+            owner.native,
             action_type,
             action_name,
             execute_callback,
@@ -54,11 +54,11 @@ class AsyncActionServer(AsyncEntity):
 class AsyncActionClient(AsyncEntity):
     """Made by `AsyncNode.create_action_client`."""
 
-    def __init__(self, node: AsyncOwner, action_type: Any, action_name: str) -> None:
-        super().__init__(node)
+    def __init__(self, owner: AsyncOwner, action_type: Any, action_name: str) -> None:
+        super().__init__(owner)
         self.action_type = action_type
         self.action_name = action_name
-        self._native = ActionClient(node.native, action_type, action_name)
+        self._native = ActionClient(owner.native, action_type, action_name)
         self._is_open = asyncio.Event()  # or destroyed
 
     def server_is_ready(self) -> bool:

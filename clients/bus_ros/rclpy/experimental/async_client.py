@@ -32,9 +32,9 @@ class AsyncClient(AsyncEntity, BaseClient):
     """Made by `AsyncNode.create_client`."""
 
     def __init__(
-        self, node: AsyncOwner, srv_type: Any, srv_name: str, service_name: str, qos_profile: QoSProfile
+        self, owner: AsyncOwner, srv_type: Any, srv_name: str, service_name: str, qos_profile: QoSProfile
     ) -> None:
-        AsyncEntity.__init__(self, node)
+        AsyncEntity.__init__(self, owner)
         BaseClient.__init__(self, srv_type, srv_name, qos_profile)
         self._service_name = service_name
         self._native: ServiceClient | None = None

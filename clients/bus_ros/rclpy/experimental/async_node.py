@@ -5,11 +5,11 @@ endpoint: `impl.async_entity` has the table. Private names are mangled, as in `r
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from signal import SIGINT
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from bus.errors import AccessDenied
 from bus_ros.rclpy import signals
 from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.destroyable import Handle
@@ -24,9 +24,9 @@ from bus_ros.rclpy.experimental.async_subscription import AsyncSubscription
 from bus_ros.rclpy.experimental.async_timer import AsyncTimer
 from bus_ros.rclpy.impl.async_entity import TRANSITIONS, AsyncEntity, EntityEvent, EntityState
 from bus_ros.rclpy.impl.async_graph import read_graph
+from bus_ros.rclpy.impl.async_work import AsyncWork
 from bus_ros.rclpy.impl.base_node import BaseNode, NativeParts
 from bus_ros.rclpy.impl.callback_checks import check_arguments, check_callback
-from bus_ros.rclpy.impl.openings import Openings
 from bus_ros.rclpy.impl.own_services import OwnServices
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy.qos import QoSProfile, profile_of, qos_profile_services_default
@@ -82,26 +82,20 @@ class AsyncNode(BaseNode):
             cli_args,
             use_global_arguments=use_global_arguments,
             enable_rosout=enable_rosout,
-            on_error=self.fail,
+            on_error=lambda error: self.__work.fail(error),
         )
         self.__native = parts.node
+        self.__work = work = AsyncWork(self, parts.node)
         self.__state = EntityState.MADE
-        self.__entities: dict[AsyncEntity, None] = {}
-        self.__group: asyncio.TaskGroup | None = None
-        self.__body: asyncio.Task[Any] | None = None
-        self.__openings: Openings | None = None
-        self.__opening: set[asyncio.Task[Any]] = set()
-        self.__behind: set[asyncio.Task[Any]] = set()
+        self.__shutdown: _Shutdown | None = None
         self.__destroyed = asyncio.Event()
-        self.__is_shut_down = False
-        self.__is_optional = False
         self._clock = AsyncClock()
         own_services = OwnServices(self)
         BaseNode.__init__(
             self,
             parts,
             Handle(lambda: self.__state is EntityState.DESTROYED, self.destroy_node, self),
-            lambda: read_graph(self.__native, self.__entities),
+            lambda: read_graph(self.__native, work.entities),
             own_services.publish_change,
             parameter_overrides=parameter_overrides,
             allow_undeclared_parameters=allow_undeclared_parameters,
@@ -109,13 +103,13 @@ class AsyncNode(BaseNode):
         )
         self._time_source = TimeSource(node=self)
         self._time_source.attach_clock(self._clock)
-        self.__is_optional = True
+        work.is_optional = True
         own_services.start(has_parameters=start_parameter_services)
         if enable_logger_service:
             from bus_ros.rclpy.logging_service import LoggingService  # late: few nodes have it
 
             LoggingService(self)
-        self.__is_optional = False
+        work.is_optional = False
 
     # --- its life
 
@@ -125,20 +119,16 @@ class AsyncNode(BaseNode):
         if self.__state is not EntityState.MADE:
             raise RuntimeError(f"node '{self.get_fully_qualified_name()}' runs already")
         self.__advance(EntityEvent.BEGIN)
-        self.__openings = Openings.of(asyncio.get_running_loop())
-        self.__body = asyncio.current_task()
         try:
             await self.__native.open()
         except BaseException:
             self.destroy_node()
             raise
-        self.__group = await asyncio.TaskGroup().__aenter__()
-        self.context.notify_at_end(self)
-        self.__advance(EntityEvent.OPENED)
-        for entity in tuple(self.__entities):
-            self.__begin(entity)
+        if self.__advance(EntityEvent.OPENED) is EntityState.DESTROYED:  # by another task, meanwhile
+            self.__work.run_behind(self.__native.close())
+        self.__shutdown = _Shutdown(self.context)
         try:
-            await self.__opened()
+            await self.__work.begin()
         except BaseException as error:
             await self.__aexit__(type(error), error, error.__traceback__)
             raise
@@ -147,23 +137,20 @@ class AsyncNode(BaseNode):
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self.__group is None:
-            return
+        shutdown = self.__shutdown
+        assert shutdown is not None
         if error is None:
             try:
-                await self.__opened()  # endpoints made at the end have messages to publish
+                await self.__work.finish_openings()
             except BaseException as late:
                 kind, error, trace = type(late), late, late.__traceback__
         self.destroy_node()
-        group, self.__group = self.__group, None
         try:
-            await group.__aexit__(kind, error, trace)
+            await self.__work.end(kind, error, trace)
         except asyncio.CancelledError:
-            if not self.__is_shut_down or not self.__was_cancelled_here():
+            if not shutdown.has_cancelled_alone():
                 raise
-        finally:
-            await self.__close()
-        if self.__is_shut_down and isinstance(error, asyncio.CancelledError):
+        if shutdown.has_come and isinstance(error, asyncio.CancelledError):
             raise ExternalShutdownException
 
     async def run(self) -> None:
@@ -183,13 +170,13 @@ class AsyncNode(BaseNode):
         if before is EntityState.DESTROYED:
             return
         self.__advance(EntityEvent.DESTROY)
-        for entity in tuple(self.__entities):
+        for entity in tuple(self.__work.entities):
             entity.destroy()
         self._time_source.detach_node()
         self._clock.destroy()
         self.__destroyed.set()
         if before is EntityState.OPEN:
-            self.run_behind(self.__native.close())
+            self.__work.run_behind(self.__native.close())
 
     # --- what it has
 
@@ -199,23 +186,23 @@ class AsyncNode(BaseNode):
 
     @property
     def publishers(self) -> Iterator[AsyncPublisher[Any]]:
-        return (one for one in tuple(self.__entities) if isinstance(one, AsyncPublisher))
+        return (one for one in tuple(self.__work.entities) if isinstance(one, AsyncPublisher))
 
     @property
     def subscriptions(self) -> Iterator[AsyncSubscription[Any]]:
-        return (one for one in tuple(self.__entities) if isinstance(one, AsyncSubscription))
+        return (one for one in tuple(self.__work.entities) if isinstance(one, AsyncSubscription))
 
     @property
     def services(self) -> Iterator[AsyncService]:
-        return (one for one in tuple(self.__entities) if isinstance(one, AsyncService))
+        return (one for one in tuple(self.__work.entities) if isinstance(one, AsyncService))
 
     @property
     def clients(self) -> Iterator[AsyncClient]:
-        return (one for one in tuple(self.__entities) if isinstance(one, AsyncClient))
+        return (one for one in tuple(self.__work.entities) if isinstance(one, AsyncClient))
 
     @property
     def timers(self) -> Iterator[AsyncTimer]:
-        return (one for one in tuple(self.__entities) if isinstance(one, AsyncTimer))
+        return (one for one in tuple(self.__work.entities) if isinstance(one, AsyncTimer))
 
     async def wait_for_node(self, fully_qualified_node_name: str, *, check_interval: float = 0.1) -> None:
         """Wait until such a node is in the graph. Has no time limit: use `asyncio.timeout`.
@@ -244,7 +231,7 @@ class AsyncNode(BaseNode):
         check_is_valid_msg_type(msg_type)
         name = self.__full_name("publisher", topic)
         make: type[AsyncPublisher[M]] = publisher_class or AsyncPublisher
-        return self.__add(make(self, msg_type, name, profile_of(qos_profile)))
+        return self.__add(make(self.__work, msg_type, name, profile_of(qos_profile)))
 
     def create_subscription(
         self,
@@ -271,7 +258,7 @@ class AsyncNode(BaseNode):
             check_arguments(callback)
         name = self.__full_name("subscription", topic)
         made: AsyncSubscription[M] = AsyncSubscription(
-            self, msg_type, name, callback, profile_of(qos_profile), raw=raw, concurrent=concurrent
+            self.__work, msg_type, name, callback, profile_of(qos_profile), raw=raw, concurrent=concurrent
         )
         if content_filter_options is not None:
             made.set_content_filter(*content_filter_options)
@@ -296,7 +283,7 @@ class AsyncNode(BaseNode):
         check_callback(callback)
         name = self.__full_name("service", srv_name, is_service=True)
         service = AsyncService(
-            self, srv_type, srv_name, name, callback, profile_of(qos_profile), concurrent=concurrent
+            self.__work, srv_type, srv_name, name, callback, profile_of(qos_profile), concurrent=concurrent
         )
         return self.__add(service)
 
@@ -310,7 +297,7 @@ class AsyncNode(BaseNode):
         """Make a client of a service. Raises as `create_publisher`."""
         check_is_valid_srv_type(srv_type)
         name = self.__full_name("client", srv_name, is_service=True)
-        return self.__add(AsyncClient(self, srv_type, srv_name, name, profile_of(qos_profile)))
+        return self.__add(AsyncClient(self.__work, srv_type, srv_name, name, profile_of(qos_profile)))
 
     def create_timer(
         self,
@@ -330,7 +317,9 @@ class AsyncNode(BaseNode):
             raise RCLError("failed to create timer: timer period must be non-negative")
         check_callback(callback)
         self.__check("timer")
-        return self.__add(AsyncTimer(self, period_ns, callback, clock or self._clock, autostart=autostart))
+        return self.__add(
+            AsyncTimer(self.__work, period_ns, callback, clock or self._clock, autostart=autostart)
+        )
 
     def create_action_server(
         self,
@@ -354,7 +343,7 @@ class AsyncNode(BaseNode):
         check_callback(execute_callback)
         self.__full_name("action server", action_name)
         server = AsyncActionServer(
-            self,
+            self.__work,
             action_type,
             action_name,
             execute_callback,
@@ -367,7 +356,7 @@ class AsyncNode(BaseNode):
     def create_action_client(self, action_type: Any, action_name: str) -> AsyncActionClient:
         """Make a client of an action; not in ROS 2's AsyncNode. Raises as `create_publisher`."""
         self.__full_name("action client", action_name)
-        return self.__add(AsyncActionClient(self, action_type, action_name))
+        return self.__add(AsyncActionClient(self.__work, action_type, action_name))
 
     # --- destroying: each returns whether the entity belonged to this node
 
@@ -387,38 +376,11 @@ class AsyncNode(BaseNode):
     def destroy_timer(self, timer: AsyncTimer) -> bool:
         return self.__destroy(timer)
 
-    # --- for its entities
-
-    def forget(self, entity: AsyncEntity) -> None:
-        self.__entities.pop(entity, None)
-
-    def run_in_group(self, work: Coroutine[Any, Any, Any]) -> "asyncio.Task[Any] | None":
-        if self.__group is not None:
-            try:
-                return self.__group.create_task(work)
-            except RuntimeError:  # the group ends already
-                pass
-        work.close()
-        return None
-
-    def run_behind(self, work: Coroutine[Any, Any, Any]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self.__behind.add(task)
-        task.add_done_callback(self.__done_behind)
-
-    def fail(self, error: BaseException) -> None:
-        self.run_in_group(_raise(error))
-
-    # --- for its context
-
-    def context_ended(self) -> None:
-        if self.__body is not None and not (loop := self.__body.get_loop()).is_closed():
-            loop.call_soon_threadsafe(self.__on_context_end)
-
     # --- inside
 
-    def __advance(self, event: EntityEvent) -> None:
+    def __advance(self, event: EntityEvent) -> EntityState:
         self.__state = TRANSITIONS[self.__state][event]
+        return self.__state
 
     def __check(self, what: str) -> None:
         if self.__state is EntityState.DESTROYED:
@@ -431,66 +393,37 @@ class AsyncNode(BaseNode):
         return full_name(name, self.__native.resolve_topic_name, is_service=is_service)
 
     def __add(self, entity: E) -> E:
-        entity.is_optional = self.__is_optional
-        self.__entities[entity] = None
-        if self.__state is EntityState.OPEN:
-            self.__begin(entity)
+        self.__work.add(entity)
         return entity
 
-    def __begin(self, entity: AsyncEntity) -> None:
-        assert self.__openings is not None
-        entity.begin(self.__openings)
-        task = self.run_in_group(self.__open(entity))
-        if task is not None:
-            self.__opening.add(task)
-            task.add_done_callback(self.__opening.discard)
-
-    async def __open(self, entity: AsyncEntity) -> None:
-        try:
-            await entity.open()
-        except AccessDenied as denied:
-            if not entity.is_optional:
-                raise
-            self.get_logger().warning(f"the node works without one of its own services: {denied}")
-
-    async def __opened(self) -> None:
-        """Wait until all endpoints are open."""
-        while self.__opening:
-            await asyncio.wait(self.__opening)
-
     def __destroy(self, entity: AsyncEntity) -> bool:
-        is_ours = entity in self.__entities
+        is_ours = entity in self.__work.entities
         if is_ours:
             entity.destroy()
         return is_ours
 
-    def __done_behind(self, task: "asyncio.Task[Any]") -> None:
-        self.__behind.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
-            reason = error or "busd does not take it"
-            self.get_logger().warning(f"not everything could be handed over: {reason}")
 
-    async def __close(self) -> None:
-        while self.__behind:
-            await asyncio.wait(self.__behind)
+class _Shutdown:
+    """The end of a context while a node runs: it cancels the task that made this object, the node's body."""
 
-    def __on_context_end(self) -> None:
+    def __init__(self, context: Context) -> None:
+        self.has_come = False
+        body = asyncio.current_task()
+        assert body is not None
+        self._body = body
+        context.notify_at_end(self)
+
+    def context_ended(self) -> None:
+        """Called in any thread, and in a signal's handler."""
+        if not (loop := self._body.get_loop()).is_closed():
+            loop.call_soon_threadsafe(self._cancel)
+
+    def has_cancelled_alone(self) -> bool:
+        """Take back the cancellation; whether there was no other."""
+        return self.has_come and self._body.uncancel() == 0
+
+    def _cancel(self) -> None:
         # At Ctrl-C, asyncio itself, or KeyboardInterrupt, ends the program.
-        if self.__state is not EntityState.OPEN or self.__body is None or _was_interrupted():
-            return
-        self.__is_shut_down = True
-        self.__body.cancel()
-
-    def __was_cancelled_here(self) -> bool:
-        """Take back the cancellation by the end of the context; whether it was the only one."""
-        return self.__body is not None and self.__body.uncancel() == 0
-
-
-def _was_interrupted() -> bool:
-    from signal import SIGINT
-
-    return signals.last_signal() == SIGINT
-
-
-async def _raise(error: BaseException) -> None:
-    raise error
+        if not self.has_come and signals.last_signal() != SIGINT:
+            self.has_come = True
+            self._body.cancel()

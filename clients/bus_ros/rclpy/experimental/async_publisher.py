@@ -26,9 +26,11 @@ MOST_HELD = 1000
 class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
     """Made by `AsyncNode.create_publisher`."""
 
-    def __init__(self, node: AsyncOwner, msg_type: type[M], topic_name: str, qos_profile: QoSProfile) -> None:
-        AsyncEntity.__init__(self, node)
-        BasePublisher.__init__(self, msg_type, qos_profile, node)
+    def __init__(
+        self, owner: AsyncOwner, msg_type: type[M], topic_name: str, qos_profile: QoSProfile
+    ) -> None:
+        AsyncEntity.__init__(self, owner)
+        BasePublisher.__init__(self, msg_type, qos_profile, owner.node)
         self._topic_name = topic_name
         self._native: NativePublisher[Any] | None = None
         self._openings: Openings | None = None

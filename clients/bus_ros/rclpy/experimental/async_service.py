@@ -31,7 +31,7 @@ class AsyncService(AsyncEntity, BaseService):
 
     def __init__(
         self,
-        node: AsyncOwner,
+        owner: AsyncOwner,
         srv_type: Any,
         srv_name: str,
         service_name: str,
@@ -40,7 +40,7 @@ class AsyncService(AsyncEntity, BaseService):
         *,
         concurrent: bool,
     ) -> None:
-        AsyncEntity.__init__(self, node)
+        AsyncEntity.__init__(self, owner)
         BaseService.__init__(self, srv_type, srv_name, callback, qos_profile, nullcontext())
         self._service_name = service_name
         self._waiting: deque[tuple[object, RequestId]] = deque()

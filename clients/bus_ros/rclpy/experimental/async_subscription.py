@@ -35,7 +35,7 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
 
     def __init__(
         self,
-        node: AsyncOwner,
+        owner: AsyncOwner,
         msg_type: type[M],
         topic_name: str,
         callback: Callable[..., object] | None,
@@ -44,7 +44,7 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
         raw: bool,
         concurrent: bool,
     ) -> None:
-        AsyncEntity.__init__(self, node)
+        AsyncEntity.__init__(self, owner)
         BaseSubscription.__init__(self, msg_type, qos_profile, raw=raw)
         self._topic_name = topic_name
         self._call: Any = callback  # None without a callback

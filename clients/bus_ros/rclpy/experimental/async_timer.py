@@ -22,14 +22,14 @@ class AsyncTimer(AsyncEntity, BaseTimer):
 
     def __init__(
         self,
-        node: AsyncOwner,
+        owner: AsyncOwner,
         timer_period_ns: int,
         callback: Callable[..., Any],
         clock: BaseClock,
         *,
         autostart: bool,
     ) -> None:
-        AsyncEntity.__init__(self, node)
+        AsyncEntity.__init__(self, owner)
         BaseTimer.__init__(self, timer_period_ns, clock, autostart=autostart)
         self.callback = callback
         self._alarms: Alarms | None = None

@@ -58,7 +58,9 @@ TRANSITIONS = {
 
 
 class AsyncOwner(Protocol):
-    """The interface of an AsyncNode for its endpoints."""
+    """The interface of a node's work for its endpoints."""
+
+    node: Any
 
     @property
     def native(self) -> NativeNode: ...
@@ -79,14 +81,14 @@ class AsyncOwner(Protocol):
 class AsyncEntity:
     """Base of publishers, subscriptions, services, clients and timers of an AsyncNode."""
 
-    def __init__(self, node: AsyncOwner) -> None:
-        self.node: Any = node
+    def __init__(self, owner: AsyncOwner) -> None:
+        self.node: Any = owner.node
         self.state = EntityState.MADE
         self.is_destroyed = False
         """Whether the state is DESTROYED."""
         self.is_optional = False
         """If busd refuses it access, the node works without it."""
-        self._owner = node
+        self._owner = owner
 
     def begin(self, openings: Openings) -> None:
         """Its node runs, and `open` follows."""

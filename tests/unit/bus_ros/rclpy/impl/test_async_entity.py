@@ -20,6 +20,7 @@ CELLS = [(state, event) for state in EntityState for event in EntityEvent]
 class Owner:
     """A node that notes the work given to it."""
 
+    node: Any = None
     native: Any = None
 
     def __init__(self) -> None:
