@@ -90,13 +90,9 @@ async def _publish_by_timer(node: Any, pub: Any, work: Work) -> None:
 
 
 async def _flood(pub: Any, text: str, count: int) -> None:
-    publish = pub.publish
+    send = pub.send  # it waits for room, and `publish` has no result
     for _ in range(count):
-        message = _filled(text)
-        try:
-            publish(message)
-        except RuntimeError:
-            await pub.send(message)
+        await send(_filled(text))
 
 
 async def _flood_to_the_last(parent: Parent, pub: Any, work: Work) -> None:
