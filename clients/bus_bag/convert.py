@@ -317,7 +317,7 @@ class _Writer:
         ):
             return
         writer = self._writer
-        if self._splitting and self._splitting.is_due(writer.size, time):
+        while self._splitting and self._splitting.is_due(writer.size, time):
             writer.split()
             self._splitting.split(writer.size)
         writer.write(channel, time, message.publish_time, message.sequence, [message.data])

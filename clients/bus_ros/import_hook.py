@@ -43,6 +43,7 @@ _SAME: Final = {
     "message_filters": "bus_ros.message_filters",
     "nav2_common": "bus_launch.nav2_common",
     "rclpy": "bus_ros.rclpy",
+    "rosbag2_py": "bus_bag.rosbag2_py",
     "sensor_msgs_py": "bus_ros.sensor_msgs_py",
     "tf2_geometry_msgs": "bus_tf2.tf2_geometry_msgs",
     "tf2_py": "bus_tf2.tf2_py",
@@ -102,7 +103,7 @@ _MISSING: Final = frozenset(
     (
         *("ament_package", "domain_coordinator", "image_geometry", "launch_pytest"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
-        *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
+        *("ros2run", "ros2service", "ros2topic", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
     )
 )

@@ -236,7 +236,7 @@ def test_a_part_of_a_package_is_there_when_it_is_asked_for(tmp_path: Path) -> No
             "import std_msgs.msg; std_msgs.msg.Strin",
             "AttributeError: module 'std_msgs.msg' has no attribute 'Strin'",
         ),
-        ("import rosbag2_py", "ModuleNotFoundError: busd has no 'rosbag2_py', which is a part of ROS 2"),
+        ("import ros2bag", "ModuleNotFoundError: busd has no 'ros2bag', which is a part of ROS 2"),
         ("import tf2_ros.part", "ModuleNotFoundError: busd has no 'tf2_ros.part'"),
         (
             "import launch_pytest",
