@@ -32,6 +32,7 @@ _SAME: Final = {
     "ament_index_python": "bus_ros.ament_index_python",
     "cv_bridge": "bus_ros.cv_bridge",
     "diagnostic_updater": "bus_ros.diagnostic_updater",
+    "image_geometry": "bus_ros.image_geometry",
     "interactive_markers": "bus_ros.interactive_markers",
     "laser_geometry": "bus_ros.laser_geometry",
     "launch": "bus_launch.launch",
@@ -101,7 +102,7 @@ _PACKAGES: Final = {
 
 _MISSING: Final = frozenset(
     (
-        *("ament_package", "domain_coordinator", "image_geometry", "launch_pytest"),
+        *("ament_package", "domain_coordinator", "launch_pytest"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
