@@ -80,6 +80,8 @@ _ALIASES: Final = {
     "launch_yaml.launch_description_sources": "bus_launch.launch.launch_description_sources",
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
     "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
+    "rosidl_runtime_py.get_interfaces": "bus_ros.rosidl.interfaces",
+    "rosidl_runtime_py.import_message": "bus_ros.rosidl.interfaces",
     "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.utilities": "bus_ros.rosidl.runtime",
     "tf2_tools.view_frames": "bus_tf2.programs.view_frames",

@@ -16,13 +16,44 @@ from bus.types.idl import Type
 from bus_ros.rosidl import numbers
 from bus_ros.rosidl.classes import action_class, message_class, service_class
 from bus_ros.rosidl.fields import type_text
+from bus_ros.rosidl.interfaces import (
+    get_action_interfaces,
+    get_action_namespaced_type,
+    get_interface_packages,
+    get_interface_path,
+    get_interfaces,
+    get_message_interfaces,
+    get_message_namespaced_type,
+    get_namespaced_type,
+    get_service_interfaces,
+    get_service_namespaced_type,
+    import_message_from_namespaced_type,
+    is_action,
+    is_message,
+    is_service,
+)
 from bus_ros.rosidl.message import RosMessage
 
 __all__ = [
     "get_action",
+    "get_action_interfaces",
+    "get_action_namespaced_type",
     "get_interface",
+    "get_interface_packages",
+    "get_interface_path",
+    "get_interfaces",
     "get_message",
+    "get_message_interfaces",
+    "get_message_namespaced_type",
+    "get_message_slot_types",
+    "get_namespaced_type",
     "get_service",
+    "get_service_interfaces",
+    "get_service_namespaced_type",
+    "import_message_from_namespaced_type",
+    "is_action",
+    "is_message",
+    "is_service",
     "message_to_csv",
     "message_to_ordereddict",
     "message_to_yaml",
@@ -69,6 +100,11 @@ def get_service(identifier: str) -> type:
 def get_action(identifier: str) -> type:
     """The class of `example_interfaces/action/Fibonacci`; raises as `get_interface`."""
     return _of_kind(identifier, "action", "action")
+
+
+def get_message_slot_types(msg: RosMessage) -> "OrderedDict[str, Any]":
+    """The fields of a message, each with its type of rosidl_parser."""
+    return OrderedDict(zip(msg.get_fields_and_field_types(), msg.SLOT_TYPES, strict=True))
 
 
 def message_to_ordereddict(

@@ -190,6 +190,10 @@ def test_other_modules_of_ros(tmp_path: Path) -> None:
         import rosidl_runtime_py, rosidl_parser.definition, ament_index_python
         from rosidl_runtime_py.utilities import get_message, get_service
         from rosidl_runtime_py.set_message import set_message_fields
+        from rosidl_runtime_py.get_interfaces import get_interface_path
+        from rosidl_runtime_py.import_message import import_message_from_namespaced_type
+        from rosidl_runtime_py.convert import get_message_slot_types
+        from rosidl_runtime_py import get_interfaces
         from rosidl_parser.definition import BasicType
         from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
         Point = get_message("geometry_msgs/msg/Point")
