@@ -73,6 +73,16 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "type": "Print an action's type",
         },
     ),
+    "component": (
+        "Various component related sub-commands",
+        {
+            "list": "Output a list of running containers and components",
+            "load": "Load a component into a container node",
+            "standalone": "Run a component into its own standalone container node",
+            "types": "Output a list of components registered by packages",
+            "unload": "Unload a component from a container node",
+        },
+    ),
     "lifecycle": (
         "Various lifecycle related sub-commands",
         {

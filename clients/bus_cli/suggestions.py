@@ -32,7 +32,6 @@ __all__ = [
 _EXAMPLES = "example_interfaces/"
 
 _NOT_YET = {
-    "component": "open several bus.Node in one main()",
     "control": "",
     "extension_points": "",
     "extensions": "",

@@ -32,8 +32,15 @@ __all__ = [
 INDEX = Path("share", "ament_index", "resource_index", "packages")
 """A path relative to a prefix: it has a file for each package."""
 
+_CONTAINERS = {
+    "component_container": "bus_ros.rclpy_components.component_container:main",
+    "component_container_mt": "bus_ros.rclpy_components.component_container:main_mt",
+}
+
 _BUILT_IN = {
     "joint_state_publisher": {"joint_state_publisher": "bus_tf2.programs.joint_state_publisher:main"},
+    "rclcpp_components": _CONTAINERS,
+    "rclpy_components": _CONTAINERS,
     "robot_state_publisher": {"robot_state_publisher": "bus_tf2.programs.robot_state_publisher:main"},
     "tf2_ros": {
         "buffer_server": "bus_tf2.programs.buffer_server:main",
