@@ -4,7 +4,8 @@
                                         `time_line.py`: when is a message due? -^
 
 `selection.py` chooses topics, `qos.py` their QoS. `latched.py` has the messages that late joiners would have
-received. Commands: `keys.py`, `services.py`, `seek.py`. Waiting: `alarm.py`. `program.py` connects all parts.
+received. `requests.py` sends the requests of recorded calls. Commands: `keys.py`, `services.py`, `seek.py`.
+Waiting: `alarm.py`. `program.py` connects all parts.
 
 Invariants:
 
@@ -18,5 +19,6 @@ Invariants:
 
 Read first: `state.py`, `time_line.py`, `player.py`.
 
-Tests: `tests/unit/bus_bag/play/`, `tests/system/test_bag_play.py`, `tests/system/test_bag_keys.py`.
+Tests: `tests/unit/bus_bag/play/`, `tests/system/test_bag_play.py`, `tests/system/test_bag_keys.py`,
+`tests/system/test_bag_requests.py`.
 """

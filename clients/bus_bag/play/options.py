@@ -32,6 +32,9 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Topics with a clock message before each of their messages; an empty set: before all messages."""
     order: Order = "log_time"
     read_ahead: int = 1000
+    requests_source: str = ""
+    """`service_introspection` or `client_introspection`: send the requests in events of services. Empty:
+    publish the events."""
     acknowledged_within: int | None = None
     """Time to wait at the end until published messages have been sent; 0: no limit."""
     progress_hz: float = 3.0

@@ -19,6 +19,7 @@ from bus_bag.play.keys import CURSOR, LETTERS, Key
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player, Span
 from bus_bag.play.read_ahead import ReadAheadQueue
+from bus_bag.play.requests import ServiceRequests
 from bus_bag.play.services import serve
 from bus_bag.play.topics import Topics
 from bus_bag.storage import BagReader, Problem, open_bag
@@ -200,7 +201,9 @@ def _listen(stack: AsyncExitStack, player: Player, logger: Logger) -> None:
     stack.callback(keyboard.close)
 
 
-async def _wait_for_all(publishers: Mapping[str, Publisher[Any]], within_ms: int, logger: Logger) -> None:
+async def _wait_for_all(
+    publishers: Mapping[str, Publisher[Any] | ServiceRequests], within_ms: int, logger: Logger
+) -> None:
     for topic, publisher in publishers.items():
         try:
             async with asyncio.timeout(within_ms / 1000 if within_ms else None):

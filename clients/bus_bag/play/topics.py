@@ -15,8 +15,10 @@ from bus.types.classes import message_class
 from bus_bag.metadata import TopicMetadata
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.qos import MIXED, kept_for_late_joiners, offered_profile
+from bus_bag.play.requests import ServiceRequests
 from bus_bag.schemas import SCHEMA, schema_from_text
 from bus_bag.storage import BagMessage, BagReader
+from bus_bag.topic_names import is_event_topic
 from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
 
 __all__ = ["Topics"]
@@ -43,11 +45,16 @@ class Topics:
         """Names of all playable topics."""
         return frozenset(self._codecs)
 
-    async def publish_on(self, node: Node) -> dict[str, Publisher[Any]]:
-        """Create a publisher for each playable topic, and log the reason for each other topic."""
-        publishers: dict[str, Publisher[Any]] = {}
+    async def publish_on(self, node: Node) -> dict[str, Publisher[Any] | ServiceRequests]:
+        """Create a publisher for each playable topic, and log the reason for each other topic.
+
+        If the options choose a source of requests, a service's events have a client instead.
+        """
+        publishers: dict[str, Publisher[Any] | ServiceRequests] = {}
         best_effort = []
         self._report_unknown()
+        source = self._options.requests_source
+        graph = await node.graph() if source else None
         for name, topic in self._reader.topics.items():
             if not self._options.selection.has(name) or (name == _CLOCK and self._options.has_clock):
                 continue
@@ -55,6 +62,10 @@ class Topics:
             try:
                 schema = self._schema(topic)
                 codec = codec_of(schema)
+                if source and graph is not None and is_event_topic(name, [topic.type]):
+                    publishers[name] = await ServiceRequests.open(node, graph, name, schema, source)
+                    self._codecs[name] = codec
+                    continue
                 publishers[name] = await node.create_publisher(schema, name, profile)
             except BusError as error:
                 reason = str(error).splitlines()[0].rstrip(".:")

@@ -12,6 +12,7 @@ from bus_cli.bag.playargs import (
 from bus_cli.stream import positive, unsigned_int
 
 _CLOCK_HZ = 40.0
+_SOURCES = ("service_introspection", "client_introspection")
 _ORDERS = {"received": "log_time", "sent": "publish_time"}
 
 
@@ -33,6 +34,17 @@ def add_arguments(parser: ArgumentParser) -> None:
         nargs="+",
         default=[],
         help="Leave the events of these services out",
+    )
+    parser.add_argument(
+        "--publish-service-requests",
+        action="store_true",
+        help="Send recorded service requests instead of publishing recorded service events",
+    )
+    parser.add_argument(
+        "--service-requests-source",
+        choices=_SOURCES,
+        default=_SOURCES[0],
+        help=f"The events with the requests: of the service or of the client (default: {_SOURCES[0]})",
     )
     parser.add_argument(
         "--disable-loan-message", action="store_true", help="ignored: it makes no difference here"
@@ -113,5 +125,6 @@ def main(args: Namespace) -> int:
         clock_hz=args.clock,
         clock_topics=clock_topics,
         order=_ORDERS[args.message_order],
+        requests_source=args.service_requests_source if args.publish_service_requests else "",
         acknowledged_within=args.wait_for_all_acked,
     )
