@@ -346,6 +346,8 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
         formatter_class=_RawFormatter,
     )
     parser.add_argument("--version", action="store_true", help="print the version and exit")
+    # An option of ros2. Here, output to pipes always appears line by line.
+    parser.add_argument("--use-python-default-buffering", action="store_true", help=SUPPRESS)
     _add_common_options(parser, None)
     parser.set_defaults(main=_print_help(parser), json=False, include_hidden_topics=False)
     commands = parser.add_subparsers(title="commands", metavar="command", prog=program_name())

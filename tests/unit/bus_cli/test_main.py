@@ -76,6 +76,11 @@ def test_a_command_by_itself_prints_its_help(command: str, capsys: pytest.Captur
         assert f"    {verb:<19} {line}" in text
 
 
+def test_an_option_of_ros2_before_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--use-python-default-buffering", "interface", "packages"]) == 0
+    assert "std_msgs\n" in capsys.readouterr().out
+
+
 def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([]) == 0
     assert capsys.readouterr().out.startswith("usage: bus [-h]")
