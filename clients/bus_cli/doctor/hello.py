@@ -10,6 +10,7 @@ import re
 import socket
 from argparse import ArgumentParser, Namespace
 from collections import Counter
+from contextlib import suppress
 
 from bus.msg.std_msgs import String
 from bus_cli.multicast.udp import GROUP, PORT, add_ttl_argument, receiver, send, sender
@@ -120,8 +121,9 @@ async def _hello(args: Namespace) -> int:
         source.setblocking(False)
 
         def on_datagram() -> None:
-            data = source.recv(_MOST_BYTES)
-            summary.hear(data.decode(errors="replace"), summary.received)
+            with suppress(OSError):  # the kernel has dropped the datagram
+                data = source.recv(_MOST_BYTES)
+                summary.hear(data.decode(errors="replace"), summary.received)
 
         loop.add_reader(source, on_datagram)
         try:

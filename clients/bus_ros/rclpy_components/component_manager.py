@@ -87,11 +87,14 @@ def _make(request: Any) -> Node:
 
 
 def _options(request: Any) -> dict[str, Any]:
-    """The arguments of the class, as far as the request needs them."""
-    extra = {one.name: Parameter.from_parameter_msg(one).value for one in request.extra_arguments}
+    """The arguments of the class, as far as the request needs them.
+
+    Extra arguments of ROS 2's container (`use_intra_process_comms`, `forward_global_arguments`) have no
+    effect: the route of messages does not depend on them, and the container's arguments are its own.
+    """
     names = [f"__node:={request.node_name}"] if request.node_name else []
     names += [f"__ns:={request.node_namespace}"] if request.node_namespace else []
-    options: dict[str, Any] = {_OF_CONTEXT: bool(extra.get("forward_global_arguments", False))}
+    options: dict[str, Any] = {_OF_CONTEXT: False}
     if rules := [*names, *request.remap_rules]:
         options["cli_args"] = ["--ros-args", *(word for rule in rules for word in ("-r", rule))]
     if request.parameters:
