@@ -12,6 +12,7 @@ Invariants:
 Read first: `finding.py`. Tests: `tests/unit/bus_cli/doctor/`, `tests/system/test_cli_doctor.py`.
 """
 
+import os
 from argparse import ArgumentParser, Namespace
 from collections.abc import Collection, Iterator, Sequence
 
@@ -120,6 +121,7 @@ def examine(args: Namespace) -> Iterator[Finding]:
             yield from topics.examine(seen.graph)
     if not args.exclude_packages:
         yield from versions.examine()
+    yield from versions.ros2_program(os.environ.get("PATH", os.defpath).split(os.pathsep))
     yield versions.shared_memory()
     yield from versions.native_core()
     yield from bridges.examine(file, running)

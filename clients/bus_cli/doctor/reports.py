@@ -14,7 +14,7 @@ from bus_cli.doctor.topics import pairs
 __all__ = ["Report", "category_of", "reports", "text_of"]
 
 _PACKAGES = ("busd", "msgspec", "uvloop", "PyYAML", "numpy", "mcap", "websockets", "textual", "argcomplete")
-_OF_PACKAGES = ("python", "busd", "msgspec", "uvloop", "native core")
+_OF_PACKAGES = ("python", "ros2", "busd", "msgspec", "uvloop", "native core")
 _OF_PLATFORM = ("shared memory", "open files", "socket buffer", "memory", "clock", "receive buffers")
 _NOT_LISTED = ("/rosout", "/parameter_events")
 _LEAST_WIDTH, _GAP = 8, 4

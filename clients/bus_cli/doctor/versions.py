@@ -1,15 +1,28 @@
 """The versions below the library: Python, packages, the native core."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bus_cli.doctor.finding import Finding, fail, ok, warn
 from bus_cli.main import version
+from bus_cli.ros2.script import is_ours, programs
 
-__all__ = ["examine", "native_core", "shared_memory"]
+__all__ = ["examine", "native_core", "ros2_program", "shared_memory"]
 
 _MIN_PYTHON = (3, 11)
+
+
+def ros2_program(path: Sequence[str]) -> Iterator[Finding]:
+    """A finding about busd's `ros2` if it is in a folder of `path`: it must not hide another one."""
+    found = [(one, is_ours(one)) for one in programs(path)]
+    ours = next((one for one, is_own in found if is_own), None)
+    other = next((one for one, is_own in found if not is_own), None)
+    if ours is not None and other is None:
+        yield ok("ros2", f"{ours} runs bus")
+    elif ours is not None:
+        text = f"{found[0][0]} comes before the others in PATH: {ours} is busd's, {other} is not"
+        yield warn("ros2", text, f"bus ros2 uninstall --into {ours.parent}")
 
 
 def examine() -> Iterator[Finding]:

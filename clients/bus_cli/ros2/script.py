@@ -11,7 +11,7 @@ from pathlib import Path
 from bus_cli.output import CommandError
 from bus_cli.program_name import ALIAS, NAME
 
-__all__ = ["MARK", "add_folder_argument", "folder_of", "foreign", "is_ours", "script_text"]
+__all__ = ["MARK", "add_folder_argument", "folder_of", "foreign", "is_ours", "programs", "script_text"]
 
 MARK = "# This ros2 belongs to busd: it runs the program bus."
 """Line in each file `ros2` of busd."""
@@ -61,14 +61,12 @@ def script_text(python: str) -> str:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether busd has written a file. Raises CommandError if it can't be read."""
+    """Whether busd has written a file; False if it can't be read."""
     try:
         with path.open("rb") as file:
             return MARK.encode() in file.read(_HEAD_BYTES)
-    except (FileNotFoundError, IsADirectoryError):
+    except OSError:
         return False
-    except OSError as error:
-        raise CommandError(f"can't read {path}: {error.strerror}") from None
 
 
 def foreign(folder: Path, path: Sequence[str]) -> Path | None:
@@ -76,11 +74,15 @@ def foreign(folder: Path, path: Sequence[str]) -> Path | None:
     here = folder / ALIAS
     if (here.is_symlink() or here.exists()) and not is_ours(here):
         return here
+    return next((found for found in programs(path) if not is_ours(found)), None)
+
+
+def programs(path: Sequence[str]) -> Iterator[Path]:
+    """The programs `ros2` in the folders of `path`, in their order."""
     for one in path:
         found = Path(one or os.curdir) / ALIAS
-        if found.is_file() and os.access(found, os.X_OK) and not is_ours(found):
-            return found
-    return None
+        if found.is_file() and os.access(found, os.X_OK):
+            yield found
 
 
 def _folders() -> Iterator[Path]:

@@ -59,6 +59,13 @@ def test_a_ros2_of_another_origin(tmp_path: Path) -> None:
     assert foreign(other, []) == genuine
 
 
+def test_what_can_not_be_read_is_not_ours(tmp_path: Path) -> None:
+    (tmp_path / "ros2").mkdir()
+    assert not is_ours(tmp_path / "ros2")
+    assert not is_ours(tmp_path / "ros2" / "nothing")
+    assert foreign(tmp_path, []) == tmp_path / "ros2"
+
+
 def test_the_ros2_of_a_launch_is_ours() -> None:
     import bus_launch
 
