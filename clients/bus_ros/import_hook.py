@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from functools import partial
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
-from types import FrameType, ModuleType
+from types import CodeType, FrameType, ModuleType
 from typing import Any, Final, NoReturn
 
 from bus import _import as import_at_once
@@ -74,8 +74,20 @@ _ALIASES: Final = {
     "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
     "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
     "launch_ros.remap_rule_type": "bus_launch.launch_ros.parameters_type",
+    "launch_testing.event_handlers.stdout_ready_listener": "bus_launch.launch_testing.event_handlers",
     "launch_testing.io_handler": "bus_launch.launch_testing.processes",
     "launch_testing.proc_info_handler": "bus_launch.launch_testing.processes",
+    "launch_testing.ready_aggregator": "bus_launch.launch_testing.ready",
+    "launch_testing.tools.text": "bus_launch.launch_testing.text",
+    "launch_testing.util.proc_lookup": "bus_launch.launch_testing.lookup",
+    **{
+        f"launch_testing.asserts.assert_{name}": "bus_launch.launch_testing.asserts"
+        for name in ("exit_codes", "output", "sequential_output")
+    },
+    **{
+        f"launch_testing.actions.{name}": "bus_launch.launch_testing.actions"
+        for name in ("gtest", "pytest", "ready", "test")
+    },
     "launch_xml.launch_description_sources": "bus_launch.launch.launch_description_sources",
     "launch_yaml.launch_description_sources": "bus_launch.launch.launch_description_sources",
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
@@ -263,6 +275,15 @@ class _Alias:
 
     def exec_module(self, module: ModuleType) -> None:
         module.__spec__ = self._spec  # the import has changed it
+
+    def get_code(self, name: str) -> CodeType | None:
+        """For `python -m`."""
+        from importlib.util import find_spec
+
+        spec = find_spec(self._target)
+        loader: Any = None if spec is None else spec.loader
+        code: CodeType | None = loader.get_code(self._target)
+        return code
 
 
 def _alias(name: str, target: str) -> ModuleSpec | None:

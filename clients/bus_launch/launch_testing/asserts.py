@@ -1,17 +1,18 @@
 """Assertions about processes; programs import it as `launch_testing.asserts`."""
 
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from bus_launch.launch.events.process import ProcessExited
-from bus_launch.launch_testing.processes import (
-    ActiveIoHandler,
-    ActiveProcInfoHandler,
+from bus_launch.launch_testing.lookup import (
+    NO_CMD_ARGS,
     NoMatchingProcessException,
-    contains,
+    matching,
+    resolveProcesses,
+    shown,
 )
+from bus_launch.launch_testing.processes import IoHandler, ProcInfoHandler
 
 __all__ = [
     "EXIT_FORCED",
@@ -21,74 +22,120 @@ __all__ = [
     "EXIT_SIGQUIT",
     "EXIT_SIGSEGV",
     "EXIT_SIGTERM",
+    "NO_CMD_ARGS",
     "NoMatchingProcessException",
     "SequentialTextChecker",
+    "assertDefaultStream",
     "assertExitCodes",
     "assertInStderr",
     "assertInStdout",
+    "assertInStream",
     "assertSequentialStdout",
 ]
 
+__path__: list[str] = []  # there may be modules in it: a file for each assertion, as in ROS 2
+
 EXIT_OK = 0
 EXIT_FORCED = 1
-EXIT_SIGINT = -2
-EXIT_SIGQUIT = -3
-EXIT_SIGKILL = -9
-EXIT_SIGSEGV = -11
-EXIT_SIGTERM = -15
+EXIT_SIGINT = 130
+EXIT_SIGQUIT = 131
+EXIT_SIGKILL = 137
+EXIT_SIGSEGV = 139
+EXIT_SIGTERM = 143
 
 
 def assertExitCodes(
-    proc_info: ActiveProcInfoHandler,
+    proc_info: ProcInfoHandler,
     allowable_exit_codes: Iterable[int] = (EXIT_OK,),
     process: Any = None,
     cmd_args: Any = None,
+    *,
+    strict_proc_matching: bool = True,
 ) -> None:
-    """Checks the exit code of one process, or of all."""
+    """Checks the exit code of one process, or of all. For a signal, -2 and 130 mean the same."""
     allowed = list(allowable_exit_codes)
-    for event in list(proc_info) if process is None else [proc_info[process]]:
-        code = event.returncode if isinstance(event, ProcessExited) else None
-        assert code in allowed, f"Proc {event.process_name} exited with code {code}"
+    for code in allowed:
+        assert isinstance(code, int), f"Provided exit code {code} is not an int"
+    allowed += [128 - code for code in allowed if code > 128] + [128 - code for code in allowed if code < 0]
+    for one in resolveProcesses(
+        proc_info, process=process, cmd_args=cmd_args, strict_proc_matching=strict_proc_matching
+    ):
+        event = proc_info[one]
+        ended = event.returncode if isinstance(event, ProcessExited) else None
+        assert ended in allowed, f"Proc {event.process_name} exited with code {ended}"
 
 
-def assertInStdout(
-    proc_output: ActiveIoHandler, expected_output: Any, process: Any, cmd_args: Any = None, **ignored: Any
+def assertInStream(
+    proc_output: IoHandler,
+    expected_output: Any,
+    process: Any,
+    cmd_args: Any = None,
+    *,
+    output_filter: Callable[[str], str] | None = None,
+    strict_proc_matching: bool = True,
+    strip_ansi_escape_sequences: bool = True,
+    stream: str = "stderr",
 ) -> None:
-    """`expected_output`: a text, a pattern, or several in turn."""
-    _assert_in(proc_output, expected_output, process, "stdout")
-
-
-def assertInStderr(
-    proc_output: ActiveIoHandler, expected_output: Any, process: Any, cmd_args: Any = None, **ignored: Any
-) -> None:
-    """`expected_output`: a text, a pattern, or several in turn."""
-    _assert_in(proc_output, expected_output, process, "stderr")
-
-
-def _assert_in(proc_output: ActiveIoHandler, expected: Any, process: Any, stream: str) -> None:
-    assert contains(proc_output.text(process, stream), expected), (
-        f"Did not find '{expected}' in output for any of the matching process: {process}"
+    """`expected_output`: a text, a pattern, or several in turn, in the output so far."""
+    is_there = proc_output.has(
+        expected_output,
+        process,
+        cmd_args,
+        stream,
+        output_filter,
+        is_strict=strict_proc_matching,
+        are_escapes_stripped=strip_ansi_escape_sequences,
+    )
+    assert is_there, (
+        f"Did not find '{expected_output}' in output for any of the matching processes: {shown(process)}"
     )
 
 
-class SequentialTextChecker:
-    """Looks for texts one after the other."""
+def assertInStdout(
+    proc_output: IoHandler, expected_output: Any, process: Any, cmd_args: Any = None, **options: Any
+) -> None:
+    """As assertInStream, for stdout."""
+    assertInStream(proc_output, expected_output, process, cmd_args, stream="stdout", **options)
 
-    def __init__(self, text: str) -> None:
-        self._text = text
+
+def assertInStderr(
+    proc_output: IoHandler, expected_output: Any, process: Any, cmd_args: Any = None, **options: Any
+) -> None:
+    """As assertInStream, for stderr."""
+    assertInStream(proc_output, expected_output, process, cmd_args, stream="stderr", **options)
+
+
+def assertDefaultStream() -> str:
+    """The stream that assertInStream looks at if none is named."""
+    return "stderr"
+
+
+class SequentialTextChecker:
+    """Looks for texts one after the other in the output: a text, or the texts of its events."""
+
+    def __init__(self, output: str | Iterable[str]) -> None:
+        self._text = output if isinstance(output, str) else "".join(output)
         self._position = 0
 
     def assertInText(self, msg: str) -> None:
-        match = re.compile(re.escape(msg)).search(self._text, self._position)
-        assert match is not None, f"'{msg}' not found in text"
-        self._position = match.end()
+        position = self._text.find(msg, self._position)
+        assert position >= 0, (
+            f"'{msg}' not found in sequence after previous match.  "
+            f"The output near the last matched line:\n{self.get_nearby_lines()}"
+        )
+        self._position = position + len(msg)
 
     assertInStdout = assertInText
+
+    def get_nearby_lines(self) -> str:
+        """The line of the last match, two lines before it and two after it."""
+        before, after = self._text[: self._position], self._text[self._position :]
+        return "\n".join(before.split("\n")[-3:]) + "\n".join(after.split("\n")[:3])
 
 
 @contextmanager
 def assertSequentialStdout(
-    proc_output: ActiveIoHandler, process: Any, cmd_args: Any = None
+    proc_output: IoHandler, process: Any, cmd_args: Any = None
 ) -> Iterator[SequentialTextChecker]:
     """`with ... as stdout: stdout.assertInStdout("first"); stdout.assertInStdout("second")`."""
-    yield SequentialTextChecker(proc_output.text(process, "stdout"))
+    yield SequentialTextChecker(proc_output.text(matching(proc_output, process, cmd_args), "stdout"))

@@ -2,7 +2,6 @@
 
 import functools
 import time
-import unittest
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -17,12 +16,17 @@ def keep_alive(function: _T) -> _T:
 
 
 def retry_on_failure(*, times: int, delay: float | None = None) -> Callable[[Any], Any]:
-    """Decorates a test: `times` more attempts before it counts as failed, `delay` seconds apart."""
+    """Decorates a test: up to `times` attempts before it counts as failed, `delay` seconds apart.
+
+    Raises ValueError for `times` below 1.
+    """
+    if times < 1:
+        raise ValueError(f"times must be at least 1, not {times}")
 
     def mark(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
-        def run(self: unittest.TestCase, *arguments: Any, **named: Any) -> Any:
-            for _ in range(times):
+        def run(self: Any, *arguments: Any, **named: Any) -> Any:
+            for _ in range(times - 1):
                 try:
                     return function(self, *arguments, **named)
                 except AssertionError:

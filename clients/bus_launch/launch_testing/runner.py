@@ -7,7 +7,7 @@ lines.
 import inspect
 import threading
 import unittest
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from bus_launch.launch.actions import RegisterEventHandler, SetLaunchConfiguration
@@ -18,20 +18,27 @@ from bus_launch.launch.launch_description_sources import load_python_launch_file
 from bus_launch.launch.launch_service import LaunchService
 from bus_launch.launch_testing.actions import ReadyToTest
 from bus_launch.launch_testing.processes import ActiveIoHandler, ActiveProcInfoHandler
+from bus_launch.launch_testing.ready import TIMEOUT_S
 
-__all__ = ["run_file"]
+__all__ = ["run_file", "run_module"]
+
+Runner = Callable[[unittest.TestSuite], unittest.TestResult]
 
 
 def run_file(path: str, arguments: Mapping[str, str], *, verbosity: int = 1) -> bool:
     """Whether all tests of a file passed. Raises the file's error."""
     module = load_python_launch_file_as_module(path)
-    make = getattr(module, "generate_test_description", None)
-    if make is None:
+    if not hasattr(module, "generate_test_description"):
         raise RuntimeError(f"'{path}' has no generate_test_description()")
-    rows = getattr(make, "__parametrized__", [{}])
-    results = [
-        _Run(module, make, row, arguments, verbosity).run() for row in rows
-    ]  # all, also after a failure
+    return run_module(module, arguments, unittest.TextTestRunner(verbosity=verbosity).run)
+
+
+def run_module(module: Any, arguments: Mapping[str, str], run: Runner) -> bool:
+    """Whether all tests of a module passed, in all its launches. `run` runs a suite of tests."""
+    make = module.generate_test_description
+    rows = make() if hasattr(make, "__parametrized__") else [(make, {})]
+    # All launches, also after a failure.
+    results = [_Run(module, one, row, arguments, run).run() for one, row in rows]
     return all(results)
 
 
@@ -39,17 +46,15 @@ class _Run:
     """One launch, with one row of parameters."""
 
     def __init__(
-        self, module: Any, make: Any, row: Mapping[str, Any], arguments: Mapping[str, str], verbosity: int
+        self, module: Any, make: Any, row: Mapping[str, Any], arguments: Mapping[str, str], run: Runner
     ) -> None:
-        self._verbosity = verbosity
+        self._run_suite = run
+        self._timeout = getattr(make, "__ready_to_test_action_timeout__", TIMEOUT_S)
         self._ready = threading.Event()
         self._info = ActiveProcInfoHandler()
-        self._output = ActiveIoHandler(self._info)
+        self._output = ActiveIoHandler()
         wanted = inspect.signature(make).parameters
-        given = dict(row)
-        if "ready_fn" in wanted:
-            given["ready_fn"] = self._ready.set
-        made = make(**given)
+        made = make(ready_fn=self._ready.set) if "ready_fn" in wanted else make()
         description, context = made if isinstance(made, tuple) else (made, {})
         ready = [one for one in _all_of(description) if isinstance(one, ReadyToTest)]
         if not ready and "ready_fn" not in wanted:
@@ -85,10 +90,14 @@ class _Run:
 
         def test() -> None:
             nonlocal has_passed
-            self._ready.wait()
-            if not is_over.is_set():
+            is_ready = self._ready.wait(self._timeout)
+            if is_over.is_set():
+                return
+            if is_ready:
                 has_passed = self._test(self._before)
-                self._service.shutdown()
+            else:
+                print(f"Timed out waiting for processes to start up: not ready after {self._timeout:g} s")
+            self._service.shutdown()
 
         is_over = threading.Event()
         thread = threading.Thread(target=test, name="tests", daemon=True)
@@ -121,7 +130,7 @@ class _Run:
                 suite.addTest(test)
         if not suite.countTestCases():
             return True
-        return unittest.TextTestRunner(verbosity=self._verbosity).run(suite).wasSuccessful()
+        return self._run_suite(suite).wasSuccessful()
 
 
 def _bind(test: unittest.TestCase, values: Mapping[str, Any]) -> None:

@@ -5,8 +5,11 @@ from typing import Any
 
 from bus_launch.launch.actions import ExecuteProcess
 from bus_launch.launch_testing.actions import ReadyToTest
+from bus_launch.launch_testing.lookup import NO_CMD_ARGS, NoMatchingProcessException, resolveProcesses
 
-__all__ = ["KeepAliveProc", "ReadyToTest"]
+__all__ = ["NO_CMD_ARGS", "KeepAliveProc", "NoMatchingProcessException", "ReadyToTest", "resolveProcesses"]
+
+__path__: list[str] = []  # in ROS 2, it has a module proc_lookup
 
 
 class KeepAliveProc(ExecuteProcess):

@@ -8,18 +8,21 @@ import pytest
 from bus_launch.launch.actions import ExecuteProcess
 from bus_launch.launch.events.process import ProcessExited, ProcessStarted, ProcessStderr, ProcessStdout
 from bus_launch.launch_testing.asserts import (
+    EXIT_SIGINT,
+    assertDefaultStream,
     assertExitCodes,
     assertInStderr,
     assertInStdout,
+    assertInStream,
     assertSequentialStdout,
 )
+from bus_launch.launch_testing.lookup import NO_CMD_ARGS, matching, resolveProcesses
 from bus_launch.launch_testing.processes import (
     ActiveIoHandler,
     ActiveProcInfoHandler,
     NoMatchingProcessException,
-    contains,
-    matching,
 )
+from bus_launch.launch_testing.text import build_text_match
 from rows import for_each
 
 TALKER, LISTENER = ExecuteProcess(cmd=["talker"]), ExecuteProcess(cmd=["listener"])
@@ -44,8 +47,8 @@ def info() -> ActiveProcInfoHandler:
 
 
 @pytest.fixture
-def output(info: ActiveProcInfoHandler) -> ActiveIoHandler:
-    output = ActiveIoHandler(info)
+def output() -> ActiveIoHandler:
+    output = ActiveIoHandler()
     output.append(ProcessStdout(text=b"first sec", **details(TALKER, "talker-1")))
     output.append(ProcessStderr(text=b"oops", **details(TALKER, "talker-1")))
     output.append(ProcessStdout(text=b"ond third", **details(TALKER, "talker-1")))
@@ -57,14 +60,28 @@ def test_which_process_is_meant(info: ActiveProcInfoHandler) -> None:
     assert matching(info, TALKER) is TALKER
     assert matching(info, "listener-2") is LISTENER
     assert matching(info, "alk") is TALKER
-    with pytest.raises(
-        NoMatchingProcessException, match="Did not find any processes matching 'x'; there are: t"
+    assert matching(info, "talker", "--fast") is TALKER
+    assert set(resolveProcesses(info)) == {TALKER, LISTENER}
+    assert set(resolveProcesses(info, process="e", strict_proc_matching=False)) == {TALKER, LISTENER}
+    procs = "Procs: listener-2 --fast, talker-1 --fast"
+    for process, words, text in (
+        ("x", None, f"Did not find any processes matching name 'x' and args 'None'. {procs}"),
+        ("talker", "x", f"Did not find any processes matching name 'talker' and args 'x'. {procs}"),
+        (
+            "talker",
+            NO_CMD_ARGS,
+            "Did not find any processes matching name 'talker' and args '<object",
+        ),
+        ("e", ["--fast"], f"Found multiple processes matching name 'e' and args '['--fast']'. {procs}"),
+        (ExecuteProcess(cmd=["x"]), None, "No data recorded for proc ExecuteProcess("),
     ):
-        matching(info, "x")
-    with pytest.raises(NoMatchingProcessException, match="Found several processes matching '--fast'"):
-        matching(info, "--fast")
-    with pytest.raises(NoMatchingProcessException, match="Did not find any processes matching"):
-        matching(info, ExecuteProcess(cmd=["x"]))
+        with pytest.raises(NoMatchingProcessException) as caught:
+            matching(info, process, words)
+        assert str(caught.value).startswith(text)
+    with pytest.raises(TypeError, match="must be 'ExecuteProcess' or 'str' not"):
+        matching(info, 5)
+    with pytest.raises(NoMatchingProcessException, match="No data recorded for any process"):
+        resolveProcesses(ActiveIoHandler())
 
 
 def test_an_exact_name_is_meant_before_a_part_of_another() -> None:
@@ -72,6 +89,9 @@ def test_an_exact_name_is_meant_before_a_part_of_another() -> None:
     info.append(ProcessStarted(**details(TALKER, "a-1")))
     info.append(ProcessStarted(**details(LISTENER, "a-12")))
     assert matching(info, "a-1") is TALKER
+    assert info["a-1"].action is TALKER
+    with pytest.raises(KeyError, match="Did not find any processes matching name 'b'"):
+        info["b"]
 
 
 def test_the_output_of_one_process_or_of_all(output: ActiveIoHandler) -> None:
@@ -96,7 +116,7 @@ def test_the_output_of_one_process_or_of_all(output: ActiveIoHandler) -> None:
     ],
 )
 def test_what_a_text_contains(expected: Any, is_there: bool) -> None:
-    assert contains("one two three", expected) is is_there
+    assert (build_text_match(expected)("one two three") is not None) is is_there
 
 
 def test_waiting(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> None:
@@ -109,6 +129,11 @@ def test_waiting(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> None:
     output.assertWaitFor("oops", "talker", timeout=0)
     assert not output.waitFor("first", "talker", timeout=0), "stderr is meant, if no stream is given"
     assert not output.waitFor("first", "x", stream="stdout", timeout=0)
+    assert output.waitFor("OOPS", "talker", output_filter=str.upper, timeout=0)
+    with pytest.raises(ValueError, match="must be 'stdout' or 'stderr'"):
+        output.waitFor("first", stream="stdin", timeout=0)
+    with pytest.raises(ValueError, match="output_filter is not callable"):
+        assertInStderr(output, "oops", "talker", output_filter=5)
 
 
 def test_assertions(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> None:
@@ -117,12 +142,24 @@ def test_assertions(info: ActiveProcInfoHandler, output: ActiveIoHandler) -> Non
         assertExitCodes(info, process="listener")
     with pytest.raises(AssertionError, match="Proc talker-1 exited with code None"):
         assertExitCodes(info, [3])
+    killed = ActiveProcInfoHandler()
+    killed.append(ProcessExited(returncode=-2, **details(TALKER, "talker-1")))
+    assertExitCodes(killed, [EXIT_SIGINT])
+    assertExitCodes(killed, [-2])
+    with pytest.raises(AssertionError, match="Proc talker-1 exited with code -2"):
+        assertExitCodes(killed, [2])
+    with pytest.raises(AssertionError, match="Provided exit code 0 is not an int"):
+        assertExitCodes(killed, ["0"])  # type: ignore[list-item]
     assertInStdout(output, "second", TALKER)
+    assertInStream(output, "oops", "talker")
+    assert assertDefaultStream() == "stderr"
     assertInStderr(output, "oops", TALKER)
     with pytest.raises(AssertionError, match="Did not find 'oops'"):
         assertInStdout(output, "oops", TALKER)
     with assertSequentialStdout(output, TALKER) as stdout:
         stdout.assertInStdout("first")
         stdout.assertInStdout("third")
-        with pytest.raises(AssertionError, match="'second' not found in text"):
+        with pytest.raises(
+            AssertionError, match=r"'second' not found in sequence after .*\nfirst second third"
+        ):
             stdout.assertInStdout("second")
