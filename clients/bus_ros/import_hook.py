@@ -70,14 +70,19 @@ _ALIASES: Final = {
         ),
         "bus_launch.launch.core",
     ),
+    "launch.actions.shutdown_action": "bus_launch.launch.actions",
+    "launch.frontend.parse_substitution": "bus_launch.launch.frontend.grammar",
+    "launch.utilities.class_tools_impl": "bus_launch.launch.core",
     "launch.invalid_launch_file_error": "bus_launch.launch.errors",
     "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
     "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
     "launch_ros.remap_rule_type": "bus_launch.launch_ros.parameters_type",
     "launch_testing.event_handlers.stdout_ready_listener": "bus_launch.launch_testing.event_handlers",
     "launch_testing.io_handler": "bus_launch.launch_testing.processes",
+    "launch_testing.parametrize": "bus_launch.launch_testing",
     "launch_testing.proc_info_handler": "bus_launch.launch_testing.processes",
     "launch_testing.ready_aggregator": "bus_launch.launch_testing.ready",
+    "launch_testing.ready_to_test_action_timeout": "bus_launch.launch_testing.ready",
     "launch_testing.tools.text": "bus_launch.launch_testing.text",
     "launch_testing.util.proc_lookup": "bus_launch.launch_testing.lookup",
     **{
@@ -100,7 +105,8 @@ _ALIASES: Final = {
 }
 _WITH_CLASS_FILES: Final = frozenset(
     (
-        *("launch.actions", "launch.conditions", "launch.event_handlers"),
+        *("launch.actions", "launch.conditions", "launch.descriptions", "launch.event_handlers"),
+        *("launch.events", "launch.events.process"),
         *("launch.launch_description_sources", "launch.substitutions", "launch_ros.actions"),
         *("launch_ros.descriptions", "launch_ros.event_handlers", "launch_ros.substitutions"),
     )
@@ -274,7 +280,16 @@ class _Alias:
         return module
 
     def exec_module(self, module: ModuleType) -> None:
+        name = module.__spec__.name if module.__spec__ else ""
         module.__spec__ = self._spec  # the import has changed it
+        self._load_hidden_parts(name, module)
+
+    def _load_hidden_parts(self, name: str, module: ModuleType) -> None:
+        """Load parts named like a function of the package: a later import would replace the function."""
+        for alias, target in _ALIASES.items():
+            package, _, part = alias.rpartition(".")
+            if package == name and callable(getattr(module, part, None)):
+                sys.modules.setdefault(alias, import_at_once(target))
 
     def get_code(self, name: str) -> CodeType | None:
         """For `python -m`."""

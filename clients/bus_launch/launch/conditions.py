@@ -1,5 +1,7 @@
 """Conditions of actions; programs import them as `launch.conditions`."""
 
+import warnings
+
 from bus_launch.launch.core import (
     Condition,
     LaunchContext,
@@ -64,9 +66,14 @@ class UnlessCondition(IfCondition):
 
 
 class LaunchConfigurationEquals(Condition):
-    """True if a launch configuration has a value; with None, if it is not set."""
+    """True if a launch configuration has a value; with None, if it is not set. ROS 2 has deprecated it."""
 
     def __init__(self, launch_configuration_name: str, expected_value: SomeSubstitutionsType | None) -> None:
+        other = type(self).__name__.removeprefix("LaunchConfiguration")
+        warnings.warn(
+            f"{type(self).__name__} is deprecated in ROS 2: use IfCondition({other}Substitution(...))",
+            stacklevel=2,
+        )
         super().__init__()
         self._name = launch_configuration_name
         self._expected = (

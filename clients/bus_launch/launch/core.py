@@ -19,7 +19,9 @@ __all__ = [
     "LaunchContext",
     "LaunchDescriptionEntity",
     "SomeActionsType",
+    "SomeActionsType_types_tuple",
     "SomeEntitiesType",
+    "SomeEntitiesType_types_tuple",
     "SomeSubstitutionsType",
     "SomeSubstitutionsType_types_tuple",
     "Substitution",
@@ -28,6 +30,7 @@ __all__ = [
     "ensure_argument_type",
     "is_a",
     "is_a_subclass",
+    "isclassinstance",
     "normalize_to_list_of_entities",
     "normalize_to_list_of_substitutions",
     "perform_substitutions",
@@ -87,7 +90,7 @@ class LaunchDescriptionEntity:
     """A part of a launch description: `visit` does its work, and may return more entities."""
 
     def visit(self, context: "LaunchContext") -> "Sequence[LaunchDescriptionEntity] | None":
-        raise NotImplementedError(f"{type(self).__name__} has no visit(context)")
+        return None
 
     def describe(self) -> str:
         return repr(self)
@@ -109,6 +112,8 @@ class LaunchDescriptionEntity:
 
 SomeEntitiesType: TypeAlias = LaunchDescriptionEntity | Iterable[LaunchDescriptionEntity]
 SomeActionsType: TypeAlias = SomeEntitiesType
+SomeEntitiesType_types_tuple: Final = (LaunchDescriptionEntity, Iterable)
+SomeActionsType_types_tuple: Final = SomeEntitiesType_types_tuple
 
 
 class BaseEventHandler:
@@ -179,7 +184,10 @@ class _Locals:
     """`context.locals.event`: the values that the current entity can see."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        self.__values = values
+        object.__setattr__(self, "_Locals__values", values)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"context.locals can't be changed: use context.extend_locals for '{name}'")
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -225,6 +233,9 @@ class LaunchContext:
 
     def _set_asyncio_loop(self, loop: asyncio.AbstractEventLoop | None) -> None:
         self.__asyncio_loop = loop
+        waiting, self._event_queue = self._event_queue, asyncio.Queue()  # a queue belongs to one loop
+        while not waiting.empty():
+            self._event_queue.put_nowait(waiting.get_nowait())
 
     @property
     def is_shutdown(self) -> bool:
@@ -359,7 +370,15 @@ class Condition:
 # --- the public functions of `launch.utilities`
 
 
+def isclassinstance(obj: object) -> bool:
+    """True: in Python, every object is an instance of a class."""
+    return hasattr(obj, "__class__")
+
+
 def is_a(obj: object, entity_type: type) -> bool:
+    """Raises RuntimeError if `entity_type` is no class."""
+    if not isinstance(entity_type, type):
+        raise RuntimeError(f"entity_type '{entity_type}' is not a class")
     return isinstance(obj, entity_type)
 
 

@@ -18,6 +18,8 @@ from bus_launch.launch.substitutions import LaunchConfiguration
 
 __all__ = ["Executable"]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 _count: Final = itertools.count(1)
 _Pairs = list[tuple[list[Substitution], list[Substitution]]]
 

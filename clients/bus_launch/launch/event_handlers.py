@@ -16,9 +16,6 @@ from bus_launch.launch.events.process import (
     ProcessExited,
     ProcessIO,
     ProcessStarted,
-    ProcessStderr,
-    ProcessStdin,
-    ProcessStdout,
 )
 
 __all__ = [
@@ -52,13 +49,12 @@ class OnActionEventBase(BaseEventHandler):
         target_action_cls: type[LaunchDescriptionEntity] = LaunchDescriptionEntity,
         handle_once: bool = False,
     ) -> None:
-        is_function = callable(action_matcher) and not isinstance(action_matcher, LaunchDescriptionEntity)
         if (
             action_matcher is not None
-            and not is_function
+            and not callable(action_matcher)
             and not isinstance(action_matcher, target_action_cls)
         ):
-            raise ValueError(
+            raise TypeError(
                 f"{type(self).__name__} requires a '{target_action_cls.__name__}' instance or a callable "
                 f"as target_action, got {action_matcher!r}"
             )
@@ -73,9 +69,7 @@ class OnActionEventBase(BaseEventHandler):
         action = event.action  # type: ignore[attr-defined]
         if self.__target is None:
             return True
-        if isinstance(self.__target, LaunchDescriptionEntity):
-            return action is self.__target
-        return self.__target(action)
+        return bool(self.__target(action)) if callable(self.__target) else action is self.__target
 
     def handle(self, event: Event, context: LaunchContext) -> SomeEntitiesType | None:
         super().handle(event, context)
@@ -151,10 +145,8 @@ class OnProcessIO(OnActionEventBase):
         on_stderr: Callable[[ProcessIO], SomeEntitiesType | None] | None = None,
         handle_once: bool = False,
     ) -> None:
-        calls = {ProcessStdin: on_stdin, ProcessStdout: on_stdout, ProcessStderr: on_stderr}
-
         def on_event(event: ProcessIO, context: LaunchContext) -> SomeEntitiesType | None:
-            call = calls.get(type(event))
+            call = on_stdout if event.from_stdout else on_stderr if event.from_stderr else on_stdin
             return None if call is None else call(event)
 
         super().__init__(
@@ -199,6 +191,6 @@ class OnIncludeLaunchDescription(BaseEventHandler):
 def _split(answer: _Answer) -> tuple[Callable[..., Any] | None, list[LaunchDescriptionEntity]]:
     if callable(answer) and not isinstance(answer, LaunchDescriptionEntity):
         return answer, []
-    if answer is not None and not isinstance(answer, LaunchDescriptionEntity | Iterable):
+    if isinstance(answer, str) or not isinstance(answer, LaunchDescriptionEntity | Iterable | None):
         raise TypeError(f"expected actions or a function of event and context, got {answer!r}")
     return None, normalize_to_list_of_entities(answer)

@@ -47,7 +47,10 @@ class _Handler:
         return [name for name, _ in self._commands.values()]
 
     def _action(self, process: Any) -> LaunchDescriptionEntity:
-        """The action of a process that was started by it, or is the first with this name or part of it."""
+        """An action that is known, or that of the first process with this name, or with this part of it."""
+        if not isinstance(process, str) and process in self._commands:
+            known: LaunchDescriptionEntity = process
+            return known
         try:
             found: LaunchDescriptionEntity = resolveProcesses(
                 self, process=process, strict_proc_matching=False

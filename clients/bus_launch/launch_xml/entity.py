@@ -69,7 +69,9 @@ class Entity(BaseEntity):
         separator = self._element.attrib.get(f"{name}-sep")
         if separator is not None:
             self._read.add(f"{name}-sep")
-            value = [coerce(one, None, can_be_str) for one in value.split(separator)]
+            value = value.split(separator)
+            if data_type is None:
+                value = [coerce(one, None, can_be_str) for one in value]
         try:
             return coerce(value, data_type, can_be_str)
         except ValueError:

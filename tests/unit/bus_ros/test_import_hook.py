@@ -312,12 +312,17 @@ from launch.launch_context import LaunchContext
 from launch.launch_description_sources.python_launch_description_source import PythonLaunchDescriptionSource
 from launch.some_substitutions_type import SomeSubstitutionsType
 from launch.substitutions.path_join_substitution import PathJoinSubstitution
+from launch.events.process.process_exited import ProcessExited
+from launch.frontend.parse_substitution import parse_if_substitutions
 from launch.utilities.type_utils import perform_typed_substitution
+import launch_testing.parametrize
 from launch_ros.actions.node import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_xml.launch_description_sources import XMLLaunchDescriptionSource
 assert launch.actions.log_info.LogInfo is launch.actions.LogInfo
 assert launch.conditions.IfCondition is IfCondition
+assert launch.frontend.parse_substitution("a")[0].text == "a"  # a function, as in ROS 2
+assert callable(launch_testing.parametrize)
 import launch.actions.nothing_of_the_kind
 """
 

@@ -174,8 +174,8 @@ class TimerAction(Action):
         **kwargs: Any,
     ) -> None:
         super().__init__(**kwargs)
-        self.__period = normalize_to_list_of_substitutions(
-            str(period) if isinstance(period, int | float) else period
+        self.__period: float | list[Substitution] = (
+            float(period) if isinstance(period, int | float) else normalize_to_list_of_substitutions(period)
         )
         self.__actions = list(actions)
         self.__cancel_on_shutdown = str(cancel_on_shutdown).lower() not in ("false", "0")
@@ -190,7 +190,7 @@ class TimerAction(Action):
         return cls, kwargs
 
     @property
-    def period(self) -> list[Substitution]:
+    def period(self) -> float | list[Substitution]:
         return self.__period
 
     @property
@@ -200,7 +200,9 @@ class TimerAction(Action):
     def describe_conditional_sub_entities(
         self,
     ) -> list[tuple[str, Iterable[LaunchDescriptionEntity]]]:
-        return [(f"after {' + '.join(one.describe() for one in self.__period)} s", self.__actions)]
+        period = self.__period
+        text = str(period) if isinstance(period, float) else " + ".join(one.describe() for one in period)
+        return [(f"after {text} s", self.__actions)]
 
     def execute(self, context: LaunchContext) -> None:
         loop = context.asyncio_loop
@@ -232,9 +234,9 @@ class TimerAction(Action):
         return self.__done
 
 
-def seconds(context: LaunchContext, period: list[Substitution]) -> float:
+def seconds(context: LaunchContext, period: float | list[Substitution]) -> float:
     """Raises ValueError if the text is no number, or below zero."""
-    text = perform_substitutions(context, period)
+    text = str(period) if isinstance(period, float) else perform_substitutions(context, period)
     try:
         found = float(text)
     except ValueError:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final, List  # noqa: UP035 (the genuine one's `data_type`)
 
 from bus_launch.launch.action import Action
+from bus_launch.launch.actions.basic import Shutdown
 from bus_launch.launch.actions.process import ExecuteLocal
 from bus_launch.launch.core import SomeSubstitutionsType, Substitution, TextSubstitution
 from bus_launch.launch.descriptions import Executable
@@ -94,6 +95,13 @@ class ExecuteProcess(ExecuteLocal):
             value = entity.get_attr(name, data_type=kind, optional=True, can_be_str=can_be_text)
             if value is not None:
                 kwargs[name] = parser.parse_if_substitutions(value) if kind is bool else value
+        if "on_exit" not in skipped and (on_exit := entity.get_attr("on_exit", optional=True)) is not None:
+            if on_exit != "shutdown":
+                raise ValueError(
+                    f"Attribute on_exit of Entity {entity.type_name} expected to be `shutdown` but got "
+                    f"`{on_exit}`"
+                )
+            kwargs["on_exit"] = [Shutdown()]
         if kwargs.get("respawn_delay", 0) < 0:
             raise ValueError(
                 "Attribute respawn_delay of Entity node expected to be a non-negative value but got "

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, List  # noqa: UP035 (the genuine one's `data_type`)
 
 from bus_launch.launch.action import Action
 from bus_launch.launch.core import (
@@ -13,6 +13,7 @@ from bus_launch.launch.core import (
     perform_substitutions,
 )
 from bus_launch.launch.frontend import Entity, Parser, expose_action
+from bus_launch.launch.utilities.type_utils import perform_typed_substitution
 
 __all__ = [
     "AppendEnvironmentVariable",
@@ -114,9 +115,7 @@ class AppendEnvironmentVariable(_Setting):
         **kwargs: Any,
     ) -> None:
         super().__init__(name, value, **kwargs)
-        self.__prepend = normalize_to_list_of_substitutions(
-            str(prepend) if isinstance(prepend, bool) else prepend
-        )
+        self.__prepend = prepend if isinstance(prepend, bool) else normalize_to_list_of_substitutions(prepend)
         self.__separator = normalize_to_list_of_substitutions(separator)
 
     @classmethod
@@ -130,11 +129,19 @@ class AppendEnvironmentVariable(_Setting):
             kwargs["separator"] = parser.parse_substitution(separator)
         return cls, kwargs
 
+    @property
+    def prepend(self) -> bool | list[Substitution]:
+        return self.__prepend
+
+    @property
+    def separator(self) -> list[Substitution]:
+        return self.__separator
+
     def execute(self, context: LaunchContext) -> None:
         name, value = self._pair(context)
         old = context.environment.get(name)
         parts = [value] if old is None else [old, value]
-        if perform_substitutions(context, self.__prepend).lower() in ("true", "1"):
+        if perform_typed_substitution(context, self.__prepend, bool):
             parts.reverse()
         context.environment[name] = perform_substitutions(context, self.__separator).join(parts)
 
@@ -216,7 +223,7 @@ class ResetLaunchConfigurations(Action):
             tuple(parser.parse_substitution(one.get_attr("name"))): parser.parse_substitution(
                 one.get_attr("value")
             )
-            for one in entity.children
+            for one in entity.get_attr("keep", data_type=List[Entity], optional=True) or ()  # noqa: UP006
         }
         return cls, kwargs
 

@@ -19,6 +19,8 @@ __all__ = [
     "SignalProcess",
 ]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 
 class RunningProcessEvent(Event):
     """Something of a process that was started."""

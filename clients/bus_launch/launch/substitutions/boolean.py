@@ -1,6 +1,7 @@
 """Substitutions that are `true` or `false`, and a choice by such a value."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from bus_launch.launch.conditions import (
@@ -17,6 +18,7 @@ from bus_launch.launch.core import (
 )
 from bus_launch.launch.frontend import expose_substitution
 from bus_launch.launch.substitutions.values import arguments_of, described
+from bus_launch.launch.utilities.type_utils import coerce_to_type
 
 __all__ = [
     "AllSubstitution",
@@ -48,6 +50,8 @@ def _is_true(context: LaunchContext, part: list[Substitution]) -> bool:
     try:
         return evaluate_condition_expression(context, part)
     except InvalidConditionExpressionError as error:
+        with suppress(ValueError):  # YAML's words, such as `yes` and `off`
+            return bool(coerce_to_type(perform_substitutions(context, part), bool))
         raise SubstitutionFailure(str(error)) from None
 
 
@@ -129,6 +133,8 @@ class AllSubstitution(AnySubstitution):
 def _operand(value: Any) -> SomeSubstitutionsType:
     if isinstance(value, bool):
         return _text(value)
+    if value is None:
+        return ""
     return str(value) if isinstance(value, int | float) else value
 
 
@@ -184,6 +190,8 @@ class IfElseSubstitution(_OfSeveral):
         if_value: SomeSubstitutionsType = "",
         else_value: SomeSubstitutionsType = "",
     ) -> None:
+        if if_value == else_value == "":
+            raise RuntimeError("One of if_value and else_value must be specified")
         super().__init__(condition, if_value, else_value)
 
     @classmethod

@@ -85,6 +85,8 @@ class FileContent(Substitution):
         path = perform_substitutions(context, self.__path)
         try:
             return Path(path).read_text("utf-8")
+        except FileNotFoundError:
+            raise SubstitutionFailure(f"File not found: {path}") from None
         except (OSError, UnicodeDecodeError) as error:
             raise SubstitutionFailure(f"Failed to open file '{path}': {error}") from None
 
@@ -204,13 +206,13 @@ class PythonExpression(Substitution):
         return self.__modules
 
     def describe(self) -> str:
-        return f"PythonExpr({described(self.__expression)})"
+        modules = ", ".join(one.describe() for one in self.__modules)
+        return f"PythonExpr({described(self.__expression)}, [{modules}])"
 
     def perform(self, context: LaunchContext) -> str:
         text = perform_substitutions(context, self.__expression)
         names: dict[str, Any] = {}
-        for one in self.__modules:
-            name = context.perform_substitution(one)
+        for name in filter(None, (context.perform_substitution(one) for one in self.__modules)):
             module = import_module(name)
             if name == "math":
                 names.update(vars(module))
@@ -218,6 +220,6 @@ class PythonExpression(Substitution):
         try:
             return str(eval(text, names))
         except Exception as error:
-            raise SubstitutionFailure(
-                f"the expression '{text}' failed: {type(error).__name__}: {error}"
-            ) from None
+            # Programs may catch a NameError: an expression with a module that was not given.
+            kind = NameError if isinstance(error, NameError) else SubstitutionFailure
+            raise kind(f"the expression '{text}' failed: {type(error).__name__}: {error}") from None

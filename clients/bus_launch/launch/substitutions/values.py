@@ -234,7 +234,8 @@ class PathJoinSubstitution(StringJoinSubstitution):
 
     def perform(self, context: LaunchContext) -> str:
         # As os.path.join does: an absolute part begins anew.
-        return os.path.join(*[perform_substitutions(context, part) for part in self.substitutions])  # noqa: PTH118
+        parts = ["".join(one.perform(context) for one in part) for part in self.substitutions]
+        return os.path.join(*parts)  # noqa: PTH118
 
     def __truediv__(self, additional_path: SomeSubstitutionsType) -> "PathJoinSubstitution":
         return PathJoinSubstitution([*self.substitutions, additional_path])

@@ -36,5 +36,7 @@ def test_the_value_of_a_configuration(value: str | None, expected: str | None, i
     context = LaunchContext()
     if value is not None:
         context.launch_configurations["x"] = value
-    assert LaunchConfigurationEquals("x", expected).evaluate(context) is is_equal
-    assert LaunchConfigurationNotEquals("x", expected).evaluate(context) is not is_equal
+    with pytest.warns(UserWarning, match=r"use IfCondition\(EqualsSubstitution"):
+        assert LaunchConfigurationEquals("x", expected).evaluate(context) is is_equal
+    with pytest.warns(UserWarning, match=r"use IfCondition\(NotEqualsSubstitution"):
+        assert LaunchConfigurationNotEquals("x", expected).evaluate(context) is not is_equal

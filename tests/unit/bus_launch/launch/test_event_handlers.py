@@ -17,6 +17,7 @@ from bus_launch.launch.event_handlers import (
 from bus_launch.launch.events import ExecutionComplete, IncludeLaunchDescription, Shutdown
 from bus_launch.launch.events.process import (
     ProcessExited,
+    ProcessIO,
     ProcessStarted,
     ProcessStderr,
     ProcessStdin,
@@ -116,6 +117,24 @@ def test_how_handlers_are_described() -> None:
     assert OnShutdown(on_shutdown=[B]).describe()[1] == [B]
 
 
+def test_output_is_told_by_its_stream() -> None:
+    """Also of an event of the base class, which tests make."""
+    found: list[str] = []
+    handler = OnProcessIO(
+        target_action=lambda action: action is FIRST,
+        on_stdin=lambda event: found.append("stdin"),  # type: ignore[arg-type]
+        on_stdout=lambda event: found.append("stdout"),  # type: ignore[arg-type]
+        on_stderr=lambda event: found.append("stderr"),  # type: ignore[arg-type]
+    )
+    for number in range(3):
+        event = ProcessIO(text=b"", fd=number, **details(FIRST))
+        assert handler.matches(event)
+        handler.handle(event, LaunchContext())
+    assert found == ["stdin", "stdout", "stderr"]
+
+
 def test_a_target_is_an_action_or_a_function() -> None:
-    with pytest.raises(ValueError, match="OnProcessExit requires a 'LaunchDescriptionEntity' instance"):
+    with pytest.raises(TypeError, match="OnProcessExit requires a 'LaunchDescriptionEntity' instance"):
         OnProcessExit(target_action="first", on_exit=[])  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="expected actions or a function of event and context, got 'stop'"):
+        OnProcessExit(on_exit="stop")  # type: ignore[arg-type]

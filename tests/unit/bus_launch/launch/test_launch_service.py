@@ -301,6 +301,38 @@ def test_what_can_not_be_made(make: Any, text: str) -> None:
     assert text in str(caught.value)
 
 
+def test_a_service_runs_again(capsys: pytest.CaptureFixture[str]) -> None:
+    """An event between two runs waits for the second, in another event loop."""
+    service = LaunchService()
+    service.include_launch_description(LaunchDescription([LogInfo(msg="one")]))
+    assert service.run() == 0
+    service.include_launch_description(LaunchDescription([LogInfo(msg="two")]))
+    assert service.run() == 0
+    assert said(capsys.readouterr().out) == ["one", "two"]
+
+
+def test_entities_without_work_of_their_own() -> None:
+    assert run(Action(), LaunchDescriptionEntity()) == 0
+
+
+def test_environment_variables_grow_at_both_ends() -> None:
+    context = LaunchContext()
+    context.environment["A"] = "a"
+    for prepend in (True, "yes", "False", ["t", "rue"]):
+        action = AppendEnvironmentVariable("A", "b", prepend=prepend, separator="-")
+        action.execute(context)
+    assert context.environment["A"] == "b-b-b-a-b"
+    assert AppendEnvironmentVariable("A", "b", prepend=True).prepend is True
+
+
+def test_locals_can_not_be_set() -> None:
+    context = LaunchContext()
+    context.extend_locals({"a": 1})
+    with pytest.raises(AttributeError, match=r"use context.extend_locals for 'a'"):
+        context.locals.a = 2
+    assert context.locals.a == 1
+
+
 def test_from_another_thread(capsys: pytest.CaptureFixture[str]) -> None:
     from threading import Thread
 

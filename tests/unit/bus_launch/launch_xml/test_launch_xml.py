@@ -1,11 +1,16 @@
-"""Errors in launch files of XML or YAML, each in one line that names the error."""
+"""Launch files of XML or YAML: attributes, and errors, each in one line that names the error."""
 
+import io
 from pathlib import Path
+from typing import List  # noqa: UP035 (a launch file's `data_type`)
 
 import pytest
 
+from bus_launch.launch.actions import ExecuteProcess, Shutdown, TimerAction
+from bus_launch.launch.core import LaunchContext
 from bus_launch.launch.errors import InvalidLaunchFileError
 from bus_launch.launch.launch_description_sources import get_launch_description_from_any_launch_file
+from bus_launch.launch_xml import Parser
 from rows import for_each
 
 _LAUGHS = "a: &a [x, x]\n" + "".join(
@@ -60,6 +65,7 @@ _LAUGHS = "a: &a [x, x]\n" + "".join(
             '<launch><log message="a" if="1" unless="0"/></launch>',
             "if and unless conditions can't be used sim",
         ),
+        ('<launch><executable cmd="ls" on_exit="x"/></launch>', "expected to be `shutdown` but got `x`"),
         ("<lunch/>", "Expected 'launch' as root tag"),
         ("<launch>", "ParseError: no element found: line 1, column 8"),
         ('<launch><node_container pkg="a"/></launch>', "components are C++ libraries"),
@@ -93,6 +99,42 @@ def test_mistakes(text: str, problem: str, tmp_path: Path) -> None:
     assert problem in said
     assert said.endswith(f" (bad.launch.{kind})")
     assert "\n" not in said
+
+
+@for_each(
+    "text",
+    [
+        """<launch>
+          <timer period="5"><executable cmd="ls" on_exit="shutdown"/></timer>
+          <let name="a" value="1"/><let name="b" value="2"/>
+          <reset><keep name="b" value="$(var b)"/></reset>
+        </launch>""",
+        """launch:
+        - timer: {period: 5, children: [executable: {cmd: ls, on_exit: shutdown}]}
+        - let: {name: a, value: '1'}
+        - let: {name: b, value: '2'}
+        - reset: {keep: [{name: b, value: $(var b)}]}""",
+    ],
+)
+def test_attributes_of_jazzy(text: str, tmp_path: Path) -> None:
+    path = tmp_path / ("a.xml" if text.startswith("<") else "a.yaml")
+    path.write_text(text)
+    timer, *others = get_launch_description_from_any_launch_file(str(path)).entities
+    assert isinstance(timer, TimerAction) and timer.period == 5.0
+    (process,) = timer.actions
+    assert isinstance(process, ExecuteProcess)
+    assert [type(one) for one in process.get_sub_entities()] == [Shutdown]
+    context = LaunchContext()
+    for one in others:
+        one.visit(context)
+    assert context.launch_configurations == {"b": "2"}
+
+
+def test_lists_in_xml() -> None:
+    tag = Parser.load(io.StringIO('<a><b c="1,2" c-sep=","/></a>'))[0].children[0]
+    for kind, value in ((str, ["1", "2"]), (int, [1, 2]), (float, [1.0, 2.0])):
+        assert tag.get_attr("c", data_type=List[kind]) == value  # type: ignore[valid-type]  # noqa: UP006
+    assert tag.get_attr("c", data_type=None) == [1, 2]
 
 
 def test_bytes_that_are_no_text(tmp_path: Path) -> None:
