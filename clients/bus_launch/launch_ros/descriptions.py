@@ -33,6 +33,10 @@ class ParameterFile:
     def param_file(self) -> list[Substitution]:
         return self.__file
 
+    @property
+    def allow_substs(self) -> bool | SomeSubstitutionsType:
+        return self.__allow
+
     def may_have_substitutions(self, context: LaunchContext) -> bool:
         if isinstance(self.__allow, bool):
             return self.__allow
@@ -56,6 +60,7 @@ class Parameter:
         description: SomeSubstitutionsType = "",
     ) -> None:
         self.__name = normalize_to_list_of_substitutions(name)
+        self.__description = normalize_to_list_of_substitutions(description)
         self.__value = (
             value if isinstance(value, ParameterValue) else ParameterValue(value, value_type=value_type)
         )
@@ -67,6 +72,14 @@ class Parameter:
     @property
     def value(self) -> Any:
         return self.__value.value
+
+    @property
+    def value_type(self) -> Any:
+        return self.__value.value_type
+
+    @property
+    def description(self) -> list[Substitution]:
+        return self.__description
 
     @property
     def typed_value(self) -> ParameterValue:

@@ -20,10 +20,12 @@ def make_namespace_absolute(namespace: str | None) -> str:
     return "/" + (namespace or "").strip("/")
 
 
-def prefix_namespace(base: str | None, namespace: str | None) -> str:
-    """`namespace` in `base`; an absolute one is in none."""
-    if namespace is None:
-        return base or "/"
-    if not base or is_namespace_absolute(namespace):
-        return namespace
-    return f"{base.rstrip('/')}/{namespace}".rstrip("/") or "/"
+def prefix_namespace(base: str | None, namespace: str | None) -> str | None:
+    """`namespace` in `base`; an absolute one is in none. Without a namespace, `base`."""
+    if namespace is None or base is None:
+        found = base if namespace is None else namespace
+    elif is_namespace_absolute(namespace):
+        found = namespace
+    else:
+        found = f"{base.rstrip('/')}/{namespace}" if base else namespace
+    return found if found is None or found == "/" else found.rstrip("/") or ("/" if found else "")

@@ -30,7 +30,8 @@ class FileArguments:
         words: list[str] = []
         for one in parameters:
             if isinstance(one, ParameterFile):
-                words += ["--params-file", self._file(context, one)]
+                path = self._file(context, one)
+                words += [] if path is None else ["--params-file", path]
                 continue
             values = evaluated(context, one)
             if values:
@@ -46,11 +47,11 @@ class FileArguments:
                 pass
         self._made.clear()
 
-    def _file(self, context: LaunchContext, file: ParameterFile) -> str:
+    def _file(self, context: LaunchContext, file: ParameterFile) -> str | None:
         path = file.evaluate(context)
         if not path.is_file():
             logging.get_logger("launch_ros").warning(f"Parameter file path is not a file: {path}")
-            return str(path)  # the program refuses it
+            return None  # as in ROS 2, the program starts without it
         if not file.may_have_substitutions(context):
             return str(path)
         text = path.read_text("utf-8")

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bus_launch.launch.core import LaunchContext
+from bus_launch.launch.core import LaunchContext, perform_substitutions
 from bus_launch.launch_ros.descriptions import Parameter, ParameterFile
 from bus_launch.launch_ros.namespaces import (
     is_namespace_absolute,
@@ -12,7 +12,7 @@ from bus_launch.launch_ros.namespaces import (
     make_namespace_absolute,
     prefix_namespace,
 )
-from bus_launch.launch_ros.parameter_values import evaluated, normalized
+from bus_launch.launch_ros.parameter_values import Parameters, evaluated, normalized
 
 __all__ = [
     "evaluate_parameters",
@@ -35,11 +35,20 @@ def normalize_parameters(parameters: Iterable[Any]) -> list[Any]:
 
 
 def evaluate_parameters(context: LaunchContext, parameters: Iterable[Any]) -> tuple[Any, ...]:
-    """Paths, and dicts of names and values."""
+    """Paths, and dicts of names and values. Lists are tuples, unless a ParameterValue has a type."""
     return tuple(
-        one.evaluate(context) if isinstance(one, ParameterFile) else evaluated(context, one)
+        one.evaluate(context) if isinstance(one, ParameterFile) else _with_tuples(context, one)
         for one in parameters
     )
+
+
+def _with_tuples(context: LaunchContext, parameters: Parameters) -> dict[str, Any]:
+    found = evaluated(context, parameters)
+    for subs, parameter in parameters:
+        name = perform_substitutions(context, subs)
+        if isinstance(found[name], list) and parameter.value_type is None:
+            found[name] = tuple(found[name])
+    return found
 
 
 def _normalized(one: Any) -> Any:

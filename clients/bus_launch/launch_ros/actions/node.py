@@ -182,7 +182,7 @@ class Node(ExecuteProcess):
     def prepare(self, context: LaunchContext) -> None:
         name, namespace = self.__expanded(context)
         has_name = name is not None
-        self.__full_name = prefix_namespace(namespace or "/", name or "<node_name_unspecified>")
+        self.__full_name = f"{(namespace or '/').rstrip('/')}/{name or '<node_name_unspecified>'}"
         rules: list[str] = []
         if has_name:
             rules += ["-r", f"__node:={name}"]

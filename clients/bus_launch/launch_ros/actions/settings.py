@@ -1,5 +1,6 @@
 """Actions that set something for all nodes after them, until the end of their group."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -166,19 +167,27 @@ class SetRemap(Action):
         configurations["ros_remaps"] = [*configurations.get("ros_remaps", []), pair]
 
 
+@expose_action("set_ros_log_dir")
 class SetROSLogDir(Action):
-    """The folder of log files from now on."""
+    """The folder of log files from now on; a relative path is in the present one."""
 
     def __init__(self, new_log_dir: SomeSubstitutionsType, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.__folder = normalize_to_list_of_substitutions(new_log_dir)
+
+    @classmethod
+    def parse(cls, entity: Entity, parser: Parser) -> _Parsed:
+        _, kwargs = super().parse(entity, parser)
+        kwargs["new_log_dir"] = parser.parse_substitution(entity.get_attr("new_log_dir"))
+        return cls, kwargs
 
     @property
     def log_dir(self) -> list[Substitution]:
         return self.__folder
 
     def execute(self, context: LaunchContext) -> None:
-        folder = perform_substitutions(context, self.__folder)
+        present = context.environment.get("ROS_LOG_DIR") or logging.launch_config.log_dir
+        folder = os.path.join(present, perform_substitutions(context, self.__folder))  # noqa: PTH118
         Path(folder).mkdir(parents=True, exist_ok=True)
         context.environment["ROS_LOG_DIR"] = folder
         logging.launch_config.log_dir = folder

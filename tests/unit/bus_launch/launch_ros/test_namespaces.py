@@ -12,7 +12,10 @@ from rows import for_each
 @for_each(
     ("base", "namespace", "expected"),
     [
-        (None, None, "/"),
+        (None, None, None),
+        ("", None, ""),
+        ("", "b/", "b"),
+        (None, "/b/", "/b"),
         ("/a", None, "/a"),
         (None, "b", "b"),
         ("/a", "b", "/a/b"),
@@ -23,7 +26,7 @@ from rows import for_each
         ("/", "", "/"),
     ],
 )
-def test_a_namespace_in_another(base: str | None, namespace: str | None, expected: str) -> None:
+def test_a_namespace_in_another(base: str | None, namespace: str | None, expected: str | None) -> None:
     assert prefix_namespace(base, namespace) == expected
 
 

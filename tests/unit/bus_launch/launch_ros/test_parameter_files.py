@@ -44,12 +44,12 @@ def test_a_file_with_substitutions_is_written_anew(tmp_path: Path) -> None:
     assert file.exists()
 
 
-def test_a_file_that_is_not_there_is_left_to_the_program(
+def test_a_program_starts_without_a_file_that_is_not_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
     logging.reset()
     file = ParameterFile([TextSubstitution(text="/no/such.yaml")])
-    assert FileArguments().make(LaunchContext(), [file], "/**") == ["--params-file", "/no/such.yaml"]
+    assert FileArguments().make(LaunchContext(), [file], "/**") == []
     assert "Parameter file path is not a file: /no/such.yaml" in capsys.readouterr().out
     logging.reset()

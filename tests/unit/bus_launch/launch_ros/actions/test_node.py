@@ -3,7 +3,7 @@
 import re
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, List  # noqa: UP035 (a launch file's `data_type`)
 
 import pytest
 import yaml
@@ -23,6 +23,7 @@ from bus_launch.launch_ros.actions import (
     SetUseSimTime,
 )
 from bus_launch.launch_ros.descriptions import ComposableNode, Parameter, ParameterFile
+from bus_launch.launch_ros.parameter_values import ParameterValue
 from bus_launch.launch_ros.substitutions import ExecutableInPackage, FindPackagePrefix, FindPackageShare
 from bus_launch.launch_ros.utilities import evaluate_parameters, normalize_parameters
 from launching import perform, write
@@ -238,6 +239,8 @@ def test_parameters_by_themselves() -> None:
     some = normalize_parameters(
         [{"a": {"b": N}}, Parameter("c", N, value_type=str), "/a.yaml", Path("/b.yaml")]
     )
+    lists = normalize_parameters([{"d": [1, 2], "e": ParameterValue([1, 2], value_type=List[int])}])  # noqa: UP006
+    assert evaluate_parameters(context, lists) == ({"d": (1, 2), "e": [1, 2]},)
     assert evaluate_parameters(context, some) == ({"a.b": 5}, {"c": "5"}, Path("/a.yaml"), Path("/b.yaml"))
     for wrong in ("/a.yaml", {"a": 1}):
         with pytest.raises(TypeError, match="Expecting list of parameters, got"):
