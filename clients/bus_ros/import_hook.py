@@ -44,7 +44,18 @@ _SAME: Final = {
     "message_filters": "bus_ros.message_filters",
     "nav2_common": "bus_launch.nav2_common",
     "rclpy": "bus_ros.rclpy",
+    "ros2action": "bus_ros.ros2action",
+    "ros2cli": "bus_ros.ros2cli",
+    "ros2interface": "bus_ros.ros2interface",
+    "ros2lifecycle": "bus_ros.ros2lifecycle",
+    "ros2node": "bus_ros.ros2node",
+    "ros2param": "bus_ros.ros2param",
+    "ros2pkg": "bus_ros.ros2pkg",
+    "ros2run": "bus_ros.ros2run",
+    "ros2service": "bus_ros.ros2service",
+    "ros2topic": "bus_ros.ros2topic",
     "rosbag2_py": "bus_bag.rosbag2_py",
+    "rosidl_adapter": "bus_ros.rosidl_adapter",
     "sensor_msgs_py": "bus_ros.sensor_msgs_py",
     "tf2_geometry_msgs": "bus_tf2.tf2_geometry_msgs",
     "tf2_py": "bus_tf2.tf2_py",
@@ -55,10 +66,19 @@ _SAME: Final = {
 }
 """Packages with exactly the modules of one of busd's packages."""
 
-_PARTS_OF: Final = dict.fromkeys(
-    ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml", "nav2_common"),
-    "launch",
-)
+_PARTS_OF: Final = {
+    **dict.fromkeys(
+        ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml", "nav2_common"),
+        "launch",
+    ),
+    **dict.fromkeys(
+        (
+            *("ros2action", "ros2cli", "ros2lifecycle", "ros2node", "ros2param", "ros2service"),
+            "ros2topic",
+        ),
+        "rclpy",
+    ),
+}
 """Packages that work only with one of busd's under another name: a genuine one does not know them."""
 
 _ALIASES: Final = {
@@ -98,9 +118,9 @@ _ALIASES: Final = {
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
     "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.get_interfaces": "bus_ros.rosidl.interfaces",
-    "rosidl_runtime_py.import_message": "bus_ros.rosidl.interfaces",
+    "rosidl_runtime_py.import_message": "bus_ros.rosidl.utilities",
     "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
-    "rosidl_runtime_py.utilities": "bus_ros.rosidl.runtime",
+    "rosidl_runtime_py.utilities": "bus_ros.rosidl.utilities",
     "tf2_tools.view_frames": "bus_tf2.programs.view_frames",
 }
 _WITH_CLASS_FILES: Final = frozenset(
@@ -113,19 +133,18 @@ _WITH_CLASS_FILES: Final = frozenset(
 )
 """Packages with a file for each class in ROS 2: LogInfo is also in `launch.actions.log_info`."""
 
-_PACKAGES: Final = {
-    "rosidl_parser": "",
-    "rosidl_runtime_py": "bus_ros.rosidl.runtime",
-    "tf2_tools": "",
+_PACKAGES: Final[dict[str, tuple[str, ...]]] = {
+    "rosidl_parser": (),
+    "rosidl_runtime_py": ("bus_ros.rosidl.interfaces", "bus_ros.rosidl.runtime", "bus_ros.rosidl.utilities"),
+    "tf2_tools": (),
 }
-"""Packages, each with the module that has its names."""
+"""Packages, each with the modules that have its names."""
 
 _MISSING: Final = frozenset(
     (
         *("ament_package", "domain_coordinator", "launch_pytest"),
-        *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
-        *("ros2run", "ros2service", "ros2topic", "rosidl_adapter", "rosidl_generator_py"),
-        *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
+        *("nav2_simple_commander", "ros2bag", "ros2component", "ros2doctor", "ros2launch"),
+        *("rosidl_generator_py", "rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
     )
 )
 """Packages of ROS 2 that busd does not have."""
@@ -161,7 +180,7 @@ class _First:
             return _spec(name) if is_ours else None
         if rest and _is_same(root):
             return _spec(name)  # otherwise its __path__ would make others load the same file again
-        if root == "bus" or (rest not in _KINDS if rest else root not in _SAME):
+        if root == "bus" or (rest not in _KINDS if rest else root not in _SAME and root not in _PACKAGES):
             return None
         return _spec(name) if _is_folder(PathFinder.find_spec(name, path)) else None
 
@@ -335,10 +354,16 @@ def _part(package: str, name: str) -> ModuleType:
     raise AttributeError(f"module '{package}' has no attribute '{name}'")
 
 
-def _fill_package(source: str, module: ModuleType) -> None:
-    if source:
+def _fill_package(sources: tuple[str, ...], module: ModuleType) -> None:
+    found: dict[str, Any] = {}
+    for source in sources:
         names = vars(import_module(source))
-        vars(module).update({name: names[name] for name in names["__all__"]}, __all__=names["__all__"])
+        found.update({name: names[name] for name in names["__all__"]})
+    vars(module).update(found, __all__=sorted(found))
+    for name in found:
+        # A later import of this part must not replace the function of its name.
+        if (part := f"{module.__name__}.{name}") in _ALIASES:
+            sys.modules[part] = import_module(_ALIASES[part])
 
 
 def _fill_types(package: str, kind: str, known: list[str], module: ModuleType) -> None:

@@ -187,6 +187,7 @@ def inside_of(name: str) -> set[str]:
 
 MODULES = {names_in(cell)[0]: names_in(listed) for cell, listed in rows("module | names")}
 CLASSES = _classes()
+TOOLS = {names_in(cell)[0]: names_in(listed) for cell, listed in rows("module of the tools | names")}
 
 
 def test_every_module_is_listed() -> None:
@@ -199,6 +200,29 @@ def test_names_of_modules(module: str) -> None:
     assert set(MODULES[module]) == public_names(module) - INSIDE.get(module, set())
     for name in MODULES[module]:
         assert getattr(load(module), name) is not None
+
+
+@for_each("module", TOOLS)
+def test_names_of_tools(module: str) -> None:
+    found = import_module(import_hook._ALIASES.get(module, f"bus_ros.{module}"))
+    assert set(TOOLS[module]) == set(found.__all__)
+    for name in TOOLS[module]:
+        assert getattr(found, name) is not None
+
+
+def test_every_module_of_tools_is_listed() -> None:
+    folders = [name for name in import_hook._SAME if name.startswith("ros2")]
+    there = {
+        found.name.removeprefix("bus_ros.")
+        for folder in folders
+        for found in pkgutil.walk_packages(load(folder).__path__, f"bus_ros.{folder}.")
+    }
+    others = {
+        "rosidl_adapter.parser",
+        *(name for name in import_hook._ALIASES if name.startswith("rosidl_r")),
+    }
+    same = {"rosidl_runtime_py.import_message", "rosidl_runtime_py.set_message"}
+    assert set(TOOLS) == there | others - same
 
 
 @for_each("name", CLASSES)

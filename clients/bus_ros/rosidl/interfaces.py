@@ -1,146 +1,134 @@
-"""The interfaces that exist, their files, and their kinds: parts of `rosidl_runtime_py`.
+"""All definitions by package, and their files; programs import it as `rosidl_runtime_py.get_interfaces`.
 
-Owns: questions about names. Must not know: the making of classes.
+Owns: lists of names in ROS 2's form. Must not know: the content of definitions.
 """
 
 from collections.abc import Iterable
-from importlib import import_module
-from typing import Any
+from pathlib import Path
+from typing import Final
 
-from bus.types.definitions import KINDS, Kind, definition_path, find_path, names, packages
-from bus_ros.rosidl.definition import NamespacedType
+from bus.errors import ConfigurationError
+from bus.types.definitions import KINDS, Kind, definition_path, names
+from bus_ros.ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_package_share_path,
+)
 
 __all__ = [
     "get_action_interfaces",
-    "get_action_namespaced_type",
     "get_interface_packages",
     "get_interface_path",
     "get_interfaces",
     "get_message_interfaces",
-    "get_message_namespaced_type",
-    "get_namespaced_type",
     "get_service_interfaces",
-    "get_service_namespaced_type",
-    "import_message_from_namespaced_type",
-    "is_action",
-    "is_message",
-    "is_service",
 ]
+
+Interfaces = dict[str, list[str]]
+
+_NO_PACKAGES: Final[tuple[str, ...]] = ()
 
 
 def get_interface_packages() -> dict[str, str]:
-    """The packages that have interfaces, each with the folder that its folder is in."""
-    first = {name.partition("/")[0]: name for name in reversed(names())}
-    return {package: str(definition_path(first[package]).parents[2]) for package in packages()}
+    """The packages that have definitions, and the prefix of each.
+
+    Without an installed package it is the folder above the package's.
+    """
+    return {package: _prefix(package, found[0]) for package, found in _by_package(None).items()}
 
 
-def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """The interfaces of packages, by default of all: `{"std_msgs": ["msg/Bool", ...], ...}`.
+def get_interfaces(package_names: Iterable[str] = _NO_PACKAGES) -> Interfaces:
+    """All definitions of these packages (none: of all) by package: `msg/String`, `srv/SetBool`.
 
-    A package without interfaces is left out. Raises LookupError for an unknown package.
+    A package without definitions is left out. Here and below, raises LookupError for an unknown package.
     """
     return _interfaces(package_names, None)
 
 
-def get_message_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """The messages of packages, as in `get_interfaces`."""
+def get_message_interfaces(package_names: Iterable[str] = _NO_PACKAGES) -> Interfaces:
+    """As `get_interfaces`, messages alone."""
     return _interfaces(package_names, "msg")
 
 
-def get_service_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """The services of packages, as in `get_interfaces`."""
+def get_service_interfaces(package_names: Iterable[str] = _NO_PACKAGES) -> Interfaces:
+    """As `get_interfaces`, services alone."""
     return _interfaces(package_names, "srv")
 
 
-def get_action_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """The actions of packages, as in `get_interfaces`."""
+def get_action_interfaces(package_names: Iterable[str] = _NO_PACKAGES) -> Interfaces:
+    """As `get_interfaces`, actions alone."""
     return _interfaces(package_names, "action")
 
 
 def get_interface_path(interface_name: str) -> str:
-    """The file of `std_msgs/msg/Bool`, also with its suffix.
+    """The file of `std_msgs/msg/String`; the suffix may be there: `std_msgs/msg/String.msg`.
 
-    Raises ValueError for a malformed name, LookupError for an unknown interface.
+    Raises ValueError for an invalid name, LookupError for an unknown package or definition.
     """
     parts = interface_name.split("/")
     if len(parts) < 2:
-        text = f"Invalid name '{interface_name}'. Expected at least two parts separated by '/'"
-        raise ValueError(text)
-    if not all(parts):
-        raise ValueError(f"Invalid name '{interface_name}'. Must not contain empty parts")
-    if ".." in parts:
-        raise ValueError(f"Invalid name '{interface_name}'. Must not contain '..'")
-    kind = parts[-2]
-    found = find_path(interface_name.removesuffix(f".{kind}")) if kind in KINDS else None
-    if found is None:
-        _check_package(parts[0])
-        raise LookupError(f"Could not find the interface '{interface_name}'")
-    return found
+        fault = "Expected at least two parts separated by '/'"
+    elif not all(parts):
+        fault = "Must not contain empty parts"
+    elif ".." in parts:
+        fault = "Must not contain '..'"
+    else:
+        return _path(parts)
+    raise ValueError(f"Invalid name '{interface_name}'. {fault}")
 
 
-def get_namespaced_type(identifier: str) -> NamespacedType:
-    """`std_msgs/msg/Bool` as a NamespacedType."""
-    return _namespaced(identifier, None)
+def _path(parts: list[str]) -> str:
+    package, name = parts[0], "/".join(parts)
+    for kind in KINDS:
+        if len(parts) == 3 and parts[1] == kind:
+            try:
+                return str(definition_path(name.removesuffix(f".{kind}")))
+            except ConfigurationError:
+                break
+    try:
+        share = get_package_share_path(package, print_warning=False)
+    except (PackageNotFoundError, ValueError):
+        if package in _by_package(None):
+            raise LookupError(f"Could not find the interface '{name}'") from None
+        raise LookupError(f"Unknown package '{package}'") from None
+    path = share.joinpath(*parts[1:])
+    if not path.is_file():
+        raise LookupError(f"Could not find the interface '{path}'")
+    return str(path)
 
 
-def get_message_namespaced_type(identifier: str) -> NamespacedType:
-    """`std_msgs/msg/Bool` or `std_msgs/Bool` as a NamespacedType."""
-    return _namespaced(identifier, "msg")
-
-
-def get_service_namespaced_type(identifier: str) -> NamespacedType:
-    """`std_srvs/srv/Empty` or `std_srvs/Empty` as a NamespacedType."""
-    return _namespaced(identifier, "srv")
-
-
-def get_action_namespaced_type(identifier: str) -> NamespacedType:
-    """`tf2_msgs/action/LookupTransform` or `tf2_msgs/LookupTransform` as a NamespacedType."""
-    return _namespaced(identifier, "action")
-
-
-def import_message_from_namespaced_type(message_type: Any) -> Any:
-    """The class of a NamespacedType, or of an array's elements."""
-    wanted = getattr(message_type, "value_type", message_type)
-    module = import_module(".".join(wanted.namespaces))
-    action, _, part = wanted.name.rpartition("_")
-    if part == "FeedbackMessage":
-        return getattr(getattr(module, action).Impl, part)
-    return getattr(module, wanted.name)
-
-
-def is_message(interface: Any) -> bool:
-    """Whether it is a message or its class."""
-    return hasattr(interface, "SLOT_TYPES")
-
-
-def is_service(interface: Any) -> bool:
-    """Whether it is the class of a service."""
-    return hasattr(interface, "Request") and hasattr(interface, "Response")
-
-
-def is_action(interface: Any) -> bool:
-    """Whether it is the class of an action."""
-    return all(hasattr(interface, part) for part in ("Goal", "Result", "Feedback"))
-
-
-def _interfaces(package_names: Iterable[str], kind: Kind | None) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for package in list(package_names) or packages():
-        _check_package(package)
-        if listed := [name.partition("/")[2] for name in names(kind, package)]:
-            found[package] = listed
-    return found
+def _interfaces(package_names: Iterable[str], kind: Kind | None) -> Interfaces:
+    found = _by_package(kind)
+    wanted = list(package_names)
+    if not wanted:
+        return _short(found)
+    every = _by_package(None)
+    for package in wanted:
+        if package not in every:
+            _check_package(package)
+    return _short({package: found[package] for package in wanted if package in found})
 
 
 def _check_package(package: str) -> None:
-    from bus_ros.packages import find_prefix  # late: it looks through folders
+    try:
+        get_package_prefix(package)
+    except (PackageNotFoundError, ValueError):
+        raise LookupError(f"Unknown package '{package}'") from None
 
-    if not names(None, package) and find_prefix(package) is None:
-        raise LookupError(f"Unknown package '{package}'")
+
+def _by_package(kind: Kind | None) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for name in names(kind):
+        found.setdefault(name.partition("/")[0], []).append(name)
+    return found
 
 
-def _namespaced(identifier: str, kind: str | None) -> NamespacedType:
-    *namespaces, name = identifier.split("/")
-    if len(namespaces) == 1 and kind is not None:
-        namespaces.append(kind)
-    return NamespacedType(namespaces, name)
+def _short(found: dict[str, list[str]]) -> Interfaces:
+    return {package: [name.partition("/")[2] for name in full] for package, full in found.items()}
+
+
+def _prefix(package: str, name: str) -> str:
+    try:
+        return get_package_prefix(package)
+    except (PackageNotFoundError, ValueError):
+        return str(Path(definition_path(name)).parents[2])

@@ -1,6 +1,6 @@
-"""Messages as plain values and back, and classes by their names; programs import it as `rosidl_runtime_py`.
+"""Messages as plain values and back; programs import it as `rosidl_runtime_py`.
 
-Owns: the conversions. Must not know: the making of classes, topics.
+Owns: the conversions. Must not know: the making of classes, the places of definitions, topics.
 """
 
 import sys
@@ -10,50 +10,14 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeAlias
 
-from bus.errors import ConfigurationError
-from bus.types.definitions import definition_path, full_name, packages
 from bus.types.idl import Type
 from bus_ros.rosidl import numbers
-from bus_ros.rosidl.classes import action_class, message_class, service_class
-from bus_ros.rosidl.fields import type_text
-from bus_ros.rosidl.interfaces import (
-    get_action_interfaces,
-    get_action_namespaced_type,
-    get_interface_packages,
-    get_interface_path,
-    get_interfaces,
-    get_message_interfaces,
-    get_message_namespaced_type,
-    get_namespaced_type,
-    get_service_interfaces,
-    get_service_namespaced_type,
-    import_message_from_namespaced_type,
-    is_action,
-    is_message,
-    is_service,
-)
+from bus_ros.rosidl.definition import AbstractType, AbstractWString, BasicType, NamespacedType
+from bus_ros.rosidl.fields import slot_type
 from bus_ros.rosidl.message import RosMessage
 
 __all__ = [
-    "get_action",
-    "get_action_interfaces",
-    "get_action_namespaced_type",
-    "get_interface",
-    "get_interface_packages",
-    "get_interface_path",
-    "get_interfaces",
-    "get_message",
-    "get_message_interfaces",
-    "get_message_namespaced_type",
     "get_message_slot_types",
-    "get_namespaced_type",
-    "get_service",
-    "get_service_interfaces",
-    "get_service_namespaced_type",
-    "import_message_from_namespaced_type",
-    "is_action",
-    "is_message",
-    "is_service",
     "message_to_csv",
     "message_to_ordereddict",
     "message_to_yaml",
@@ -62,49 +26,6 @@ __all__ = [
 
 
 _Stamp: TypeAlias = Callable[[RosMessage], None]
-
-
-def get_interface(identifier: str) -> type:
-    """The class of `std_msgs/msg/String`, `std_srvs/srv/SetBool` or `example_interfaces/action/Fibonacci`.
-
-    Raises ValueError for an invalid name, ModuleNotFoundError for an unknown package, AttributeError for an
-    unknown type, ConfigurationError for a malformed definition.
-    """
-    name = full_name(identifier)
-    if name.count("/") != 2 or not all(name.split("/")):
-        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
-    package, kind, short = name.split("/")
-    makers = {"msg": message_class, "srv": service_class, "action": action_class}
-    if kind not in makers:
-        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
-    try:
-        definition_path(name)
-    except ConfigurationError as error:
-        if package not in packages():
-            raise ModuleNotFoundError(f"No module named '{package}'", name=package) from None
-        text = f"module '{package}.{kind}' has no attribute '{short}': {error}"
-        raise AttributeError(text) from None
-    return makers[kind](name)
-
-
-def get_message(identifier: str) -> type:
-    """The class of `std_msgs/msg/String`; raises as `get_interface`."""
-    return _of_kind(identifier, "msg", "message")
-
-
-def get_service(identifier: str) -> type:
-    """The class of `std_srvs/srv/SetBool`; raises as `get_interface`."""
-    return _of_kind(identifier, "srv", "service")
-
-
-def get_action(identifier: str) -> type:
-    """The class of `example_interfaces/action/Fibonacci`; raises as `get_interface`."""
-    return _of_kind(identifier, "action", "action")
-
-
-def get_message_slot_types(msg: RosMessage) -> "OrderedDict[str, Any]":
-    """The fields of a message, each with its type of rosidl_parser."""
-    return OrderedDict(zip(msg.get_fields_and_field_types(), msg.SLOT_TYPES, strict=True))
 
 
 def message_to_ordereddict(
@@ -122,8 +43,6 @@ def message_to_ordereddict(
         value = getattr(msg, field.name)
         if no_arr and field.type.array:
             converted[field.name] = _array_text(field.type, len(value))
-        elif no_str and isinstance(value, str):
-            converted[field.name] = f"<string length: <{len(value)}>>"
         else:
             converted[field.name] = _plain(value, truncate_length, no_arr, no_str)
     return converted
@@ -159,6 +78,11 @@ def message_to_csv(
         return str(msg)
     values = message_to_ordereddict(msg, truncate_length=truncate_length, no_arr=no_arr, no_str=no_str)
     return ",".join(_flat(values))
+
+
+def get_message_slot_types(msg: RosMessage) -> "OrderedDict[str, AbstractType]":
+    """The types of a message's fields, as values of `rosidl_parser.definition`."""
+    return OrderedDict(zip(msg.get_fields_and_field_types(), msg.SLOT_TYPES, strict=True))
 
 
 def set_message_fields(
@@ -224,32 +148,42 @@ def _as_type_of(current: object, value: Any) -> object:
     return of(value)
 
 
-def _of_kind(identifier: str, kind: str, what: str) -> type:
-    if f"/{kind}/" not in full_name(identifier):
-        raise ValueError(f"Expected the full name of a {what}, got '{identifier}'")
-    return get_interface(identifier)
-
-
 def _array_text(type_: Type, length: int) -> str:
-    if type_.array == "fixed":
-        return f"<array type: {type_text(type_)}>"
-    element = type_text(type_._replace(array=""))
+    whole: Any = slot_type(type_)
+    element = _element_text(whole.value_type)
+    match type_.array:
+        case "fixed":
+            return f"<array type: {element}[{type_.size}]>"
+        case "bounded":
+            return f"<sequence type: {element}[{type_.size}], length: {length}>"
     return f"<sequence type: {element}, length: {length}>"
+
+
+def _element_text(type_: AbstractType) -> str:
+    if isinstance(type_, NamespacedType):
+        return "/".join(type_.namespaced_name())
+    if isinstance(type_, BasicType):
+        return type_.typename
+    return "wstring" if isinstance(type_, AbstractWString) else "string"
 
 
 def _plain(value: object, limit: int | None, no_arr: bool, no_str: bool) -> object:
     if isinstance(value, RosMessage):
         return message_to_ordereddict(value, truncate_length=limit, no_arr=no_arr, no_str=no_str)
     if isinstance(value, bytes | bytearray | memoryview):
-        value = bytes(value).decode("latin-1")
+        return _cut(bytes(value).decode("latin-1"), limit)
     if isinstance(value, str):
-        return value if limit is None or len(value) <= limit else f"{value[:limit]}..."
+        return f"<string length: <{len(value)}>>" if no_str else _cut(value, limit)
     if not isinstance(value, list | tuple | set | array) and not numbers.is_array(value):
         return value
     items = value.tolist() if hasattr(value, "tolist") else list(value)
     kept = items if limit is None else items[:limit]
     shown = [_plain(item, limit, no_arr, no_str) for item in kept]
     return shown if len(kept) == len(items) else [*shown, "..."]
+
+
+def _cut(text: str, limit: int | None) -> str:
+    return text if limit is None or len(text) <= limit else f"{text[:limit]}..."
 
 
 def _without_order(value: object) -> object:

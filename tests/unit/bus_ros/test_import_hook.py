@@ -214,6 +214,46 @@ def test_other_modules_of_ros(tmp_path: Path) -> None:
     ]
 
 
+def test_the_python_api_of_tools(tmp_path: Path) -> None:
+    """As rosapi and py_trees_ros import it."""
+    code = """
+        from ros2action.api import get_action_names_and_types
+        from ros2interface.api import type_completer
+        from ros2node.api import get_absolute_node_name, get_node_names
+        from ros2param.api import call_get_parameters, call_set_parameters
+        from ros2service.api import get_service_names, get_service_names_and_types
+        from ros2topic.api import get_topic_names, get_topic_names_and_types
+        import ros2cli.node.strategy, ros2topic.api
+        from ros2cli.node import NODE_NAME_PREFIX
+        from ros2cli.node.direct import DirectNode
+        from rosidl_adapter.parser import parse_message_string
+        from rosidl_runtime_py import get_interface_path, get_interfaces
+        from rosidl_runtime_py.get_interfaces import get_message_interfaces
+        from rosidl_runtime_py.import_message import import_message_from_namespaced_type
+        import rosidl_runtime_py, rosidl_runtime_py.get_interfaces
+        assert rosidl_runtime_py.get_interfaces is get_interfaces
+        assert issubclass(ros2cli.node.strategy.NodeStrategy, DirectNode)
+        path = get_interface_path("std_msgs/msg/Header")
+        message = parse_message_string("std_msgs", "Header", open(path).read())
+        print(NODE_NAME_PREFIX, [f"{field.type} {field.name}" for field in message.fields])
+    """
+    fields = "['builtin_interfaces/Time stamp', 'string frame_id']"
+    assert run(code, tmp_path) == [f"_ros2cli {fields}"]
+
+
+def test_the_tools_of_another_rclpy_stay_missing(tmp_path: Path) -> None:
+    """busd's work only with busd's nodes."""
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").touch()
+    assert error_of("import ros2topic.api", tmp_path) == "ModuleNotFoundError: No module named 'ros2topic'"
+
+
+def test_a_folder_with_the_name_of_a_package_does_not_hide_it(tmp_path: Path) -> None:
+    (tmp_path / "rosidl_runtime_py").mkdir()
+    code = "from rosidl_runtime_py import message_to_yaml as convert; print(convert.__name__)"
+    assert run(code, tmp_path) == ["message_to_yaml"]
+
+
 def test_a_part_of_a_package_is_there_when_it_is_asked_for(tmp_path: Path) -> None:
     code = """
         import sys

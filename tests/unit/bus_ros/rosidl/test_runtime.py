@@ -1,11 +1,11 @@
-"""Messages as plain values and back, and classes by name."""
+"""Messages as plain values and back."""
 
 from array import array
 from typing import Any
 
 import pytest
 
-from bus_ros.rosidl import message_class, runtime
+from bus_ros.rosidl import definition, message_class, runtime
 from rows import for_each
 
 
@@ -24,9 +24,22 @@ def test_plain_values() -> None:
     short = runtime.message_to_ordereddict(joints, no_arr=True, no_str=True)
     assert short["position"] == "<sequence type: double, length: 2>"
     assert short["header"]["frame_id"] == "<string length: <0>>"
+    texts = runtime.message_to_ordereddict(joints, no_str=True)
+    assert texts["name"] == ["<string length: <1>>", "<string length: <1>>"]
+    assert short["name"] == "<sequence type: string, length: 2>"
+    path = runtime.message_to_ordereddict(cls("nav_msgs/msg/Path")(), no_arr=True)
+    assert path["poses"] == "<sequence type: geometry_msgs/msg/PoseStamped, length: 0>"
+    bounded = runtime.message_to_ordereddict(cls("shape_msgs/msg/SolidPrimitive")(), no_arr=True)
+    assert bounded["dimensions"] == "<sequence type: double[3], length: 0>"
     info = runtime.message_to_ordereddict(cls("sensor_msgs/msg/CameraInfo")(), no_arr=True)
     assert info["k"] == "<array type: double[9]>"
     assert runtime.message_to_ordereddict(b"\xce") == {"bytes": b"\xce"}
+
+
+def test_types_of_fields() -> None:
+    types = runtime.get_message_slot_types(cls("std_msgs/msg/Header")())
+    assert list(types) == ["stamp", "frame_id"]
+    assert types["frame_id"] == definition.UnboundedString()
 
 
 def test_texts() -> None:
@@ -94,30 +107,3 @@ def test_wrong_values(values: Any, kind: type[Exception], text: str) -> None:
 def test_a_text_is_no_truth_value() -> None:
     with pytest.raises(AssertionError, match="must be of type 'bool'"):
         runtime.set_message_fields(cls("std_msgs/msg/Bool")(), {"data": "false"})
-
-
-def test_classes_by_name() -> None:
-    assert runtime.get_message("std_msgs/msg/String") is cls("std_msgs/msg/String")
-    assert runtime.get_interface("std_msgs/String") is cls("std_msgs/msg/String")
-    assert runtime.get_service("std_srvs/srv/SetBool").__name__ == "SetBool"
-    assert runtime.get_action("example_interfaces/action/Fibonacci").__name__ == "Fibonacci"
-
-
-@for_each(
-    ("get", "name", "kind", "text"),
-    [
-        (
-            runtime.get_message,
-            "std_srvs/srv/SetBool",
-            ValueError,
-            "full name of a message, got 'std_srvs/srv",
-        ),
-        (runtime.get_interface, "String", ValueError, "full name of an interface, got 'String'"),
-        (runtime.get_interface, "std_msgs/other/String", ValueError, "full name of an interface"),
-        (runtime.get_message, "std_msgs/msg/Strin", AttributeError, "module 'std_msgs.msg' has no attribute"),
-        (runtime.get_message, "no_msgs/msg/A", ModuleNotFoundError, "No module named 'no_msgs'"),
-    ],
-)
-def test_unknown_names(get: Any, name: str, kind: type[Exception], text: str) -> None:
-    with pytest.raises(kind, match=text):
-        get(name)
