@@ -58,6 +58,16 @@ class TestCallbacks:
         assert subscription.get_publisher_count() == 1
         assert subscription.topic == subscription.topic_name == "/t"
 
+    def test_a_message_published_by_name(self, world: World, node: Node) -> None:
+        heard: list[Any] = []
+        node.create_subscription(Int64, "t", heard.append, 1)
+        publisher = node.create_publisher(Int64, "t", 1)
+        publisher.publish(msg=Int64(data=7))
+        world.spin_until(lambda: heard)
+        assert heard == [Int64(data=7)]
+        with pytest.raises(TypeError):
+            publisher.publish(message=Int64())  # type: ignore[call-arg]
+
     def test_of_two_arguments(self, world: World, node: Node) -> None:
         heard: list[tuple[Any, MessageInfo]] = []
         node.create_subscription(Int64, "t", lambda message, info: heard.append((message, info)), 100)

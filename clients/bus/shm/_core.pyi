@@ -107,8 +107,8 @@ class Sends:
         With None as `loop` there is no guard: only the thread of the event loop publishes.
         """
 
-    def publish_shared(self, message: Any, /) -> None:
-        """`publish` under the loop's guard. Then `rest(message, status)`, without the guard, does the rest.
+    def publish_shared(self, msg: Any) -> None:
+        """`publish` under the loop's guard. Then `rest(msg, status)`, without the guard, does the rest.
 
         `status` is the result of `publish`. None: nothing was tried, because another thread has the guard, or
         there is no quick way. True: the message is taken, and only an interrupt remains.

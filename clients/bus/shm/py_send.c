@@ -411,9 +411,17 @@ static PyObject *publish_alone(const Sends *self, PyObject *message)
 
 /* Publishes a message while threads share the loop. `rest_shared` does the rest: a wait for the guard, a message
  * that the quick way does not take, an interrupt that came while the message's encoding ran Python code. */
-static PyObject *sends_publish_shared(PyObject *object, PyObject *message)
+static PyObject *sends_publish_shared(PyObject *object, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
 {
+    static const char *const names[] = {"msg", NULL};
     const Sends *self = (const Sends *)object;
+    PyObject *message;
+    if (core_arguments(names, args, count, kwnames, 1, &message) < 0)
+        return NULL;
+    if (message == NULL) {
+        PyErr_SetString(PyExc_TypeError, "publish() missing 1 required positional argument: 'msg'");
+        return NULL;
+    }
     if (self->loop == NULL || self->publish == NULL) {
         PyErr_SetString(PyExc_RuntimeError, "share() comes first");
         return NULL;
@@ -479,7 +487,7 @@ static void sends_dealloc(PyObject *object)
 static PyMethodDef sends_methods[] = {
     {"send", sends_send, METH_O, NULL},
     {"share", sends_share, METH_VARARGS, NULL},
-    {"publish_shared", sends_publish_shared, METH_O, NULL},
+    {"publish_shared", (PyCFunction)(void (*)(void))sends_publish_shared, FAST_KEYWORDS, NULL},
     {0},
 };
 

@@ -82,7 +82,7 @@ class Publisher(BasePublisher[M]):
         if sends is not None and type(self).publish is Publisher.publish:
             sends.share(self._loop, self._publish_on)
             # Guard and fast path in one native call: this halves the time of a message.
-            self.publish = sends.publish_shared  # type: ignore[method-assign, assignment]
+            self.publish = sends.publish_shared  # type: ignore[method-assign]
 
     @property
     def is_destroyed(self) -> bool:

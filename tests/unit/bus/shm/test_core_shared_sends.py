@@ -147,6 +147,23 @@ def shared_by(guard: BadGuard, status: Any) -> End:
     return end
 
 
+def test_the_message_by_its_name() -> None:
+    """Programs of ROS 2 may name it: `publisher.publish(msg=message)`."""
+    end = End()
+    end.sends.publish_shared(msg="a")
+    assert end.tried == [("a", True)]
+    wrong: Any = end.sends.publish_shared
+    for call in (
+        lambda: wrong(),
+        lambda: wrong("a", "b"),
+        lambda: wrong("a", msg="b"),
+        lambda: wrong(data="a"),
+    ):
+        with pytest.raises(TypeError):
+            call()
+    assert len(end.tried) == 1
+
+
 def test_nothing_is_left_of_an_error_where_the_guard_is_not_given_back() -> None:
     end = shared_by(BadGuard(), LookupError([]))
     marker = end.status.args[0]
