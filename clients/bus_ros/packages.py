@@ -64,6 +64,7 @@ _BUILT_IN = {
 }
 """Programs that come with busd, used if no installed package has them: entry points, by package and name."""
 
+_DEPEND = re.compile(r"<(?:depend|exec_depend|run_depend)\b[^>]*>\s*([\w-]+)\s*</")
 _NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]*[A-Za-z0-9])?")
 _COLCON = (".colcon_install_layout", "local_setup.sh", "setup.sh")
 
@@ -208,7 +209,8 @@ def source_folder(package: str) -> Path | None:
 def source_programs(folder: Path) -> tuple[list[Executable], set[str]] | None:
     """The Python programs of a CMake package, to run from source, and the names of programs to be compiled.
 
-    Returns None if it is no such package.
+    The programs can import the modules of the package, and those of the packages that it depends on, if these
+    are in source form, too. Returns None if it is no such package.
     """
     from bus_ros import cmakelists  # late: few packages need it
 
@@ -216,8 +218,9 @@ def source_programs(folder: Path) -> tuple[list[Executable], set[str]] | None:
     if found is None:
         return None
     prefix = Prefix(folder, is_sourced=False)
+    modules = *found.python_folders, *_python_of_dependencies(folder)
     programs = [
-        Executable(folder.name, name, str(path), prefix, python_folders=found.python_folders)
+        Executable(folder.name, name, str(path), prefix, python_folders=modules)
         for name, path in sorted(found.programs.items())
     ]
     return programs, found.compiled
@@ -237,6 +240,28 @@ def python_folders(prefix: Prefix) -> list[str]:
     ]
     links = [link for site in sites for link in sorted(site.glob("*.egg-link"))]
     return [*map(str, sites), *(link.read_text("utf-8").partition("\n")[0].strip() for link in links)]
+
+
+def _python_of_dependencies(folder: Path) -> Iterator[str]:
+    """The folders of Python modules of all packages that a package depends on and that are not installed."""
+    from bus_ros import cmakelists
+
+    known = {folder.name}
+    unread = [folder]
+    while unread:
+        manifest = (unread.pop() / "package.xml").read_text("utf-8", "replace")
+        for name in _DEPEND.findall(manifest):
+            if name in known:
+                continue
+            known.add(name)
+            source = source_folder(name)
+            if source is None or find_prefix(name) is not None:
+                continue
+            unread.append(source)
+            if (source / "setup.py").is_file():
+                yield str(source)
+            elif (found := cmakelists.read(source, name)) is not None:
+                yield from found.python_folders
 
 
 def _workspace_prefixes() -> list[Path]:

@@ -83,6 +83,27 @@ def test_by_their_names(here: Path, run: Run, name: str) -> None:
     assert run("run", "--prefix", "env A=1", "arm", name).out.startswith("__main__ [")
 
 
+def test_modules_of_dependencies(here: Path, run: Run) -> None:
+    """In source form, for CMake or for Python, and those of their dependencies."""
+    files = {
+        "src/robot/arm/package.xml": MANIFEST.replace("</package>", "<depend>joints</depend></package>"),
+        "src/robot/arm/scripts/show.py": "import joints, motors; print(joints.__name__, motors.SPEED)\n",
+        "src/joints/package.xml": (
+            "<package><name>joints</name><exec_depend>motors</exec_depend><depend>arm</depend>"
+            "<depend>rclpy</depend></package>"
+        ),
+        "src/joints/CMakeLists.txt": "ament_python_install_package(joints PACKAGE_DIR src/joints)\n",
+        "src/joints/src/joints/__init__.py": "",
+        "src/motors/package.xml": "<package><name>motors</name></package>",
+        "src/motors/setup.py": "",
+        "src/motors/motors/__init__.py": "SPEED = 5\n",
+    }
+    for path, text in files.items():
+        (here / path).parent.mkdir(parents=True, exist_ok=True)
+        (here / path).write_text(text)
+    assert run("run", "arm", "show.py") == ("joints 5\n", "", 0)
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
