@@ -149,11 +149,15 @@ _MISSING: Final = frozenset(
 )
 """Packages of ROS 2 that busd does not have."""
 
+_ENVIRONMENT: Final = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "jazzy"}
+"""Variables that ROS 2's set-up sets. Some programs read them before they import rclpy."""
+
 
 def install(*, force: bool = False) -> None:
     """Put the finders into Python's import system; may be called again, also with another `force`.
 
     `force`: busd's modules come before installed ones. Modules that are imported already stay as they are.
+    If `import rclpy` gives busd's, the environment gets the variables of ROS 2's set-up that it lacks.
     """
     _last.is_forced = _first.is_forced = force
     for finder in (_first, _last):
@@ -161,6 +165,9 @@ def install(*, force: bool = False) -> None:
             sys.meta_path.remove(finder)
     sys.meta_path.insert(0, _first)
     sys.meta_path.append(_last)
+    if _leads_to_ours("rclpy"):
+        for name, value in _ENVIRONMENT.items():
+            os.environ.setdefault(name, value)
 
 
 class _First:

@@ -241,6 +241,19 @@ def test_the_python_api_of_tools(tmp_path: Path) -> None:
     assert run(code, tmp_path) == [f"_ros2cli {fields}"]
 
 
+def test_the_variables_of_ros(tmp_path: Path) -> None:
+    code = """
+        import os
+        print(*(os.environ.get(f"ROS_{name}") for name in ("VERSION", "PYTHON_VERSION", "DISTRO")))
+    """
+    assert run(code, tmp_path) == ["2 3 jazzy"]
+    assert run(code, tmp_path, ROS_DISTRO="humble") == ["2 3 humble"]
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").touch()
+    assert run(code, tmp_path) == ["None None None"]
+    assert run(code, tmp_path, BUS_RCLPY_FORCE="1") == ["2 3 jazzy"]
+
+
 def test_the_tools_of_another_rclpy_stay_missing(tmp_path: Path) -> None:
     """busd's work only with busd's nodes."""
     (tmp_path / "rclpy").mkdir()
