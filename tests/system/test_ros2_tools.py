@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 from textwrap import dedent
+from threading import Event
 from typing import Any
 
 import pytest
@@ -22,7 +23,7 @@ from bus_ros.ros2param import api as ros2param
 from bus_ros.ros2service import api as ros2service
 from bus_ros.ros2topic import api as ros2topic
 from bus_ros.rosidl import action_class, message_class
-from conftest import Daemon
+from conftest import WAIT_S, Daemon
 from rclpy_world import AddTwoInts, Int64, String, World, add, arguments, in_thread, world
 
 __all__ = ["arguments", "world"]
@@ -184,9 +185,17 @@ def test_parameters_in_a_callback(world: World) -> None:
         return response
 
     server.create_service(AddTwoInts, "/ask", ask)
-    with world.spinning(other), in_thread(lambda: rclpy.spin(server)):
-        assert client.call(AddTwoInts.Request()).sum == 15
-        rclpy.shutdown()
+    is_over = Event()
+
+    def spin() -> None:
+        while not is_over.is_set():
+            rclpy.spin_once(server, timeout_sec=0.01)
+
+    with world.spinning(other), in_thread(spin):
+        try:
+            assert client.call(AddTwoInts.Request(), timeout_sec=WAIT_S).sum == 15
+        finally:
+            is_over.set()
 
 
 def test_values(capsys: pytest.CaptureFixture[str]) -> None:

@@ -122,9 +122,9 @@ def _call(node: Node, node_name: str, start: Callable[[AsyncParameterClient], Fu
 @contextmanager
 def _client(node: Node, node_name: str) -> Iterator[AsyncParameterClient]:
     """A client of parameters. Its six clients of services are destroyed at the end."""
-    before = set(node.clients)
+    client = AsyncParameterClient(node, node_name)
     try:
-        yield AsyncParameterClient(node, node_name)
+        yield client
     finally:
-        for one in set(node.clients) - before:
+        for one in client._clients:
             node.destroy_client(one)
