@@ -1,10 +1,20 @@
-"""The ament index: resources of any type by name, from the first prefix that has them."""
+"""The ament index: resources of any type by name, from the first prefix that has them.
+
+Packages that are found without an index are resources, too: those with definitions have one of the type
+`rosidl_interfaces`, which lists them, and all have one of the type `packages`.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
+from bus.types import definitions
 from bus_ros.ament_index_python.constants import RESOURCE_INDEX_SUBFOLDER
+from bus_ros.ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_packages_with_prefixes,
+)
 from bus_ros.ament_index_python.search_paths import get_search_paths
 
 __all__ = [
@@ -15,6 +25,9 @@ __all__ = [
     "get_resources",
     "has_resource",
 ]
+
+_PACKAGES: Final = "packages"
+_DEFINITIONS: Final = "rosidl_interfaces"
 
 
 class InvalidResourceTypeNameError(ValueError):
@@ -34,7 +47,10 @@ def get_resource(resource_type: str, resource_name: str) -> tuple[str, str]:
     prefix = has_resource(resource_type, resource_name)
     if not prefix:
         raise LookupError(f"Could not find the resource '{resource_name}' of type '{resource_type}'")
-    return Path(prefix, RESOURCE_INDEX_SUBFOLDER, resource_type, resource_name).read_text(), prefix
+    path = Path(prefix, RESOURCE_INDEX_SUBFOLDER, resource_type, resource_name)
+    if path.is_file():
+        return path.read_text(), prefix
+    return _list_of_definitions(resource_name) if resource_type == _DEFINITIONS else "", prefix
 
 
 def has_resource(resource_type: str, resource_name: str) -> str | Literal[False]:
@@ -47,7 +63,7 @@ def has_resource(resource_type: str, resource_name: str) -> str | Literal[False]
     for prefix, folder in _folders():
         if (folder / resource_type / resource_name).is_file():
             return prefix
-    return False
+    return _without_index(resource_type, resource_name) or False
 
 
 def get_resources(resource_type: str) -> dict[str, str]:
@@ -58,12 +74,44 @@ def get_resources(resource_type: str) -> dict[str, str]:
         for path in _listed(folder / resource_type):
             if path.is_file():
                 found.setdefault(path.name, prefix)
-    return found
+    others: dict[str, str] = {}
+    if resource_type == _PACKAGES:
+        others = get_packages_with_prefixes()
+    elif resource_type == _DEFINITIONS:
+        others = {name: _prefix_of_definitions(name) for name in definitions.packages()}
+    return others | found
 
 
 def get_resource_types() -> set[str]:
     """The names of all types that have a resource folder."""
-    return {path.name for _, folder in _folders() for path in _listed(folder) if path.is_dir()}
+    found = {path.name for _, folder in _folders() for path in _listed(folder) if path.is_dir()}
+    return found | {_PACKAGES, _DEFINITIONS}
+
+
+def _without_index(resource_type: str, resource_name: str) -> str | None:
+    """The prefix of a package that has no file in an index; None if it has no such resource."""
+    if resource_type == _DEFINITIONS and definitions.names(package=resource_name):
+        return _prefix_of_definitions(resource_name)
+    return _prefix(resource_name) if resource_type == _PACKAGES else None
+
+
+def _prefix(package: str) -> str | None:
+    try:
+        return get_package_prefix(package)
+    except (PackageNotFoundError, ValueError):
+        return None
+
+
+def _prefix_of_definitions(package: str) -> str:
+    """The prefix of a package; the folder above its own if it is a package for definitions alone."""
+    found = _prefix(package)
+    return found or str(definitions.definition_path(definitions.names(package=package)[0]).parents[2])
+
+
+def _list_of_definitions(package: str) -> str:
+    """One line for each: `msg/String.msg`."""
+    parts = [name.split("/") for name in definitions.names(package=package)]
+    return "".join(f"{kind}/{name}.{kind}\n" for _, kind, name in parts)
 
 
 def _folders() -> Iterator[tuple[str, Path]]:

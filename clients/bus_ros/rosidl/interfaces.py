@@ -4,7 +4,6 @@ Owns: lists of names in ROS 2's form. Must not know: the content of definitions.
 """
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Final
 
 from bus.errors import ConfigurationError
@@ -14,6 +13,7 @@ from bus_ros.ament_index_python.packages import (
     get_package_prefix,
     get_package_share_path,
 )
+from bus_ros.ament_index_python.resources import get_resources
 
 __all__ = [
     "get_action_interfaces",
@@ -34,7 +34,7 @@ def get_interface_packages() -> dict[str, str]:
 
     Without an installed package it is the folder above the package's.
     """
-    return {package: _prefix(package, found[0]) for package, found in _by_package(None).items()}
+    return get_resources("rosidl_interfaces")
 
 
 def get_interfaces(package_names: Iterable[str] = _NO_PACKAGES) -> Interfaces:
@@ -125,10 +125,3 @@ def _by_package(kind: Kind | None) -> dict[str, list[str]]:
 
 def _short(found: dict[str, list[str]]) -> Interfaces:
     return {package: [name.partition("/")[2] for name in full] for package, full in found.items()}
-
-
-def _prefix(package: str, name: str) -> str:
-    try:
-        return get_package_prefix(package)
-    except (PackageNotFoundError, ValueError):
-        return str(Path(definition_path(name)).parents[2])

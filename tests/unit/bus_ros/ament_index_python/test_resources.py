@@ -43,6 +43,29 @@ def test_resources(prefixes: tuple[str, str]) -> None:
     assert str(caught.value) == "Could not find the resource 'baz' of type 'thing'"
 
 
+def test_packages_without_an_index(prefixes: tuple[str, str]) -> None:
+    """Programs read the lists of definitions."""
+    shipped = ament.get_package_prefix("std_srvs")
+    content, prefix = ament.get_resource("rosidl_interfaces", "std_srvs")
+    assert prefix == ament.has_resource("rosidl_interfaces", "std_srvs") == shipped
+    assert content.splitlines() == ["srv/Empty.srv", "srv/SetBool.srv", "srv/Trigger.srv"]
+    assert ament.get_resources("rosidl_interfaces")["std_srvs"] == shipped
+    assert "rosidl_interfaces" in ament.get_resource_types()
+    assert ament.has_resource("rosidl_interfaces", "turtle_tf2_py") is False
+    assert ament.get_resource("packages", "std_srvs") == ("", shipped)
+    assert ament.get_resources("packages")["std_srvs"] == shipped
+    assert ament.has_resource("packages", "no_such_package") is False
+
+
+def test_an_index_comes_first(prefixes: tuple[str, str]) -> None:
+    one, _ = prefixes
+    folder = Path(one, RESOURCE_INDEX_SUBFOLDER, "rosidl_interfaces")
+    folder.mkdir()
+    (folder / "std_srvs").write_text("srv/Own.srv")
+    assert ament.get_resource("rosidl_interfaces", "std_srvs") == ("srv/Own.srv", one)
+    assert ament.get_resources("rosidl_interfaces")["std_srvs"] == one
+
+
 @for_each(
     ("kind", "name", "error", "text"),
     [
