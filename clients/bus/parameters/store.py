@@ -8,6 +8,7 @@ Callbacks and hooks run in the thread that makes the change. There is no lock, b
 operation.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
@@ -17,6 +18,7 @@ __all__ = ["Change", "Declared", "Outcome", "ParameterStore"]
 
 P = TypeVar("P", bound=Setting)
 
+_INVALID_RESULT: Final = "Callback returned an invalid type"
 _NOTHING_TO_SET: Final = (
     "parameter list cannot be empty, this might be due to pre_set_parameters_callback modifying the "
     "original parameters list."
@@ -115,7 +117,8 @@ class ParameterStore(Generic[P]):
         for callback in tuple(self.on_set):
             result = callback(wanted)
             if not hasattr(result, "successful"):
-                raise TypeError(f"{callback!r} must return a SetParametersResult, not {result!r}")
+                warnings.warn(f"{callback!r} must return a SetParametersResult, not {result!r}", stacklevel=6)
+                return Outcome(False, _INVALID_RESULT)
             if not result.successful:
                 return Outcome(False, result.reason)
         return _OK

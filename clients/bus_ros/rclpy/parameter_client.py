@@ -5,7 +5,6 @@ returns the Future of the service's response.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from math import inf
 from pathlib import Path
 from time import monotonic
@@ -120,23 +119,19 @@ class AsyncParameterClient:
     def load_parameter_file(
         self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
     ) -> Future[Any]:
-        """Set the file's parameters for this node; `use_wildcard`: for all nodes, too.
+        """Set the parameters of all sections of the file; `use_wildcard`: of the section `/**`, too.
 
-        If the file has none for this node, set those for other nodes, as rclpy does. Raises OSError if the
-        file can't be read, RuntimeError if it is invalid.
+        Raises RuntimeError if the file is invalid, and OSError if it can't be opened.
         """
-        return self.set_parameters(self._parameters_of(parameter_file, use_wildcard), callback)
+        found = parameter_dict_from_yaml_file(parameter_file, use_wildcard)
+        return self.set_parameters(list(found.values()), callback)
 
     def load_parameter_file_atomically(
         self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
     ) -> Future[Any]:
         """As `load_parameter_file`, but sets all parameters or none."""
-        return self.set_parameters_atomically(self._parameters_of(parameter_file, use_wildcard), callback)
-
-    def _parameters_of(self, path: str | Path, use_wildcard: bool) -> list[Any]:
-        with suppress(RuntimeError):
-            return list(parameter_dict_from_yaml_file(path, use_wildcard, [self.remote_node_name]).values())
-        return list(parameter_dict_from_yaml_file(path, use_wildcard).values())
+        found = parameter_dict_from_yaml_file(parameter_file, use_wildcard)
+        return self.set_parameters_atomically(list(found.values()), callback)
 
     def on_parameter_event(
         self,

@@ -1,10 +1,13 @@
 """Parameters of a node: declaring, setting, descriptors, ranges, callbacks and errors."""
 
+import warnings
+
 import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 from show import attempt
 
+warnings.simplefilter("ignore")
 rclpy.init(args=["program", "--ros-args", "-p", "given:=5", "-p", "list:=[1.5, 2.5]"])
 node = rclpy.create_node("parameters")
 TYPES = Parameter.Type
@@ -96,6 +99,18 @@ print(order, node.get_parameter("flag").value, node.get_parameter("int").value)
 node.remove_pre_set_parameters_callback(pre)
 node.remove_on_set_parameters_callback(on)
 attempt("removed", node.remove_on_set_parameters_callback, on)
+for returned in (None, True, "fine"):
+
+    def odd(parameters, returned=returned):
+        return returned
+
+    node.add_on_set_parameters_callback(odd)
+    set_it(Parameter("int", value=6))
+    attempt("refused", node.declare_parameter, "refused", 1)
+    node.remove_on_set_parameters_callback(odd)
+attempt("descriptor only", node.declare_parameter, "bare", descriptor=ParameterDescriptor(type=4))
+attempt("depth", node.list_parameters, [], None)
+attempt("no file", parameter_dict_from_yaml_file, "nosuch.yaml")
 message = Parameter("list", value=[1, 2]).to_parameter_msg()
 print(
     message.value.type, list(message.value.integer_array_value), Parameter.from_parameter_msg(message).value

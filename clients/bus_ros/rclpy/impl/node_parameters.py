@@ -164,6 +164,8 @@ class NodeParameters:
         if not isinstance(prefixes, list):
             raise TypeError("The prefixes argument must be a list")
         _texts("prefixes", prefixes)
+        if not isinstance(depth, int):
+            raise TypeError("The depth must be instance of type int")
         if depth < 0:
             raise ValueError("The depth argument must not be negative")
         found, above = self.__store.find_below(prefixes, depth)
@@ -332,11 +334,11 @@ def _check_declaration(index: int, entry: Sequence[Any]) -> tuple[str, Any, Any]
             f"Third element {descriptor} at index {index} in parameters list is not a ParameterDescriptor."
         )
     if hasattr(value, "integer_array_value"):
-        if value.type == ValueType.NOT_SET and not (descriptor and descriptor.dynamic_typing):
-            raise ValueError(
-                "Cannot declare a statically typed parameter with default value of type PARAMETER_NOT_SET"
-            )
         value = parameter_value_to_python(value)
+    if value is None and len(entry) > 1 and not (descriptor and descriptor.dynamic_typing):
+        raise ValueError(
+            "Cannot declare a statically typed parameter with default value of type PARAMETER_NOT_SET"
+        )
     if len(entry) == 1:
         warnings.warn(_ONLY_A_NAME.format(name), stacklevel=4)
         descriptor = parameter_message("ParameterDescriptor")(dynamic_typing=True)

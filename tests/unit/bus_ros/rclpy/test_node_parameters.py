@@ -153,13 +153,30 @@ def test_a_callback_refuses() -> None:
         parameters.remove_on_set_parameters_callback(check)
 
 
-def test_a_callback_without_a_result() -> None:
+@pytest.mark.parametrize("result", [None, True, "fine", (True, "")])
+def test_a_callback_without_a_result_refuses(result: Any) -> None:
     parameters = node()
     parameters.declare_parameter("a", 1)
-    parameters.add_on_set_parameters_callback(lambda wanted: None)
-    with pytest.raises(TypeError, match="must return a SetParametersResult, not None"):
-        parameters.set_parameters([Parameter("a", value=2)])
-    assert parameters.get_parameter("a").value == 1
+    parameters.add_on_set_parameters_callback(lambda wanted: result)
+    with pytest.warns(UserWarning, match=r"must return a SetParametersResult, not "):
+        outcome = parameters.set_parameters([Parameter("a", value=2)])[0]
+    assert (outcome.successful, outcome.reason) == (False, "Callback returned an invalid type")
+    with pytest.warns(UserWarning), pytest.raises(InvalidParameterValueException, match="invalid type"):
+        parameters.declare_parameter("b", 1)
+    assert parameters.get_parameter("a").value == 1 and not parameters.has_parameter("b")
+
+
+def test_a_descriptor_without_a_value_needs_a_dynamic_type() -> None:
+    parameters = node()
+    for described in (descriptor(), descriptor(type=4)):
+        with pytest.raises(ValueError, match="statically typed parameter with default value of type"):
+            parameters.declare_parameter("a", descriptor=described)
+    assert parameters.declare_parameter("a", descriptor=descriptor(dynamic_typing=True)).value is None
+
+
+def test_the_depth_of_a_list_is_a_number() -> None:
+    with pytest.raises(TypeError, match="depth must be instance of type int"):
+        node().list_parameters([], "1")  # type: ignore[arg-type]
 
 
 def test_the_callback_that_came_last_is_asked_first() -> None:

@@ -139,6 +139,8 @@ def test_parameters_of_a_file(tmp_path: Path) -> None:
         values(target_nodes=["/nosuch"], use_wildcard=True)
     path.write_text("/node: {ros__parameters: {a: []}}")
     assert parameter_dict_from_yaml_file(path)["a"].value.type == Type.BOOL_ARRAY.value
+    with pytest.raises(FileNotFoundError):
+        parameter_dict_from_yaml_file(tmp_path / "nosuch.yaml")
     path.write_text("")
     with pytest.raises(RuntimeError, match="Param file does not contain selected parameters"):
         values()
