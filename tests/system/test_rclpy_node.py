@@ -1,6 +1,7 @@
 """Nodes and contexts of the facade: names, the graph, making and destroying endpoints."""
 
 import asyncio
+import gc
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from bus_ros.rclpy.exceptions import (
     RCLInvalidROSArgsError,
     UnknownROSArgsError,
 )
+from bus_ros.rclpy.executors import SingleThreadedExecutor
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
 from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
@@ -197,6 +199,38 @@ class TestEntities:
         kinds = [one.qos_profile.reliability for one in (first, second)]
         assert kinds == [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT]
 
+    def test_a_node_keeps_its_last_executor(self, world: World) -> None:
+        node = world.node("kept")
+        first, second = world.executor(node), world.executor()
+        first.remove_node(node)
+        assert node.executor is first and first.get_nodes() == []
+        assert second.add_node(node) and node.executor is second
+        second.shutdown()
+        assert node.executor is second
+        node.executor = first
+        assert node.executor is first and first.get_nodes() == [node]
+        node.executor = None
+        assert node.executor is None and first.get_nodes() == []
+
+    def test_a_nodes_last_executor_is_not_kept_alive(self, world: World) -> None:
+        node = world.node("lone")
+        executor = SingleThreadedExecutor(context=world.context)
+        executor.add_node(node)
+        executor.remove_node(node)
+        del executor
+        gc.collect()
+        assert node.executor is None
+
+    def test_a_task_after_spin_once(self, world: World) -> None:
+        node = world.node("spun")
+        executor = world.executor(node)
+        executor.spin_once(timeout_sec=0.01)
+        executor.remove_node(node)
+        assert node.executor is not None
+        task = node.executor.create_task(lambda: "done")
+        executor.spin_until_future_complete(task, timeout_sec=5.0)
+        assert task.result() == "done"
+
     def test_destroying_a_node(self, world: World) -> None:
         watcher = world.node("watcher")
         with world.node("gone") as node:
@@ -205,7 +239,7 @@ class TestEntities:
             timer = node.create_timer(0, nothing)
             assert watcher.count_publishers("t") == 1
         assert executor.get_nodes() == []
-        assert node.executor is None
+        assert node.executor is executor  # as in ROS 2
         assert list(node.publishers) == [] and not node.destroy_timer(timer)
         node.destroy_node()
         wait_until(lambda: watcher.get_node_names() == ["watcher"])

@@ -85,7 +85,7 @@ INSIDE_OF_CLASSES = {
         ),
     },
     "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
-    "rclpy.node.Node": {"native", "own_entities", "own_executor", "receive_one", "waiting"},
+    "rclpy.node.Node": {"last_executor", "native", "own_entities", "own_executor", "receive_one", "waiting"},
     "rclpy.publisher.Publisher": {"event_callbacks", "is_destroyed", "native", "node"},
     "rclpy.subscription.Subscription": {"batch", "event_callbacks", "native"},
     "rclpy.signals.SignalHandlerGuardCondition": {"is_destroyed"},

@@ -7,15 +7,16 @@ Owns the order of calls, and the busy callback groups. A spinning thread runs th
 import os
 import warnings
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine
 from time import monotonic_ns
 from types import CoroutineType, TracebackType
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
+from weakref import ref
 
 from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
-from bus_ros.rclpy.impl.executor_parts import TimeoutObject, WakeGuard, await_or_execute
+from bus_ros.rclpy.impl.executor_parts import ExecutedNode, TimeoutObject, WakeGuard, await_or_execute
 from bus_ros.rclpy.impl.handover import Handover
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
 from bus_ros.rclpy.timer import NEVER_NS, Timer
@@ -63,15 +64,6 @@ class ConditionReachedException(Exception):
     """The condition of the wait is true."""
 
 
-class _Node(Owner, Protocol):
-    """The interface of a node for its executor."""
-
-    own_executor: "Executor | None"
-
-    @property
-    def timers(self) -> Iterable[Timer]: ...
-
-
 class Executor:
     """Base of the executors. Any number of nodes; each node has one executor.
 
@@ -85,7 +77,7 @@ class Executor:
         self._context = context or get_default_context()
         self._engine = engine()
         self.waiter = Waiter(self._engine)
-        self._nodes: list[_Node] = []
+        self._nodes: list[ExecutedNode] = []
         self.ready: deque[Ready] = deque()
         self.handed: set[Handover] = set()  # they hand it messages as they come
         self.last_handed: Handover | None = None
@@ -94,7 +86,7 @@ class Executor:
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
-        self._only: list[_Node] | None = None  # the nodes asked for; None: all
+        self._only: list[ExecutedNode] | None = None  # the nodes asked for; None: all
         self._until: Future[Any] | None = None  # the future that a program's own executor spins for
         self._guard: WakeGuard | None = WakeGuard(self.wake)
         with self._engine.loop:
@@ -118,7 +110,7 @@ class Executor:
 
     # --- nodes and tasks
 
-    def add_node(self, node: _Node) -> bool:
+    def add_node(self, node: ExecutedNode) -> bool:
         """Work for `node` from now on; returns False if it does already."""
         if node.own_executor is self:
             return False
@@ -126,14 +118,14 @@ class Executor:
             node.own_executor.remove_node(node)
         with self._engine.loop:
             self._nodes.append(node)
-            node.own_executor = self
+            node.own_executor, node.last_executor = self, ref(self)
             self._timer_ns = 0
             waiting, node.waiting = node.waiting, []
             for entity in sorted(waiting, key=lambda one: one.order):
                 self.enqueue(entity)
         return True
 
-    def remove_node(self, node: _Node) -> None:
+    def remove_node(self, node: ExecutedNode) -> None:
         """Work for `node` no longer; its messages wait."""
         with self._engine.loop:
             if node.own_executor is not self:
@@ -149,7 +141,7 @@ class Executor:
                 else:
                     node.waiting.append(entity)
 
-    def get_nodes(self) -> list[_Node]:
+    def get_nodes(self) -> list[ExecutedNode]:
         """The nodes that it works for."""
         return list(self._nodes)
 
@@ -219,7 +211,7 @@ class Executor:
     def wait_for_ready_callbacks(
         self,
         timeout_sec: "float | TimeoutObject | None" = None,
-        nodes: list[_Node] | None = None,
+        nodes: list[ExecutedNode] | None = None,
         condition: Callable[[], bool] = lambda: False,
     ) -> tuple[Task[Any], Entity | None, Owner | None]:
         """Wait for one callback, of `nodes` if they are given. Not for several threads at once.

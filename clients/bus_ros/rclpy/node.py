@@ -8,6 +8,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from weakref import ref
 
 from bus.base.together import together
 from bus.errors import BusError
@@ -52,10 +53,7 @@ from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptio
 from bus_ros.rclpy.time_source import TimeSource
 from bus_ros.rclpy.timer import Rate, Timer
 from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
-from bus_ros.rclpy.validate_topic_name import (
-    full_name,
-    validate_topic_name,
-)
+from bus_ros.rclpy.validate_topic_name import full_name, validate_topic_name
 
 if TYPE_CHECKING:  # most programs need none
     from bus_ros.rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -136,6 +134,7 @@ class Node(BaseNode, NodeWaitables):
         self.timers: tuple[Timer, ...] = ()
         self.own_executor: Executor | None = None
         """The executor that works for this node."""
+        self.last_executor: ref[Executor] | None = None
         self._clock = ROSClock()
         own_services = OwnServices(self)
         BaseNode.__init__(
@@ -169,14 +168,15 @@ class Node(BaseNode, NodeWaitables):
 
     @property
     def executor(self) -> "Executor | None":
-        """The executor of this node; setting it removes the node from the previous one."""
-        return self.own_executor
+        """The last executor that worked for this node; setting it removes the node from the previous one."""
+        return self.last_executor() if self.last_executor is not None else None
 
     @executor.setter
     def executor(self, new: "Executor | None") -> None:
-        if self.own_executor is not None:
-            self.own_executor.remove_node(self)
-        if new is not None:
+        current, self.last_executor = self.executor, None if new is None else ref(new)
+        if current is not new and current is not None:
+            current.remove_node(self)
+        if current is not new and new is not None:
             new.add_node(self)
 
     def get_clock(self) -> Clock:

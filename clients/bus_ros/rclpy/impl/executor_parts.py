@@ -1,9 +1,22 @@
-"""Names of rclpy that a program's own executors use besides `wait_for_ready_callbacks`."""
+"""Small parts of executors: the interface of their nodes, and names for executors that a program defines."""
 
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import Callable, Coroutine, Iterable
+from typing import Any, Protocol
+from weakref import ref
 
-__all__ = ["TimeoutObject", "WakeGuard", "await_or_execute"]
+from bus_ros.entity import Owner
+
+__all__ = ["ExecutedNode", "TimeoutObject", "WakeGuard", "await_or_execute"]
+
+
+class ExecutedNode(Owner, Protocol):
+    """The interface of a node for its executor."""
+
+    own_executor: Any
+    last_executor: "ref[Any] | None"
+
+    @property
+    def timers(self) -> Iterable[Any]: ...
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
