@@ -4,12 +4,14 @@ Owns their state, and the calls to make when they are done. Must not know execut
 that puts it into the executor's queue again. All methods may be called from any thread.
 """
 
+import asyncio
 import sys
 import warnings
 import weakref
 from collections.abc import Callable, Coroutine, Generator, Iterable
+from contextlib import suppress
 from enum import Enum
-from threading import Lock
+from threading import Lock, local
 from types import CoroutineType
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -19,6 +21,17 @@ from bus_ros.entity import Entity, Group, Work
 __all__ = ["UNFINISHED", "Future", "FutureState", "Step", "Task"]
 
 T = TypeVar("T")
+
+
+class _Driven(local):
+    """The step of a task that runs in this thread."""
+
+    in_loop: object = None
+    """The loop of asyncio in which the step began. A program may spin in a task of asyncio, so a future must
+    know which of the two awaits it."""
+
+
+_driven = _Driven()
 
 
 class FutureState(Enum):
@@ -41,7 +54,7 @@ class Executor(Protocol):
 
 
 class Future(Generic[T]):
-    """A result that will come: `await future` in an async callback, or add a callback.
+    """A result that will come: `await future` in an async callback or in asyncio, or add a callback.
 
     If the future has an executor, callbacks are tasks of it. Otherwise they run in the thread that sets the
     result.
@@ -68,8 +81,30 @@ class Future(Generic[T]):
 
     def __await__(self) -> Generator[Any, None, T | None]:
         while not self.done():
-            yield self
+            loop = asyncio._get_running_loop()
+            if loop is None or loop is _driven.in_loop:
+                yield self
+            else:
+                yield from self._done_in(loop).__await__()
         return self.result()
+
+    async def _done_in(self, loop: asyncio.AbstractEventLoop) -> None:
+        """For a task of asyncio: wait until it is done. Cancelling that task does not cancel this future."""
+        waiter: asyncio.Future[None] = loop.create_future()
+
+        def end() -> None:
+            if not waiter.done():
+                waiter.set_result(None)
+
+        def wake() -> None:
+            with suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(end)
+
+        self.call_when_done(wake)
+        try:
+            await waiter
+        finally:
+            self.forget_waiter(wake)
 
     def cancel(self) -> None:
         """Cancel it, unless it is done. Callbacks are called; the result is None."""
@@ -237,6 +272,7 @@ class Task(Future[T]):
                 return None
             self._handler = result
         coroutine = self._handler
+        outer, _driven.in_loop = _driven.in_loop, asyncio._get_running_loop()
         try:
             awaited = coroutine.send(None)
             if awaited is None or isinstance(awaited, Future):
@@ -251,6 +287,8 @@ class Task(Future[T]):
         except StopIteration as end:
             self.set_result(end.value)
             return None
+        finally:
+            _driven.in_loop = outer
         return None
 
     def _wake(self) -> None:
@@ -280,6 +318,7 @@ class Step:
     is_exclusive = False
     is_single = True
     is_timer = False
+    place = (-1, 0)
 
     def __init__(self, task: Task[Any], go_on: "Callable[[Step], object]", holder: Entity | None) -> None:
         self.task = task

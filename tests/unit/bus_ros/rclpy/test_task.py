@@ -286,3 +286,108 @@ def test_results_from_many_threads_wake_each_waiter_once() -> None:
     for thread in threads:
         thread.join(60)
     assert len(heard) == 8
+
+
+async def awaited(future: Future[int]) -> int | None:
+    return await future
+
+
+class TestInAsyncio:
+    """Futures that tasks of asyncio await."""
+
+    def test_a_result_of_another_thread(self) -> None:
+        async def main() -> list[int | None]:
+            futures: list[Future[int]] = [Future(), Future(), Future()]
+            futures[2].set_result(2)
+            threads = [threading.Thread(target=futures[index].set_result, args=(index,)) for index in (1, 0)]
+            asyncio.get_running_loop().call_soon(lambda: [thread.start() for thread in threads])
+            found = await asyncio.gather(*futures)
+            for thread in threads:
+                thread.join(60)
+            return found
+
+        assert asyncio.run(main()) == [0, 1, 2]
+
+    def test_an_exception_and_a_cancelled_future(self) -> None:
+        async def main() -> None:
+            failed: Future[int] = Future()
+            cancelled: Future[int] = Future()
+            loop = asyncio.get_running_loop()
+            loop.call_soon(failed.set_exception, ValueError("no"))
+            loop.call_soon(cancelled.cancel)
+            with pytest.raises(ValueError, match="no"):
+                await failed
+            assert await cancelled is None
+
+        asyncio.run(main())
+
+    def test_a_timeout_leaves_the_future(self) -> None:
+        future: Future[int] = Future()
+
+        async def main() -> None:
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(future, 0.01)
+            assert not future.done() and future._waiters == []
+
+        asyncio.run(main())
+        future.set_result(1)
+
+    def test_a_result_after_the_end_of_the_loop(self) -> None:
+        future: Future[int] = Future()
+        loop = asyncio.new_event_loop()
+        task = loop.create_task(awaited(future))
+        loop.run_until_complete(asyncio.sleep(0))
+        loop.close()
+        future.set_result(1)
+        assert not task.done()
+        task._log_destroy_pending = False  # type: ignore[attr-defined]
+
+    def test_the_loop_sleeps_meanwhile(self) -> None:
+        future: Future[int] = Future()
+
+        async def main() -> int:
+            turns = 0
+            task = asyncio.ensure_future(awaited(future))
+            loop = asyncio.get_running_loop()
+            loop.call_later(0.05, future.set_result, 1)
+            ready = loop._run_once  # type: ignore[attr-defined]
+
+            def counted() -> None:
+                nonlocal turns
+                turns += 1
+                ready()
+
+            loop._run_once = counted  # type: ignore[attr-defined]
+            assert await task == 1
+            return turns
+
+        assert asyncio.run(main()) < 20
+
+    def test_an_executor_that_spins_in_a_task_of_asyncio(self) -> None:
+        """Its own coroutines await as ever, and the task of asyncio awaits their result."""
+        executor, future = Executor(), Future[int]()
+
+        async def main() -> int | None:
+            task = executor.create_task(awaited, future)
+            assert executor.run() == 1
+            result = asyncio.ensure_future(awaited(task))
+            await asyncio.sleep(0)
+            future.set_result(5)
+            assert executor.run() == 1
+            return await result
+
+        assert asyncio.run(main()) == 5
+
+    def test_asyncio_in_a_step_of_a_task(self) -> None:
+        executor, future = Executor(), Future[int]()
+
+        async def callback() -> tuple[int | None, int | None]:
+            thread = threading.Thread(target=future.set_result, args=(3,))
+            thread.start()
+            inner = asyncio.run(awaited(future))
+            thread.join(60)
+            return inner, await future
+
+        task = executor.create_task(callback)
+        executor.run()
+        assert task.result() == (3, 3)
