@@ -71,6 +71,8 @@ class Entity:
     is_single = False
     """After one `take`, nothing more can be taken for now."""
     is_timer = False
+    rank = 0
+    """The place of its kind in a round of an executor; 0: events, actions, a program's waitables."""
 
     def __init__(self, node: Owner, callback_group: Group | None) -> None:
         self.node = node
@@ -80,6 +82,7 @@ class Entity:
         self.is_exclusive: bool = callback_group is not None and callback_group.is_exclusive
         self.is_queued = False  # at an executor, or at its node
         self.order = next(_orders)
+        self.place = self.rank, self.order
         self.is_destroyed = False
         if callback_group is not None:
             callback_group.add_entity(self)

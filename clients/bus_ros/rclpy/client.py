@@ -36,6 +36,7 @@ class BaseClient(Introspected, Destroyable):
 class Client(Entity, BaseClient):
     """Made by `Node.create_client`."""
 
+    rank = 4
     native: "ServiceClient"
     """Set by the node right after it is made."""
 

@@ -9,17 +9,26 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Coroutine
 from time import monotonic_ns
-from types import CoroutineType, TracebackType
+from types import CoroutineType
 from typing import Any, TypeAlias
 from weakref import ref
 
 from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
-from bus_ros.rclpy.impl.executor_parts import ExecutedNode, TimeoutObject, WakeGuard, await_or_execute
+from bus_ros.rclpy.impl.executor_parts import (
+    ConditionReachedException,
+    ExecutedNode,
+    ShutdownException,
+    TimeoutException,
+    TimeoutObject,
+    WakeGuard,
+    await_or_execute,
+    put_in_order,
+)
 from bus_ros.rclpy.impl.handover import Handover
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
-from bus_ros.rclpy.timer import NEVER_NS, Timer
+from bus_ros.rclpy.timer import NEVER_NS
 
 __all__ = [
     "ConditionReachedException",
@@ -39,8 +48,7 @@ Call: TypeAlias = tuple[Ready, Work]
 
 MOST_AT_ONCE = 64
 _ONE_THREAD = "MultiThreadedExecutor is used with a single thread.\nUse the SingleThreadedExecutor instead."
-_SHIFT_NS = 20_000_000
-"""A worker makes following calls itself for this time."""
+_SHIFT_NS = 20_000_000  # for this time, a worker makes following calls itself
 _NOW: Future[Any] = Future()
 _NOW.cancel()  # done from the start: `_next` does not wait
 
@@ -52,23 +60,8 @@ class ExternalShutdownException(Exception):
         super().__init__(*(args or ("Context has been shutdown",)))
 
 
-class TimeoutException(Exception):
-    """The time was over before any callback was ready."""
-
-
-class ShutdownException(Exception):
-    """The executor was shut down while it waited."""
-
-
-class ConditionReachedException(Exception):
-    """The condition of the wait is true."""
-
-
 class Executor:
-    """Base of the executors. Any number of nodes; each node has one executor.
-
-    A program's own executor defines `spin_once`, which gets its work by `wait_for_ready_callbacks`.
-    """
+    """Base of the executors. A program's own one defines `spin_once`, by `wait_for_ready_callbacks`."""
 
     asks_always = False
     """Even if no group is held, some ready entities may have to wait."""
@@ -82,6 +75,7 @@ class Executor:
         self.handed: set[Handover] = set()  # they hand it messages as they come
         self.last_handed: Handover | None = None
         self.lone: Handover | None = None  # the only one with messages recently
+        self._left = 0  # entities of the present round
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
@@ -103,9 +97,7 @@ class Executor:
     def __enter__(self) -> "Executor":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.shutdown()
 
     # --- nodes and tasks
@@ -295,13 +287,19 @@ class Executor:
         """
         waiter, ready, engine, is_over = self.waiter, self.ready, self._engine, False
         while True:
-            if self._is_simulated or (self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns):
-                self._collect_timers()
             if self._failures:
                 raise self._failures.popleft()
-            while ready and not self._is_shutdown:
+            while not self._is_shutdown:
+                if self._left <= 0 or not ready:
+                    self._begin_round()
+                    if not ready:
+                        break
+                self._left -= 1
                 entity = self._pop() if engine.held or self.asks_always else ready.popleft()
-                if entity is None:
+                if entity is None:  # none of them may run
+                    self._left = 0
+                    if self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns:
+                        continue
                     break
                 if entity.is_destroyed:
                     work = None
@@ -345,21 +343,31 @@ class Executor:
             self._engine.passed_over.add(self)
         return None
 
+    def _begin_round(self) -> None:
+        """Begin a round: each entity that is ready gets one call, in the order of rclpy's wait sets.
+
+        What becomes ready meanwhile comes in the next round, also a timer. So many messages do not delay
+        timers, and timers that are always due do not delay messages.
+        """
+        ready = self.ready
+        if self._is_simulated or (self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns):
+            self._collect_timers()
+        self._left = len(ready)
+        if self._left > 1:
+            put_in_order(ready)
+
     def _collect_timers(self) -> None:
         now_ns, next_ns, self._is_simulated = monotonic_ns(), NEVER_NS, False
-        due: list[tuple[int, Timer]] = []
         for node in self._nodes:
             for timer in node.timers:
                 self._is_simulated |= timer.is_simulated
                 due_ns = timer.due_ns()
                 if due_ns <= now_ns:
-                    due.append((due_ns, timer))
+                    timer.is_queued = True
+                    self.ready.append(timer)
                 elif due_ns < next_ns:
                     next_ns = due_ns
         self._timer_ns = next_ns
-        for _, timer in sorted(due, key=lambda one: one[0]):  # the longest due first
-            timer.is_queued = True
-            self.ready.append(timer)
 
     def _begin(self, entity: Ready) -> None:
         """Hold the entity's group until `_end`."""

@@ -14,6 +14,7 @@ class GuardCondition(Entity, Handled):
     """Made by `Node.create_guard_condition`."""
 
     is_single = True
+    rank = 3
 
     def __init__(self, callback: Callable[[], object], callback_group: Group, node: Owner) -> None:
         self.callback = callback

@@ -27,6 +27,7 @@ class BaseService(Introspected, Destroyable):
     `guard` is entered around each use of the native server.
     """
 
+    rank = 5
     native: ServiceServer
     is_destroyed: bool
 

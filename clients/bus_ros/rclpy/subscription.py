@@ -110,6 +110,7 @@ class BaseSubscription(Destroyable, Generic[M]):
 class Subscription(Entity, BaseSubscription[M]):
     """Made by `Node.create_subscription`."""
 
+    rank = 2
     event_callbacks: "SubscriptionEventCallbacks | None" = None
 
     def __init__(

@@ -155,6 +155,7 @@ class Timer(Entity, BaseTimer):
 
     is_single = True
     is_timer = True
+    rank = 1
 
     def __init__(
         self,

@@ -1,12 +1,25 @@
-"""Small parts of executors: the interface of their nodes, and names for executors that a program defines."""
+"""Small parts of executors: errors, the interface of their nodes, and names for executors of programs."""
 
+from collections import deque
 from collections.abc import Callable, Coroutine, Iterable
+from operator import attrgetter
 from typing import Any, Protocol
 from weakref import ref
 
 from bus_ros.entity import Owner
 
-__all__ = ["ExecutedNode", "TimeoutObject", "WakeGuard", "await_or_execute"]
+__all__ = [
+    "ConditionReachedException",
+    "ExecutedNode",
+    "ShutdownException",
+    "TimeoutException",
+    "TimeoutObject",
+    "WakeGuard",
+    "await_or_execute",
+    "put_in_order",
+]
+
+_PLACE = attrgetter("place")
 
 
 class ExecutedNode(Owner, Protocol):
@@ -17,6 +30,25 @@ class ExecutedNode(Owner, Protocol):
 
     @property
     def timers(self) -> Iterable[Any]: ...
+
+
+class TimeoutException(Exception):
+    """The time was over before any callback was ready."""
+
+
+class ShutdownException(Exception):
+    """The executor was shut down while it waited."""
+
+
+class ConditionReachedException(Exception):
+    """The condition of the wait is true."""
+
+
+def put_in_order(ready: deque[Any]) -> None:
+    """Sort entities by their places in a round."""
+    ordered = sorted(ready, key=_PLACE)
+    ready.clear()
+    ready.extend(ordered)
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:

@@ -9,6 +9,7 @@ import pytest
 from bus_ros import engine as engines
 from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.executors import SingleThreadedExecutor
+from bus_ros.rclpy.timer import NEVER_NS
 
 
 class Robot:
@@ -78,3 +79,90 @@ def test_only_what_may_have_something_is_looked_at(executor: SingleThreadedExecu
                 executor._next(0, 1, lambda: True)
         executor.remove_node(node)
     assert box.full == 0 and looked == []
+
+
+class Timer(Box):
+    """A timer that is due as long as it is not queued and has calls left."""
+
+    rank = 1
+    is_timer = True
+    is_single = True
+    is_simulated = False
+
+    def due_ns(self) -> int:
+        return NEVER_NS if self.is_queued or not self.full else 0
+
+
+class Filled(Box):
+    """A box of another kind."""
+
+    def __init__(self, node: Any, rank: int) -> None:
+        self.rank = rank
+        super().__init__(node)
+
+
+def calls(executor: SingleThreadedExecutor, most: int) -> list[Any]:
+    """The entities of the next calls, in order."""
+    found: list[Any] = []
+    with executor._engine.loop:
+        while len(found) < most and (call := executor._next(0, 1, lambda: True)) is not None:
+            found.append(call[0])
+    return found
+
+
+def test_a_round_has_the_order_of_kinds(executor: SingleThreadedExecutor) -> None:
+    node: Any = Robot()
+    executor.add_node(node)
+    kinds = [Filled(node, rank) for rank in (5, 4, 3, 2, 2, 0)]
+    timer = Timer(node)
+    node.timers = (timer,)
+    timer.full = 1
+    for box in kinds:
+        box.put()
+    service, client, guard, first, second, event = kinds
+    task = executor.create_task(int)
+    found = calls(executor, 10)
+    assert found[0].task is task
+    assert found[1:] == [event, timer, first, second, guard, client, service]
+
+
+def test_a_due_timer_comes_before_messages_and_does_not_starve_them(executor: SingleThreadedExecutor) -> None:
+    node: Any = Robot()
+    executor.add_node(node)
+    timer, many, few = Timer(node), Filled(node, 2), Filled(node, 2)
+    node.timers = (timer,)
+    many.full, timer.full = 100, 3
+    many.put()
+    few.put()
+    executor.on_timers_changed()
+    assert calls(executor, 8) == [timer, many, few, timer, many, timer, many, many]
+
+
+def test_a_timer_is_found_behind_an_entity_that_may_not_run(executor: SingleThreadedExecutor) -> None:
+    node: Any = Robot()
+    executor.add_node(node)
+    held, timer = Filled(node, 0), Timer(node)
+    node.timers = (timer,)
+    timer.full = 2
+    held.held_group = SimpleNamespace(can_execute=lambda entity: False)  # type: ignore[assignment]
+    held.put()
+    executor.asks_always = True
+    executor.on_timers_changed()
+    assert calls(executor, 3) == [timer, timer]
+    assert list(executor.ready) == [held]
+
+
+def test_a_timer_that_is_canceled_in_the_queue_does_not_hide_others(executor: SingleThreadedExecutor) -> None:
+    """A past fault: the executor then waited without the time of the other timers."""
+    node: Any = Robot()
+    executor.add_node(node)
+    canceled, other = Timer(node), Timer(node)
+    node.timers = (canceled, other)
+    canceled.full = 1
+
+    def leave(most: int) -> None:
+        canceled.full = 0
+        other.full = 1
+
+    canceled.take = leave  # type: ignore[method-assign]
+    assert calls(executor, 2) == [other]
