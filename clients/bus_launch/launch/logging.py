@@ -20,7 +20,9 @@ _SCREEN: Final = {
     "default": "[{levelname}] [{name}]: {message}",
     "default_with_timestamp": "{created:.7f} [{levelname}] [{name}]: {message}",
 }
-_FILE: Final = _SCREEN["default_with_timestamp"]
+_FILE: Final = {"default": _SCREEN["default_with_timestamp"]}
+_SCREEN_VARIABLE: Final = "OVERRIDE_LAUNCH_SCREEN_FORMAT"
+_FILE_VARIABLE: Final = "OVERRIDE_LAUNCH_LOG_FORMAT"
 _LINE: Final = "{message}"
 _LINE_IN_FILE: Final = "{created:.7f} {message}"
 _FILE_NAME: Final = "launch.log"
@@ -47,6 +49,17 @@ class _Screen(logging.Handler):
             pass  # a terminal that is gone: the launch itself goes on
 
 
+def _formatter(
+    variable: str, named: Mapping[str, str], form: str = "default", style: str | None = None
+) -> logging.Formatter:
+    """The environment variable overrides the form."""
+    if form in named and style is not None:
+        raise ValueError(f"the format '{form}' has a style of its own, so it can't have the style '{style}'")
+    if override := os.environ.get(variable):
+        form, style = override, None
+    return logging.Formatter(named.get(form, form), style=style or "{")  # type: ignore[arg-type]
+
+
 class LaunchConfig:
     """How this process logs its launches."""
 
@@ -58,6 +71,31 @@ class LaunchConfig:
         self._can_write = True
         self._screens: dict[str, logging.Handler] = {}
         self._files: dict[tuple[str, str], logging.Handler] = {}
+        self._screen_formatter = _formatter(_SCREEN_VARIABLE, _SCREEN)
+        self._file_formatter = _formatter(_FILE_VARIABLE, _FILE)
+
+    def reset(self) -> None:
+        """Forget files, formats and the folder."""
+        for handler in (*self._files.values(), *self._screens.values()):
+            handler.close()
+        self.__init__()  # type: ignore[misc]
+
+    def set_screen_format(self, screen_format: str, *, screen_style: str | None = None) -> None:
+        """The form of lines on the screen: default, default_with_timestamp, or a template of `logging`.
+
+        `screen_style` is the template's: `{` (the default), `%` or `$`. Raises ValueError for a style of a
+        named format.
+        """
+        self._screen_formatter = _formatter(_SCREEN_VARIABLE, _SCREEN, screen_format, screen_style)
+        if "" in self._screens:
+            self._screens[""].setFormatter(self._screen_formatter)
+
+    def set_log_format(self, log_format: str, *, log_style: str | None = None) -> None:
+        """The form of lines in log files; as `set_screen_format`, but the only named format is default."""
+        self._file_formatter = _formatter(_FILE_VARIABLE, _FILE, log_format, log_style)
+        for (_, text), handler in self._files.items():
+            if not text:
+                handler.setFormatter(self._file_formatter)
 
     @property
     def log_dir(self) -> str:
@@ -84,13 +122,12 @@ class LaunchConfig:
 
     def get_screen_handler(self, text: str = "") -> logging.Handler:
         if text not in self._screens:
-            form = os.environ.get("OVERRIDE_LAUNCH_SCREEN_FORMAT") or "default"
             handler = _Screen()
-            handler.setFormatter(logging.Formatter(text or _SCREEN.get(form, form), style="{"))
+            handler.setFormatter(logging.Formatter(text, style="{") if text else self._screen_formatter)
             self._screens[text] = handler
         return self._screens[text]
 
-    def get_log_file_handler(self, file_name: str = _FILE_NAME, text: str = _FILE) -> logging.Handler:
+    def get_log_file_handler(self, file_name: str = _FILE_NAME, text: str = "") -> logging.Handler:
         """One handler for each file and form; if a file can't be written, its lines are lost."""
         key = (file_name, text)
         if key not in self._files:
@@ -101,7 +138,7 @@ class LaunchConfig:
                     handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
                 except OSError:
                     self._can_write = False
-            handler.setFormatter(logging.Formatter(text, style="{"))
+            handler.setFormatter(logging.Formatter(text, style="{") if text else self._file_formatter)
             self._files[key] = handler
         return self._files[key]
 
@@ -124,9 +161,7 @@ _ours: Final[dict[str, logging.Logger]] = {}
 def reset() -> None:
     """Forget loggers, files and the folder; the next launch has its own."""
     _ours.clear()
-    for handler in (*launch_config._files.values(), *launch_config._screens.values()):
-        handler.close()
-    launch_config.__init__()  # type: ignore[misc]
+    launch_config.reset()
 
 
 def log_launch_config(*, logger: logging.Logger) -> None:

@@ -77,7 +77,7 @@ class WaitForTopics:
         import rclpy  # the facade, or the genuine one
 
         self._context = rclpy.context.Context()
-        rclpy.init(context=self._context)
+        rclpy.init(args=[], context=self._context)  # `name:=value` in `sys.argv` is for the launch
         self._node = rclpy.create_node(f"wait_for_topics_{uuid.uuid4().hex}", context=self._context)
         for name, kind in self._topics:
             self._node.create_subscription(kind, name, self._callback_for(name), _KEPT)

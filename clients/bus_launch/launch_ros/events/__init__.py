@@ -7,5 +7,6 @@ Read first: `lifecycle.py`. Tests: `tests/unit/bus_launch/launch_ros/test_event_
 """
 
 from bus_launch.launch_ros.events import lifecycle, matchers
+from bus_launch.launch_ros.events.matchers import matches_node_name
 
-__all__ = ["lifecycle", "matchers"]
+__all__ = ["lifecycle", "matchers", "matches_node_name"]
