@@ -27,7 +27,6 @@ class BaseService(Introspected, Destroyable):
     `guard` is entered around each use of the native server.
     """
 
-    rank = 5
     native: ServiceServer
     is_destroyed: bool
 
@@ -118,6 +117,8 @@ class BaseService(Introspected, Destroyable):
 
 class Service(Entity, BaseService):
     """Made by `Node.create_service`."""
+
+    rank = 5
 
     def __init__(
         self,
