@@ -86,8 +86,8 @@ def test_which_process_is_meant(info: ActiveProcInfoHandler) -> None:
 
 def test_an_exact_name_is_meant_before_a_part_of_another() -> None:
     info = ActiveProcInfoHandler()
-    info.append(ProcessStarted(**details(TALKER, "a-1")))
     info.append(ProcessStarted(**details(LISTENER, "a-12")))
+    info.append(ProcessStarted(**details(TALKER, "a-1")))
     assert matching(info, "a-1") is TALKER
     assert info["a-1"].action is TALKER
     with pytest.raises(KeyError, match="Did not find any processes matching name 'b'"):
