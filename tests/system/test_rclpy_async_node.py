@@ -156,11 +156,12 @@ class TestTimers:
             nonlocal running, most, calls
             running += 1
             most = max(most, running)
+            timer.reset()
             await asyncio.sleep(0.003)
             running -= 1
             calls += 1
 
-        node.create_timer(0.001, callback)
+        timer = node.create_timer(0.001, callback)
         await until(lambda: calls == 3)
         assert most == 1
 
