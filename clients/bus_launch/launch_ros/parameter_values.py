@@ -89,13 +89,23 @@ def _flat(
             yield name, value
         elif isinstance(value, Path):
             yield name, ParameterValue(str(value))
-        elif isinstance(value, (*_SCALARS, Substitution, Sequence)):
+        elif isinstance(value, (*_SCALARS, Substitution)) or _is_list(value):
             yield name, ParameterValue(value)
         elif hasattr(value, "tolist"):  # NumPy's
             yield name, ParameterValue(value.tolist())
         else:
             shown = "".join(getattr(one, "text", "$(...)") for one in name)
             raise TypeError(f"Unexpected type for parameter value {value!r} of parameter '{shown}'")
+
+
+def _is_list(value: object) -> bool:
+    """Whether it is a list, and none of its items is a list of values."""
+    return isinstance(value, Sequence) and all(
+        isinstance(part, str | Substitution)
+        for one in value
+        if isinstance(one, Sequence) and not isinstance(one, str | bytes)
+        for part in one
+    )
 
 
 def _has_substitution(value: object) -> bool:

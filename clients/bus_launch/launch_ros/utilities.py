@@ -13,6 +13,7 @@ from bus_launch.launch_ros.namespaces import (
     prefix_namespace,
 )
 from bus_launch.launch_ros.parameter_values import Parameters, evaluated, normalized
+from bus_launch.launch_ros.remap_rules import normalize_remap_rule, normalize_remap_rules
 
 __all__ = [
     "evaluate_parameters",
@@ -20,6 +21,8 @@ __all__ = [
     "is_root_namespace",
     "make_namespace_absolute",
     "normalize_parameters",
+    "normalize_remap_rule",
+    "normalize_remap_rules",
     "prefix_namespace",
 ]
 

@@ -21,6 +21,7 @@ from bus_launch.launch_ros.descriptions import ParameterFile
 from bus_launch.launch_ros.namespaces import make_namespace_absolute, prefix_namespace
 from bus_launch.launch_ros.parameter_files import FileArguments
 from bus_launch.launch_ros.parameter_values import ParameterValue
+from bus_launch.launch_ros.remap_rules import normalize_remap_rules
 from bus_launch.launch_ros.utilities import normalize_parameters
 
 __all__ = ["Node"]
@@ -97,10 +98,7 @@ class Node(ExecuteProcess):
         self.__name = None if name is None else normalize_to_list_of_substitutions(name)
         self.__namespace = None if namespace is None else normalize_to_list_of_substitutions(namespace)
         self.__parameters = normalize_parameters(parameters or ())
-        self.__remappings = [
-            (normalize_to_list_of_substitutions(old), normalize_to_list_of_substitutions(new))
-            for old, new in remappings or ()
-        ]
+        self.__remappings = list(normalize_remap_rules(remappings or ()))
         self.__program = _NodeProgram(
             package=self.__package,
             executable=self.__executable,

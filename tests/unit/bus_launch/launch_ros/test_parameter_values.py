@@ -63,6 +63,7 @@ def test_names() -> None:
         ([], "Expected a non-empty sequence, with items of uniform type"),
         ([None], "Expected a non-empty sequence"),
         (object(), "Unexpected type for parameter value <object"),
+        ([1, [2, 3]], "Unexpected type for parameter value [1, [2, 3]] of parameter"),
         (ParameterValue(N, value_type=bool), "can't be of type bool: '5' is no bool"),
     ],
 )
