@@ -98,7 +98,7 @@ class World:
 
     def spin_until(self, condition: Callable[[], object], *nodes: Node) -> None:
         """Spin in this thread with `nodes`, by default all without an executor."""
-        executor = self.executor(*(nodes or (one for one in self._nodes if one.executor is None)))
+        executor = self.executor(*(nodes or (one for one in self._nodes if one.own_executor is None)))
         self.spin_executor_until(condition, executor)
         executor.shutdown()
 

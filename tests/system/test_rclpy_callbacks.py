@@ -63,7 +63,7 @@ class TestCallbacks:
         executor = world.executor(node, kind=kind)
         trigger(node, node.destroy_node)
         world.spin_executor_until(lambda: not executor.get_nodes(), executor)
-        wait_until(lambda: node.executor is None)
+        wait_until(lambda: node.own_executor is None)
 
     def test_nested_spinning(self, world: World, node: Node) -> None:
         """With the same executor: the node's other callbacks and the outer spin continue."""

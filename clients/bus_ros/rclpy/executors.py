@@ -75,7 +75,7 @@ class Executor:
         self.handed: set[Handover] = set()  # they hand it messages as they come
         self.last_handed: Handover | None = None
         self.lone: Handover | None = None  # the only one with messages recently
-        self._left = 0  # entities of the present round
+        self._left = 0  # entities of the round
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
@@ -287,19 +287,17 @@ class Executor:
         """
         waiter, ready, engine, is_over = self.waiter, self.ready, self._engine, False
         while True:
+            if self._is_simulated or (self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns):
+                self._collect_timers()
             if self._failures:
                 raise self._failures.popleft()
-            while not self._is_shutdown:
-                if self._left <= 0 or not ready:
-                    self._begin_round()
-                    if not ready:
-                        break
-                self._left -= 1
+            if self._is_shutdown:
+                return None
+            while ready:
+                if len(ready) > 1:
+                    self._go_on_with_round()
                 entity = self._pop() if engine.held or self.asks_always else ready.popleft()
-                if entity is None:  # none of them may run
-                    self._left = 0
-                    if self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns:
-                        continue
+                if entity is None:
                     break
                 if entity.is_destroyed:
                     work = None
@@ -311,9 +309,11 @@ class Executor:
                 entity.is_queued = False
                 if entity.is_timer:
                     self._timer_ns = 0
+                    if work is None:  # it was canceled in the queue
+                        self._collect_timers()
                 if work is not None:
                     return entity, work
-            if self._is_shutdown or (until is not None and until()):
+            if until is not None and until():
                 return None
             if not self._context.ok():
                 if engine.loop.is_interrupted and engine.is_main():
@@ -321,9 +321,10 @@ class Executor:
                 raise ExternalShutdownException
             if is_over:
                 return None
-            waiter.is_set = False
-            is_timed = self._timer_ns < NEVER_NS and (not deadline_ns or self._timer_ns < deadline_ns)
-            end_ns = self._timer_ns if is_timed else deadline_ns
+            waiter.is_set = self._left = False  # the round has ended
+            end_ns = self._timer_ns
+            if end_ns >= NEVER_NS or 0 < deadline_ns < end_ns:
+                end_ns = deadline_ns
             lone = None if engine.held or self.asks_always else self.lone
             if lone is None or not lone.sleep(waiter, end_ns):
                 engine.wait(waiter, end_ns, is_eager=True, takes_at_once=not self.asks_always)
@@ -343,18 +344,17 @@ class Executor:
             self._engine.passed_over.add(self)
         return None
 
-    def _begin_round(self) -> None:
-        """Begin a round: each entity that is ready gets one call, in the order of rclpy's wait sets.
+    def _go_on_with_round(self) -> None:
+        """In a round, each ready entity gets one call, in the order of rclpy's wait sets.
 
         What becomes ready meanwhile comes in the next round, also a timer. So many messages do not delay
         timers, and timers that are always due do not delay messages.
         """
-        ready = self.ready
-        if self._is_simulated or (self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns):
-            self._collect_timers()
-        self._left = len(ready)
-        if self._left > 1:
-            put_in_order(ready)
+        if self._left > 0:
+            self._left -= 1
+            return
+        self._left = len(self.ready) - 1
+        put_in_order(self.ready)
 
     def _collect_timers(self) -> None:
         now_ns, next_ns, self._is_simulated = monotonic_ns(), NEVER_NS, False
