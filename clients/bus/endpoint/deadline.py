@@ -15,7 +15,7 @@ class Later(Protocol):
 
 
 class DeadlineWatch:
-    """Calls `on_missed` after each `deadline_ns` without a message, from now on until `end`.
+    """Calls `on_missed` after each `deadline_ns` without a message, from the first message until `end`.
 
     `newest_ns` returns the time of the newest message that was not set as `last_ns`.
     """
@@ -27,7 +27,7 @@ class DeadlineWatch:
         newest_ns: Callable[[], int],
         on_missed: Callable[[], object],
     ) -> None:
-        self.last_ns = monotonic_ns()
+        self.last_ns = self._begun_ns = monotonic_ns()
         """Time of the last message."""
         self._loop = loop
         self._deadline_ns = deadline_ns
@@ -45,6 +45,9 @@ class DeadlineWatch:
     def _check(self) -> None:
         self.last_ns = max(self.last_ns, self._newest_ns())
         now_ns = monotonic_ns()
+        if self.last_ns <= self._begun_ns:  # no message yet
+            self._timer = self._loop.later(self._deadline_ns / 1e9, self._check)
+            return
         if now_ns - self.last_ns >= self._deadline_ns:
             self.last_ns = now_ns
             self._on_missed()

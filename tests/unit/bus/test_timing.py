@@ -32,6 +32,7 @@ def test_a_deadline_is_noticed_at_its_end_on_both_sides(two: Play) -> None:
         publisher = await talker.create_publisher(
             Numbered, TOPIC, qos, events=PublisherEvents(deadline_missed=missed["publisher"].append)
         )
+        await asyncio.sleep(2500)  # the first message starts the watch
         for _ in range(3):
             publisher.publish(Numbered())
             await subscription.receive()
