@@ -288,6 +288,36 @@ class TestLife:
         with pytest.raises(ExternalShutdownException):
             await node.run()
 
+    async def test_the_end_of_the_context_before_it_or_after_it(self) -> None:
+        async with AsyncNode("first"):
+            pass
+        node = AsyncNode("late")
+        rclpy.try_shutdown()
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)  # the first node has ended: this task is not cancelled
+        with pytest.raises(ExternalShutdownException):
+            await node.run()
+
+    async def test_endpoints_are_destroyed_after_the_loop(self) -> None:
+        """As at the end of a program: no task, and no event loop runs."""
+
+        def run() -> None:
+            async def main() -> AsyncNode:
+                async with AsyncNode("tester") as node:
+                    node.create_timer(1, print)
+                    node.create_subscription(String, "chatter", print, 10)
+                    node.create_service(SetBool, "invert", invert)
+                return node
+
+            node = asyncio.run(main())
+            node.destroy_node()
+            made = AsyncNode("never_run")
+            made.create_subscription(String, "chatter", print, 10)
+            made.create_timer(1, print)
+            made.destroy_node()
+
+        await asyncio.to_thread(run)
+
     async def test_cancellation_ends_it(self, daemon: Daemon) -> None:
         task = asyncio.create_task(AsyncNode("tester").run())
         async with NativeNode("watcher", arguments=[]) as watcher:

@@ -7,6 +7,7 @@ endpoint: `impl.async_entity` has the table. Private names are mangled, as in `r
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from signal import SIGINT
+from threading import current_thread, main_thread
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -50,7 +51,7 @@ class AsyncNode(BaseNode):
 
     An exception in a callback ends the node: it cancels the block, which then raises an ExceptionGroup, as
     `asyncio.TaskGroup` does. If `rclpy.shutdown` or SIGTERM ends the context meanwhile, the block is
-    cancelled and raises ExternalShutdownException.
+    cancelled and raises ExternalShutdownException; so does a block that begins later.
 
     Not thread-safe, except `publish`. Raises as `Node`; BrokerUnavailable on entering the block.
 
@@ -119,14 +120,19 @@ class AsyncNode(BaseNode):
         if self.__state is not EntityState.MADE:
             raise RuntimeError(f"node '{self.get_fully_qualified_name()}' runs already")
         self.__advance(EntityEvent.BEGIN)
+        self.__work.attach()
+        self.__shutdown = shutdown = _Shutdown(self.context)
         try:
+            await shutdown.check()
             await self.__native.open()
-        except BaseException:
+        except BaseException as error:
             self.destroy_node()
+            shutdown.is_over = True
+            if isinstance(error, asyncio.CancelledError) and shutdown.has_cancelled_alone():
+                raise ExternalShutdownException from None
             raise
         if self.__advance(EntityEvent.OPENED) is EntityState.DESTROYED:  # by another task, meanwhile
             self.__work.run_behind(self.__native.close())
-        self.__shutdown = _Shutdown(self.context)
         try:
             await self.__work.begin()
         except BaseException as error:
@@ -150,6 +156,8 @@ class AsyncNode(BaseNode):
         except asyncio.CancelledError:
             if not shutdown.has_cancelled_alone():
                 raise
+        finally:
+            shutdown.is_over = True
         if shutdown.has_come and isinstance(error, asyncio.CancelledError):
             raise ExternalShutdownException
 
@@ -408,10 +416,19 @@ class _Shutdown:
 
     def __init__(self, context: Context) -> None:
         self.has_come = False
+        self.is_over = False
+        """The node has ended: its task may go on, and must not be cancelled."""
         body = asyncio.current_task()
         assert body is not None
         self._body = body
+        self._context = context
         context.notify_at_end(self)
+
+    async def check(self) -> None:
+        """Raise ExternalShutdownException if the context has ended already."""
+        if not self._context.is_valid:
+            await asyncio.sleep(0)  # after Ctrl-C, asyncio's cancellation comes here
+            raise ExternalShutdownException
 
     def context_ended(self) -> None:
         """Called in any thread, and in a signal's handler."""
@@ -423,7 +440,8 @@ class _Shutdown:
         return self.has_come and self._body.uncancel() == 0
 
     def _cancel(self) -> None:
-        # At Ctrl-C, asyncio itself, or KeyboardInterrupt, ends the program.
-        if not self.has_come and signals.last_signal() != SIGINT:
+        # In the main thread, asyncio itself, or KeyboardInterrupt, ends the program at Ctrl-C.
+        is_interrupted = signals.last_signal() == SIGINT and current_thread() is main_thread()
+        if not (self.has_come or self.is_over or is_interrupted):
             self.has_come = True
             self._body.cancel()

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable
+from threading import RLock
 from time import time_ns
 from typing import Any, Generic, TypeVar
 
@@ -34,6 +35,8 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         self._topic_name = topic_name
         self._native: NativePublisher[Any] | None = None
         self._openings: Openings | None = None
+        self._lock = RLock()
+        """Messages of other threads wait while the held ones are published, and then come after them."""
         self._holds = 1  # until it is open
         self._held: deque[tuple[bytes, int]] = deque()
         """Encoded messages, each with its time."""
@@ -58,11 +61,10 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         publisher, or its node, was destroyed; RuntimeError if the QoS is reliable + keep all and there is no
         room (`send` waits for room).
         """
-        native = self._native
-        if self._holds or native is None:
-            self._hold(msg)
+        if self._holds and self._is_held(msg):
             return
-        status = native._quick.publish(msg)
+        assert self._native is not None
+        status = self._native._quick.publish(msg)
         if status is not True:
             self._publish_on(msg, status)
 
@@ -102,9 +104,10 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
         vars(self).pop("publish", None)
 
     def release(self) -> None:
-        self._holds -= 1
-        if not self._holds and self._held:
-            self._publish_held()
+        with self._lock:
+            if self._holds == 1 and self._held:
+                self._publish_held()
+            self._holds -= 1
         if not self._holds and self._quick_publish is not None:
             self.publish = self._quick_publish  # type: ignore[assignment, method-assign]
 
@@ -137,10 +140,11 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
     def _stop(self) -> None:
         if self._openings is not None:
             self._openings.remove_publisher(self._topic_name, self)
-        if self._native is not None and self._held:
-            self._publish_held()  # a subscription that was still opening lost its wait, the others get them
-        self._held.clear()
-        self.hold()  # for good: `publish` finds it destroyed
+        with self._lock:
+            if self._native is not None and self._held:
+                self._publish_held()  # a subscription that was opening lost its wait, the others get them
+            self._held.clear()
+            self.hold()  # for good: `publish` finds it destroyed
 
     async def _close(self) -> None:
         if self._native is not None:
@@ -167,15 +171,24 @@ class AsyncPublisher(AsyncEntity, BasePublisher[M], Generic[M]):
     def _put(self, msg: M | bytes) -> bool:
         """Publish, or hold; returns False if there is no room."""
         native = self._native
-        if self._holds or native is None:
+        if self._holds:
             if self._keeps_all and len(self._held) >= self._most_held and native is not None:
                 return False
-            self._hold(msg)
-            return True
+            if self._is_held(msg):
+                return True
+        assert native is not None
         try:
             return native.publish_encoded(self._encoded(msg))
         except ConnectionClosed as error:
             raise why_closed(self, error) from None
+
+    def _is_held(self, msg: M | bytes) -> bool:
+        """Hold a message; returns False if it is to be published at once."""
+        with self._lock:
+            if self._holds:
+                self._hold(msg)
+                return True
+        return False
 
     def _hold(self, msg: M | bytes) -> None:
         if self.is_destroyed:

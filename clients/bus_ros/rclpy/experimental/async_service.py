@@ -11,7 +11,7 @@ from bus.names import reply_topic, request_topic
 from bus.node import Node as NativeNode
 from bus.service.server import RequestId, ServiceServer
 from bus.types.service import service_support
-from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End
+from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End, current_task
 from bus_ros.rclpy.impl.native_node import service_qos
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.service import MOST_WAITING, BaseService
@@ -69,7 +69,7 @@ class AsyncService(AsyncEntity, BaseService):
 
     def _stop(self) -> None:
         self._waiting.clear()
-        for task in self._calls - {_current_task()}:
+        for task in self._calls - {current_task()}:
             task.cancel()
         self.forget_events()
 
@@ -109,7 +109,3 @@ class AsyncService(AsyncEntity, BaseService):
             super()._refuse(request_id, error)
         except BusError:
             pass  # the service is closed: the client learns that
-
-
-def _current_task() -> "asyncio.Task[Any] | None":
-    return None if asyncio._get_running_loop() is None else asyncio.current_task()

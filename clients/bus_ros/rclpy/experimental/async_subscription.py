@@ -12,7 +12,7 @@ from bus.subscription import MessageInfo as NativeInfo
 from bus.subscription import Subscription as NativeSubscription
 from bus.types.support import type_support
 from bus_ros.rclpy.exceptions import InvalidHandle
-from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End
+from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End, current_task
 from bus_ros.rclpy.impl.callback_checks import check_arguments
 from bus_ros.rclpy.impl.openings import Openings
 from bus_ros.rclpy.qos import QoSProfile, to_native
@@ -149,7 +149,7 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
         dispatcher = core_of(self._native).dispatcher if self._native is not None else None
         if dispatcher is not None:
             dispatcher.end()
-        for task in self._calls - {asyncio.current_task()}:
+        for task in self._calls - {current_task()}:
             task.cancel()
 
     async def _close(self) -> None:

@@ -8,7 +8,7 @@ from bus.alarms import Alarm, Alarms
 from bus.base.callbacks import is_async, takes
 from bus.diagnostics.slow_callback import watched
 from bus_ros.rclpy.clock import BaseClock
-from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, EntityState
+from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, EntityState, current_task
 from bus_ros.rclpy.timer import BaseTimer, TimerInfo
 
 __all__ = ["AsyncTimer"]
@@ -68,7 +68,7 @@ class AsyncTimer(AsyncEntity, BaseTimer):
         alarms, self._alarms = self._alarms, None
         if alarms is not None:
             alarms.release()
-        if self._task is not None and self._task is not asyncio.current_task():
+        if self._task is not None and self._task is not current_task():
             self._task.cancel()
 
     def _times_changed(self) -> None:

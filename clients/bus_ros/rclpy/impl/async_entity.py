@@ -12,7 +12,7 @@ from bus.types.support import TypeSupport
 from bus_ros.rclpy.impl.openings import Openings
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 
-__all__ = ["TRANSITIONS", "AsyncEntity", "AsyncOwner", "End", "EntityEvent", "EntityState"]
+__all__ = ["TRANSITIONS", "AsyncEntity", "AsyncOwner", "End", "EntityEvent", "EntityState", "current_task"]
 
 End: TypeAlias = tuple[str, str, TypeSupport[Any], NativeProfile]
 """An endpoint in the graph: `publisher` or `subscription`, the topic's full name, the type, the QoS."""
@@ -143,3 +143,8 @@ class AsyncEntity:
         self.state = TRANSITIONS[self.state][event]
         self.is_destroyed = self.state is EntityState.DESTROYED
         return self.state
+
+
+def current_task() -> "asyncio.Task[Any] | None":
+    """The task that runs now; None outside of tasks, and while the loop stands still."""
+    return None if asyncio._get_running_loop() is None else asyncio.current_task()

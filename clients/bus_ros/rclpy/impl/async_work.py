@@ -31,6 +31,7 @@ class AsyncWork:
         """The endpoints and timers that are not destroyed."""
         self.is_optional = False
         """Whether the node works without the endpoints that are added now, if busd refuses it access."""
+        self._loop: asyncio.AbstractEventLoop | None = None  # since `attach`
         self._group: asyncio.TaskGroup | None = None
         self._openings: Openings | None = None
         self._opening: set[asyncio.Task[Any]] = set()
@@ -41,6 +42,10 @@ class AsyncWork:
         return logger
 
     # --- its life
+
+    def attach(self) -> None:
+        """Use the running event loop from now on."""
+        self._loop = asyncio.get_running_loop()
 
     async def begin(self) -> None:
         """Open all endpoints, in the running task's event loop.
@@ -68,8 +73,8 @@ class AsyncWork:
             if group is not None:
                 await group.__aexit__(kind, error, trace)
         finally:
-            while self._behind:
-                await asyncio.wait(self._behind)
+            while self._behind:  # a cancellation ends them, and is raised at their end
+                await asyncio.gather(*self._behind, return_exceptions=True)
 
     # --- its endpoints
 
@@ -93,10 +98,11 @@ class AsyncWork:
         return None
 
     def run_behind(self, work: Coroutine[Any, Any, Any]) -> None:
-        if asyncio._get_running_loop() is None:  # the loop has ended, and busd learns the end of the process
+        loop = self._loop
+        if loop is None or loop.is_closed():
             work.close()
             return
-        task = asyncio.get_running_loop().create_task(work)
+        task = loop.create_task(work)  # the loop may stand still: a program destroys endpoints then, too
         self._behind.add(task)
         task.add_done_callback(self._done_behind)
 
