@@ -221,6 +221,16 @@ class TestEntities:
         gc.collect()
         assert node.executor is None
 
+    def test_names_to_count_must_be_texts(self, world: World) -> None:
+        node: Any = world.node("counter")
+        for count in (node.count_publishers, node.count_subscribers, node.count_clients, node.count_services):
+            with pytest.raises(TypeError, match="a name must be a str, not int"):
+                count(1)
+            with pytest.raises(ValueError, match="is invalid"):
+                count("42")
+        with pytest.raises(TypeError, match="a name must be a str, not int"):
+            node.get_publishers_info_by_topic(1)
+
     def test_a_task_after_spin_once(self, world: World) -> None:
         node = world.node("spun")
         executor = world.executor(node)

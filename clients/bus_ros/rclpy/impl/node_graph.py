@@ -165,10 +165,10 @@ class NodeGraph:
             raise RCLError(f"failed to resolve name: {rule_of(error)}") from None
 
     def __topic(self, name: str) -> str:
-        return full_name(name, self.__native.resolve_topic_name)
+        return full_name(_text(name), self.__native.resolve_topic_name)
 
     def __service(self, name: str) -> str:
-        return full_name(name, self.__native.resolve_service_name, is_service=True)
+        return full_name(_text(name), self.__native.resolve_service_name, is_service=True)
 
     def __graph(self) -> Graph:
         self.__handle.check()
@@ -211,3 +211,9 @@ def _actions(topics: NamesAndTypes) -> NamesAndTypes:
 
     found = actions_of_topics((topic, type_name) for topic, types in topics for type_name in types)
     return list(found.items())
+
+
+def _text(name: str) -> str:
+    if not isinstance(name, str):
+        raise TypeError(f"a name must be a str, not {type(name).__name__}")
+    return name
