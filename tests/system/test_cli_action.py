@@ -67,6 +67,8 @@ async def main():
 bus.run(main())
 """
 TYPE = "example_interfaces/action/Fibonacci"
+NEAR = "action_tutorials_interfaces/action/Fibonacci"
+"""The first type of that short name."""
 INFO = "Action: /fibonacci\nAction clients: 1\n{}Action servers: 1\n{}"
 GOLDEN = {
     "action list": "/elsewhere\n/fibonacci\n",
@@ -103,7 +105,7 @@ GOLDEN = {
 }
 INVALID = "The passed action type is invalid"
 REFUSED = {
-    "action send_goal fibonacci Fibonacci {}": f"{INVALID}; did you mean '{TYPE}'?\n",
+    "action send_goal fibonacci Fibonacci {}": f"{INVALID}; did you mean '{NEAR}'?\n",
     "action send_goal fibonacci std_msgs/msg/String {}": (
         f"{INVALID}: std_msgs/msg/String is a message, not an action\n"
     ),
@@ -114,7 +116,7 @@ REFUSED = {
     f"action send_goal fibonacci {TYPE} {{c:1}}": (
         "Failed to populate field: 'Fibonacci_Goal' object has no attribute 'c'\n"
     ),
-    "action find Fibonacci": f"{INVALID}; did you mean '{TYPE}'?\n",
+    "action find Fibonacci": f"{INVALID}; did you mean '{NEAR}'?\n",
     "action type fibonaci": "Unknown action 'fibonaci'; did you mean '/fibonacci'?\n",
 }
 HEAD = "Waiting for an action server to become available...\nSending goal:\n     order: {}\n\n"

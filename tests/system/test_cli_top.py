@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.query
 import bus.link.requests
-import bus_cli.query
 from bus.msg.std_msgs import Float64MultiArray, Int64, String
 from bus.wire import messages as m
 from bus.wire.layout import PROTOCOL_VERSION
@@ -134,7 +134,7 @@ def test_once_of_one_that_answers_no_more(monkeypatch: pytest.MonkeyPatch) -> No
     """It reports that and ends: a user who wants one look does not wait for a later one."""
     ours, theirs = socket.socketpair()
     ours.sendall(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
-    monkeypatch.setattr(bus_cli.query, "try_to_connect", lambda path: theirs)
+    monkeypatch.setattr(bus.link.query, "try_to_connect", lambda path: theirs)
     monkeypatch.setattr(plain, "Query", partial(Query, answer_s=0.05))
     with ours, pytest.raises(bus.BrokerUnavailable, match=r"^busd at x does not answer: "):
         next(plain.looks(Path("x"), 0.1, is_once=True))

@@ -12,9 +12,8 @@ import pytest
 
 import bus
 from bus.errors import BrokerUnavailable
-from bus.link import reach
+from bus.link import query, reach
 from bus.wire import messages as m
-from bus_cli import query
 from bus_cli.query import Query
 from busd.core.anteroom import PLACES
 from conftest import WAIT_S, Daemon

@@ -207,7 +207,7 @@ async def test_a_launch_file_with_a_mimic(sim: Sim, tmp_path: Path) -> None:
     async with running(tmp_path, "-m", "bus_cli", "topic", "pub", *circle):
         while (await sim.pose("turtlesim2/turtle1"))["linear_velocity"] != 2.0:
             pass
-    await sim.end(launch, -signal.SIGINT)
+    await sim.end(launch)
 
 
 @on_one_loop
@@ -216,7 +216,7 @@ async def test_the_launch_file_that_comes_with_it(sim: Sim) -> None:
     for number in (1, 2):
         assert (await sim.pose(f"turtlesim{number}/turtle1"))["x"] == 5.544444561004639
     assert (await sim.bus("node", "list")).out == "/turtlesim1/turtlesim\n/turtlesim2/turtlesim\n"
-    await sim.end(launch, -signal.SIGINT)
+    await sim.end(launch)
 
 
 @on_one_loop
@@ -294,7 +294,7 @@ async def test_a_turtle_follows_a_frame(sim: Sim, tmp_path: Path) -> None:
         while abs((await place())[1] - 7.5) > 0.2:
             pass
         assert abs((await place())[0] - 5.5) < 0.2
-        await sim.end(demo, -signal.SIGINT)
+        await sim.end(demo)
 
 
 @on_one_loop

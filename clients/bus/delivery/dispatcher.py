@@ -69,7 +69,8 @@ class Dispatcher(Generic[M]):
             self._cancel = port.start(self._run(), f"callback of {name}")
         self.is_plain = self._cancel is None and not self._wants_info and not is_timed
         """Whether the callback is a plain function of the message alone, and there is no deadline."""
-        self.replace_callback(callback)
+        if self.is_plain and receiver.reader is not None:
+            receiver.call_back(callback, on_error, on_slow=on_slow)
 
     @property
     def is_async(self) -> bool:

@@ -4,7 +4,6 @@ It ends with the first loss; the link reconnects. It passes samples and messages
 """
 
 import os
-import sys
 from collections.abc import Callable, Iterable
 from itertools import count
 from time import monotonic_ns
@@ -21,7 +20,7 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.link.heartbeat import Heartbeat
-from bus.link.reach import NotNow, Patience, open_socket
+from bus.link.reach import NotNow, Patience, open_socket, program_name
 from bus.link.requests import Requests
 from bus.link.shm_context import ShmContext
 from bus.logger import get_logger
@@ -280,8 +279,3 @@ class Connection:
     def _finish(self, reason: BusError) -> None:
         self._heartbeat.stop()
         self._requests.end(reason)
-
-
-def program_name() -> str:
-    """The name of this program for busd's lists."""
-    return sys.argv[0].rpartition("/")[2][:255] if sys.argv and sys.argv[0] else "python"

@@ -16,8 +16,7 @@ from bus.base.callbacks import ignore
 from bus.base.version import RELEASE
 from bus.errors import BrokerUnavailable, ConfigurationError, ConnectionClosed, RemoteProtocolError
 from bus.graph import Graph, graph_of
-from bus.link.connection import program_name
-from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet, try_to_connect
+from bus.link.reach import TELL_S, NotNow, Patience, no_answer, no_answer_yet, program_name, try_to_connect
 from bus.wire import messages as m
 from bus.wire.answers import expect
 from bus.wire.layout import PROTOCOL_VERSION

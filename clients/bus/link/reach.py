@@ -7,6 +7,7 @@ temporary reason, or ends while it connects.
 
 import os
 import socket
+import sys
 from collections.abc import Callable, Mapping
 from time import monotonic
 
@@ -23,6 +24,7 @@ __all__ = [
     "no_answer",
     "no_answer_yet",
     "open_socket",
+    "program_name",
     "try_to_connect",
 ]
 
@@ -169,3 +171,8 @@ async def _sleep(pause_s: float) -> None:
     import asyncio  # late: clients without an event loop use the rest of this module
 
     await asyncio.sleep(pause_s)
+
+
+def program_name() -> str:
+    """The name of this program for busd's lists."""
+    return sys.argv[0].rpartition("/")[2][:255] if sys.argv and sys.argv[0] else "python"

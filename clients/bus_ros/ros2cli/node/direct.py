@@ -6,7 +6,6 @@ from time import monotonic
 from typing import Any, Self
 
 import bus_ros.rclpy as rclpy
-from bus_ros.rclpy import action
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy.type_description_service import START_TYPE_DESCRIPTION_SERVICE_PARAM
@@ -61,22 +60,6 @@ class DirectNode(Node):
     def node(self) -> Node:
         """The node itself."""
         return self
-
-    def get_action_names_and_types(self) -> NamesAndTypes:
-        """All actions that have a server or a client."""
-        return action.get_action_names_and_types(self)
-
-    def get_action_client_names_and_types_by_node(
-        self, remote_node_name: str, remote_node_namespace: str
-    ) -> NamesAndTypes:
-        """The actions that a node calls. Raises NodeNameNonExistentError."""
-        return action.get_action_client_names_and_types_by_node(self, remote_node_name, remote_node_namespace)
-
-    def get_action_server_names_and_types_by_node(
-        self, remote_node_name: str, remote_node_namespace: str
-    ) -> NamesAndTypes:
-        """The actions that a node serves. Raises NodeNameNonExistentError."""
-        return action.get_action_server_names_and_types_by_node(self, remote_node_name, remote_node_namespace)
 
 
 def add_arguments(parser: ArgumentParser) -> None:
