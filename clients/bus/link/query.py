@@ -12,7 +12,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from bus.base.callbacks import ignore
 from bus.base.version import RELEASE
 from bus.errors import BrokerUnavailable, ConfigurationError, ConnectionClosed, RemoteProtocolError
 from bus.graph import Graph, graph_of
@@ -47,7 +46,7 @@ class Query:
         may_start: bool = True,
         answer_s: float = ANSWER_S,
         program: str | None = None,
-        on_slow: Callable[[str], object] = ignore,
+        on_slow: Callable[[str], object] | None = None,
     ) -> None:
         self.path = path
         self._program = program or program_name()
@@ -178,7 +177,8 @@ class Query:
         try:
             return self._socket.recv_into(buffer)
         except TimeoutError:
-            self._on_slow(no_answer_yet(self.path))
+            if self._on_slow is not None:
+                self._on_slow(no_answer_yet(self.path))
             self._socket.settimeout(self._answer_s - TELL_S)
             return self._socket.recv_into(buffer)
         finally:

@@ -165,7 +165,7 @@ class Arguments(msgspec.Struct, frozen=True):
 
         Both sides of a rule are expanded; the first matching rule is applied, once.
         """
-        return self._remapped(full_name, node, namespace, RemapKind.TOPIC)
+        return self._remapped(full_name, node, namespace, RemapKind.TOPIC) if self.remaps else full_name
 
     def service(self, full_name: str, node: str, namespace: str) -> str:
         """The remapped full name of a service; as `topic`."""

@@ -104,6 +104,10 @@ class AsyncService(AsyncEntity, BaseService):
         self._calls.discard(task)
         self._take_waiting()
 
+    def _answer_with(self, response: object, request_id: RequestId) -> None:
+        if not self.is_destroyed:  # the callback may have destroyed it: the client learns that
+            super()._answer_with(response, request_id)
+
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         try:
             super()._refuse(request_id, error)
