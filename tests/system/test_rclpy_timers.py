@@ -9,11 +9,13 @@ import pytest
 
 import bus_ros.rclpy as rclpy
 from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
-from bus_ros.rclpy.clock import Clock, ClockType
+from bus_ros.rclpy.clock import Clock, ClockType, ROSClock
 from bus_ros.rclpy.exceptions import InvalidHandle, ROSInterruptException
 from bus_ros.rclpy.executors import MultiThreadedExecutor
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.task import Future
+from bus_ros.rclpy.time import Time
+from bus_ros.rclpy.timer import TimerInfo
 from conftest import WAIT_S
 from rclpy_world import (
     Int64,
@@ -48,6 +50,30 @@ class TestTimers:
         for index, call in enumerate(calls):
             assert call - begin >= (index + 1) * 20_000_000
         assert timer.timer_period_ns == 20_000_000
+
+    def test_a_callback_with_an_argument_gets_the_times_of_its_call(self, world: World, node: Node) -> None:
+        infos: list[TimerInfo] = []
+        timer = node.create_timer(0.005, lambda info: infos.append(info))
+        world.spin_until(lambda: len(infos) == 2)
+        for info in infos:
+            assert info.expected_call_time <= info.actual_call_time <= node.get_clock().now()
+            assert info.actual_call_time.clock_type is ClockType.ROS_TIME
+        assert infos[0].actual_call_time <= infos[1].actual_call_time
+
+        calls: list[None] = []
+        timer.callback = lambda: calls.append(None)  # another signature, from the next call on
+        world.spin_until(lambda: len(calls) > 0)
+
+    def test_the_times_of_a_simulated_clock(self, world: World, node: Node) -> None:
+        clock = ROSClock()
+        clock.set_ros_time_override(Time(seconds=10, clock_type=ClockType.ROS_TIME))
+        clock._set_ros_time_is_active(True)
+        infos: list[TimerInfo] = []
+        node.create_timer(2.0, infos.append, clock=clock)
+        clock.set_ros_time_override(Time(seconds=13, clock_type=ClockType.ROS_TIME))
+        world.spin_until(lambda: len(infos) == 1)
+        assert infos[0].expected_call_time == Time(seconds=12, clock_type=ClockType.ROS_TIME)
+        assert infos[0].actual_call_time == Time(seconds=13, clock_type=ClockType.ROS_TIME)
 
     def test_no_burst_after_a_stall(self, world: World, node: Node) -> None:
         """The timer skips missed calls and keeps its phase."""

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import IntEnum
+from enum import Enum, IntEnum
 from types import TracebackType
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, ref
@@ -41,12 +41,15 @@ _LONGEST_WAIT_S = 1.0
 
 
 class ClockChange(IntEnum):
-    """Whether a jump also began or ended simulated time."""
+    """Whether a jump also began or ended simulated time. As text: `ClockChange.ROS_TIME_ACTIVATED`, ..."""
 
     ROS_TIME_NO_CHANGE = 1
     ROS_TIME_ACTIVATED = 2
     ROS_TIME_DEACTIVATED = 3
     SYSTEM_TIME_NO_CHANGE = 4
+
+    __str__ = Enum.__str__  # as rclpy prints the change of a jump
+    __format__ = Enum.__format__
 
 
 class JumpThreshold:

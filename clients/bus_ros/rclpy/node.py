@@ -340,7 +340,10 @@ class Node(BaseNode, NodeWaitables):
         clock: Clock | None = None,
         autostart: bool = True,
     ) -> Timer:
-        """Call `callback()` every `timer_period_sec` seconds, the first time after one period."""
+        """Call `callback` every `timer_period_sec` seconds, the first time after one period.
+
+        A callback that needs an argument gets a TimerInfo.
+        """
         period_ns = int(float(timer_period_sec) * 1e9)
         if period_ns < 0:
             raise RCLError("failed to create timer: timer period must be non-negative")

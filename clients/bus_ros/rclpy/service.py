@@ -14,8 +14,9 @@ from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.impl.introspected import Introspected
 from bus_ros.rclpy.qos import QoSProfile
+from bus_ros.rclpy.service_introspection import ServiceIntrospectionState
 
-__all__ = ["BaseService", "Service"]
+__all__ = ["BaseService", "Service", "ServiceIntrospectionState"]
 
 MOST_WAITING = 1000
 """Requests that wait for an executor; above this limit, the oldest are refused."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from time import monotonic_ns
 
-from bus.base.callbacks import is_async
+from bus.base.callbacks import is_async, takes
 from bus_ros.engine import Engine, Lifetime, Waiter, engine
 from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.clock import (
@@ -142,6 +142,15 @@ class BaseTimer(Handled):
             self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
         self._last_ns = now_ns
 
+    def _info(self, due_ns: int, now_ns: int) -> TimerInfo:
+        """The times, by the clock, of a call that was due at `due_ns` and is made at `now_ns`."""
+        called_ns = self.clock.now().nanoseconds
+        return TimerInfo(
+            expected_call_time=called_ns - (now_ns - due_ns),
+            actual_call_time=called_ns,
+            clock_type=self.clock.clock_type,
+        )
+
     def _now_ns(self) -> int:
         return _now_ns(self.clock)
 
@@ -151,7 +160,10 @@ class BaseTimer(Handled):
 
 
 class Timer(Entity, BaseTimer):
-    """Calls `callback()` every `timer_period_ns`, first after one period; made by `Node.create_timer`."""
+    """Calls `callback` every `timer_period_ns`, first after one period; made by `Node.create_timer`.
+
+    A callback that needs an argument gets a TimerInfo.
+    """
 
     is_single = True
     is_timer = True
@@ -168,11 +180,21 @@ class Timer(Entity, BaseTimer):
         autostart: bool = True,
     ) -> None:
         self.callback = callback
-        self.is_async = callback is not None and is_async(callback)
         self.sleepers: list[Waiter] = []
         """Threads in `Rate.sleep`: they look again at each change."""
         Entity.__init__(self, node, callback_group)
         BaseTimer.__init__(self, timer_period_ns, clock, autostart=autostart)
+
+    @property
+    def callback(self) -> Callable[..., object] | None:
+        """Setting it takes effect at the next call."""
+        return self._callback
+
+    @callback.setter
+    def callback(self, callback: Callable[..., object] | None) -> None:
+        self._callback = callback
+        self.is_async = callback is not None and is_async(callback)
+        self._wants_info = callback is not None and not takes(callback, 0) and takes(callback, 1)
 
     def destroy(self) -> None:
         self.node.destroy_timer(self)
@@ -193,10 +215,11 @@ class Timer(Entity, BaseTimer):
 
     def take(self, most: int) -> Work | None:
         now_ns = self._now_ns() if self.is_simulated else monotonic_ns()
-        if self._is_canceled or now_ns < self._next_ns or self.callback is None:
+        due_ns, callback = self._next_ns, self._callback
+        if self._is_canceled or now_ns < due_ns or callback is None:
             return None
         self._advance(now_ns)
-        return self.callback, ()
+        return callback, (self._info(due_ns, now_ns),) if self._wants_info else ()
 
     def wake_ns(self) -> int:
         """When to look again, on the monotonic clock; 0: after a notification, by the simulation's time."""

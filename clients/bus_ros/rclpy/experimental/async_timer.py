@@ -9,7 +9,7 @@ from bus.base.callbacks import is_async, takes
 from bus.diagnostics.slow_callback import watched
 from bus_ros.rclpy.clock import BaseClock
 from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, EntityState, current_task
-from bus_ros.rclpy.timer import BaseTimer, TimerInfo
+from bus_ros.rclpy.timer import BaseTimer
 
 __all__ = ["AsyncTimer"]
 
@@ -90,15 +90,7 @@ class AsyncTimer(AsyncEntity, BaseTimer):
         self._alarm = None
         due_ns, now_ns = self._next_ns, self._now_ns()
         self._advance(now_ns)
-        arguments: tuple[TimerInfo, ...] = ()
-        if self._wants_info:
-            called_ns = self.clock.now().nanoseconds
-            info = TimerInfo(
-                expected_call_time=called_ns - (now_ns - due_ns),
-                actual_call_time=called_ns,
-                clock_type=self.clock.clock_type,
-            )
-            arguments = (info,)
+        arguments = (self._info(due_ns, now_ns),) if self._wants_info else ()
         if self._is_async:
             self._task = self._owner.run_in_group(self._call(*arguments))
             if self._task is not None:

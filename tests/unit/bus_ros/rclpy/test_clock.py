@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bus_ros.rclpy import clock as clocks
-from bus_ros.rclpy.clock import Clock, ClockEvent, ClockType, JumpThreshold, ROSClock, TimeJump
+from bus_ros.rclpy.clock import Clock, ClockChange, ClockEvent, ClockType, JumpThreshold, ROSClock, TimeJump
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import NotInitializedException
 from bus_ros.rclpy.time import Time
@@ -145,6 +145,11 @@ def test_jumps_reach_who_asked_for_them() -> None:
         "before change 10000000000",
         "change ROS_TIME_DEACTIVATED 0",
     ]
+
+
+def test_a_change_of_a_clock_as_text() -> None:
+    assert str(ClockChange.ROS_TIME_ACTIVATED) == "ClockChange.ROS_TIME_ACTIVATED"
+    assert f"{ClockChange.ROS_TIME_NO_CHANGE}" == "ClockChange.ROS_TIME_NO_CHANGE"
 
 
 def test_thresholds_and_callbacks_that_make_no_sense() -> None:
