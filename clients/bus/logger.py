@@ -184,8 +184,11 @@ class Logger:
         frame = sys._getframe(2)
         if not self._is_wanted(frame, severity, filters):
             return False
-        self._logger.handle(_Record(self.name, severity, frame, str(message)))
+        self._write(severity, message, frame)
         return True
+
+    def _write(self, severity: Severity, message: object, frame: FrameType) -> None:
+        self._logger.handle(_Record(self.name, severity, frame, str(message)))
 
     def _is_wanted(self, frame: FrameType, severity: Severity, filters: Filters) -> bool:
         """Whether the filters accept this call; loggers with other filters override this."""

@@ -35,6 +35,7 @@ INSIDE = {
     "rclpy.lifecycle.publisher": {"PublishesWhileActive"},
     "rclpy.publisher": {"why_closed"},
     "rclpy.subscription": {"message_info"},
+    "rclpy.impl.rcutils_logger": {"level_of"},
     "rclpy.task": {"UNFINISHED", "Step"},
     "rclpy.serialization": {"native_bytes"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bus.logger import TOP_NAME, Severity, set_default_level
 from bus_ros.rclpy.impl.logging_severity import LoggingSeverity
-from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
+from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger, level_of
 
 __all__ = [
     "LoggingSeverity",
@@ -50,7 +50,10 @@ def clear_config() -> None:
 
 
 def set_logger_level(name: str, level: int | LoggingSeverity, detailed_error: bool = False) -> None:
-    """Set the lowest severity to log; an empty name: the default of all. ValueError for a wrong level."""
+    """Set the lowest severity to log; an empty name: the default of all. ValueError for a wrong level.
+
+    UNSET is the level of the parent; as the default of all, it logs everything.
+    """
     RcutilsLogger(name).set_level(level)
 
 
@@ -61,7 +64,7 @@ def get_logger_effective_level(name: str) -> LoggingSeverity:
 
 def get_logger_level(name: str) -> LoggingSeverity:
     """The level set for exactly that name; UNSET if there is none."""
-    return LoggingSeverity(logging.getLogger(f"{TOP_NAME}.{name}" if name else TOP_NAME).level)
+    return level_of(RcutilsLogger(name))
 
 
 def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:

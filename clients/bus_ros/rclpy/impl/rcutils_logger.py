@@ -5,16 +5,20 @@ Owns `once`, `skip_first` and `throttle_*`; their state belongs to the calling l
 """
 
 import logging
+import sys
 import time
 from collections.abc import Mapping
 from functools import cache
 from types import FrameType
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 from bus.logger import TOP_NAME, Filters, Logger, Severity, set_default_level
 from bus_ros.rclpy.impl.logging_severity import LoggingSeverity
 
-__all__ = ["LoggingFilter", "Once", "RcutilsLogger", "SkipFirst", "Throttle"]
+__all__ = ["LoggingFilter", "Once", "RcutilsLogger", "SkipFirst", "Throttle", "level_of"]
+
+_EVERYTHING = 1
+"""The number in `logging` for the level UNSET of the root logger: there, 0 is the level of a parent."""
 
 
 class LoggingFilter:
@@ -34,7 +38,10 @@ class LoggingFilter:
 
 
 class Throttle(LoggingFilter):
-    """Passes at most one call in `throttle_duration_sec`, by the clock `throttle_time_source_type`."""
+    """Passes at most one call in `throttle_duration_sec`, by the clock `throttle_time_source_type`.
+
+    A clock of the program counts from its zero: a simulation's first call passes only after the duration.
+    """
 
     params: ClassVar[dict[str, Any]] = {
         "throttle_duration_sec": None,
@@ -43,10 +50,10 @@ class Throttle(LoggingFilter):
 
     def __init__(self, keywords: Mapping[str, Any]) -> None:
         self._period_ns = int(keywords["throttle_duration_sec"] * 1e9)
-        self._last_ns: int | None = None
+        self._last_ns: int | None = 0
         clock = keywords.get("throttle_time_source_type") or "RCUTILS_STEADY_TIME"
         if clock == "RCUTILS_STEADY_TIME":
-            self._clock = None
+            self._clock, self._last_ns = None, None
             return
         # Late: most loggers are throttled by the steady clock, or not at all.
         from bus_ros.rclpy.clock import Clock
@@ -98,10 +105,11 @@ _KEYWORDS = [keyword for kind in _FILTERS.values() for keyword in kind.params]
 class _CallSite:
     """A calling place: the arguments of its first call, and its filters."""
 
-    __slots__ = ("filters", "keywords", "names", "severity")
+    __slots__ = ("filters", "keywords", "logger", "names", "severity")
 
-    def __init__(self, severity: int, keywords: Mapping[str, Any]) -> None:
+    def __init__(self, severity: int, logger: str, keywords: Mapping[str, Any]) -> None:
         self.severity = severity
+        self.logger = logger
         self.keywords = dict(keywords)
         self.names = _detect(keywords)
         self.filters = [_FILTERS[name](keywords) for name in self.names]
@@ -110,9 +118,9 @@ class _CallSite:
 class RcutilsLogger(Logger):
     """A named logger.
 
-    `debug`, `info`, `warning` (`warn`), `error`, `fatal` and `log` return whether they logged. One place must
-    call with the same severity and filters each time; otherwise ValueError. An unknown keyword is a
-    TypeError. Neither is checked if the severity is not enabled.
+    `debug`, `info`, `warning` (`warn`), `error`, `fatal` and `log` return whether they logged; `name=` logs
+    under another name. One place must call with the same severity, name and filters each time; otherwise
+    ValueError. An unknown keyword is a TypeError. Neither is checked if the severity is not enabled.
     """
 
     __slots__ = ("_sites",)
@@ -130,35 +138,51 @@ class RcutilsLogger(Logger):
         return RcutilsLogger(f"{self.name}.{name}" if self.name else name)
 
     def set_level(self, level: LoggingSeverity | Severity | int | str) -> None:
-        """Log this severity and above, here and in children; UNSET: as the parent.
+        """Log this severity and above, here and in children; UNSET: as the parent, and the root logger all.
 
         Raises ValueError for an invalid severity.
         """
         if self.name:
             super().set_level(_native(level))
-        else:
-            set_default_level(_native(level))
+            return
+        set_default_level(_native(level))
+        if level == 0 or (isinstance(level, str) and level.upper() == "UNSET"):
+            self._logger.setLevel(_EVERYTHING)
 
     def get_effective_level(self) -> LoggingSeverity:  # type: ignore[override]  # another enum, same numbers
-        """The lowest severity that is logged."""
+        """The lowest severity that is logged; UNSET if the root logger has it, and no other a level."""
+        if self._logger.getEffectiveLevel() == _EVERYTHING:
+            return LoggingSeverity.UNSET
         return LoggingSeverity(super().get_effective_level())
 
     def log(self, message: object, severity: LoggingSeverity | Severity | int | str, **filters: Any) -> bool:
-        """Log a message; `name=` uses another logger."""
-        other = filters.pop("name", self.name)
+        """Log a message with that severity."""
         level = Severity[severity.upper()] if isinstance(severity, str) else Severity(severity)
-        logger = self if other == self.name else _shared(other)
-        return logger._logger.isEnabledFor(level) and logger._log(level, message, cast(Filters, filters))
+        return self._logger.isEnabledFor(level) and self._log(level, message, filters)  # type: ignore[arg-type]
 
-    def _is_wanted(self, frame: FrameType, severity: Severity, filters: Filters) -> bool:
+    def _log(self, severity: Severity, message: object, filters: Filters) -> bool:
+        keywords: dict[str, Any] = dict(filters)
+        name = keywords.pop("name", self.name)
+        frame = sys._getframe(2)
+        if not self._passes_at(frame, severity, name, keywords):
+            return False
+        logger = self if name == self.name else _shared(name)
+        if not logger._logger.isEnabledFor(severity):
+            return False
+        logger._write(severity, message, frame)
+        return True
+
+    def _passes_at(self, frame: FrameType, severity: Severity, name: str, filters: dict[str, Any]) -> bool:
         code = frame.f_code
         # f_lasti distinguishes two calls on one line.
         key = (code.co_filename, code.co_firstlineno, frame.f_lasti)
         site = self._sites.get(key)
         if site is None:
-            site = self._sites[key] = _CallSite(severity, filters)
+            site = self._sites[key] = _CallSite(severity, name, filters)
         elif site.severity != severity:
             raise ValueError("Logger severity cannot be changed between calls.")
+        elif site.logger != name:
+            raise ValueError("Logger name cannot be changed between calls.")
         elif site.keywords != filters:
             if _detect(filters) != site.names:
                 raise ValueError("Requested logging filters cannot be changed between calls.")
@@ -167,8 +191,16 @@ class RcutilsLogger(Logger):
         return all(one.should_log() for one in site.filters)
 
 
+def level_of(logger: RcutilsLogger) -> LoggingSeverity:
+    """The level set for exactly this logger; UNSET if there is none."""
+    level = logger._logger.level
+    return LoggingSeverity.UNSET if level == _EVERYTHING else LoggingSeverity(level)
+
+
 def _detect(keywords: Mapping[str, Any]) -> list[str]:
     """The names of the filters for the keywords; raises TypeError for an unknown or missing keyword."""
+    if "severity" in keywords:
+        raise TypeError("RcutilsLogger.log() got multiple values for argument 'severity'")
     for keyword in keywords:
         if keyword not in _KEYWORDS:
             raise TypeError(

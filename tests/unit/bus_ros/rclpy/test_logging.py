@@ -90,10 +90,10 @@ def test_throttle_by_the_steady_clock(
 def test_throttle_by_a_clock_of_the_program(log: RcutilsLogger) -> None:
     clock = simulated(0)
     logged = []
-    for seconds in (0, 4, 5, 9, 2):  # 2 is the restart of the simulation
+    for seconds in (0, 4, 5, 9, 10, 2):  # 2 is the restart of the simulation
         clock.set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
         logged.append(log.warn("x", throttle_duration_sec=5.0, throttle_time_source_type=clock))  # type: ignore[call-arg]
-    assert logged == [True, False, True, False, True]
+    assert logged == [False, False, True, False, True, True]
 
 
 def test_filters_belong_to_the_place_that_calls(log: RcutilsLogger, entries: list[LogEntry]) -> None:
@@ -116,6 +116,8 @@ def test_what_must_not_change_at_one_place(log: RcutilsLogger) -> None:
         call(30)
     with pytest.raises(ValueError, match=r"Requested logging filters cannot be changed between calls."):
         call(20, once=True)
+    with pytest.raises(ValueError, match=r"Logger name cannot be changed between calls."):
+        call(20, name="other")
     assert call(20, once=False)
     assert call_again(20, throttle_duration_sec=1.0)
     with pytest.raises(ValueError, match=r"Logging filter parameters cannot be changed between calls."):
@@ -125,6 +127,8 @@ def test_what_must_not_change_at_one_place(log: RcutilsLogger) -> None:
 def test_filters_that_make_no_sense(log: RcutilsLogger) -> None:
     with pytest.raises(TypeError, match='parameter "onec" is not one of the recognized logging options'):
         log.info("x", onec=True)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="got multiple values for argument 'severity'"):
+        log.info("x", severity=20)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match='required parameter "throttle_duration_sec" not specified'):
         log.info("x", throttle_time_source_type=simulated(0))  # type: ignore[call-arg]
     with pytest.raises(ValueError, match='throttle_time_source_type of "SUN" is not a clock instance'):
@@ -161,6 +165,20 @@ def test_levels(log: RcutilsLogger, levels: None) -> None:
     assert log.get_effective_level() is LoggingSeverity.INFO
 
 
+def test_the_root_logger_without_a_level_logs_everything(log: RcutilsLogger, levels: None) -> None:
+    for unset in (LoggingSeverity.UNSET, 0):
+        logging.set_logger_level("", unset)
+        assert logging.get_logger_level("") is LoggingSeverity.UNSET
+        assert logging.get_logger_effective_level("") is LoggingSeverity.UNSET
+        assert log.get_effective_level() is LoggingSeverity.UNSET
+        assert log.is_enabled_for(LoggingSeverity.DEBUG)
+        logging.set_logger_level(log.name, LoggingSeverity.WARN)
+        assert log.get_effective_level() is LoggingSeverity.WARN
+        logging.clear_config()
+        assert logging.get_logger_level("") is LoggingSeverity.INFO
+        assert log.get_effective_level() is LoggingSeverity.INFO
+
+
 def test_clear_config_forgets_the_loggers_own_levels(log: RcutilsLogger, levels: None) -> None:
     log.set_level(50)
     stranger = python_logging.getLogger("stranger")
@@ -177,9 +195,13 @@ def test_names(log: RcutilsLogger, entries: list[LogEntry]) -> None:
     with pytest.raises(ValueError, match=r"Child logger name must not be empty."):
         log.get_child("")
     assert RcutilsLogger().get_child("a").name == "a"
+    other = f"{log.name}.other"
     for _ in range(2):
-        log.log("x", 20, name=f"{log.name}.other", once=True)
-    assert [(entry.name, entry.text) for entry in entries] == [(f"{log.name}.other", "x")]
+        log.log("x", 20, name=other, once=True)
+        log.info("y", name=other, once=True)  # type: ignore[call-arg]
+    assert [(entry.name, entry.text) for entry in entries] == [(other, "x"), (other, "y")]
+    logging.set_logger_level(other, 40)
+    assert not log.warning("z", name=other)  # type: ignore[call-arg]
 
 
 def test_severities() -> None:
