@@ -30,6 +30,13 @@ def test_init_and_shutdown_twice(world: World) -> None:
     rclpy.try_shutdown()
 
 
+def test_an_argument_whose_bytes_are_no_text() -> None:
+    context = Context()
+    with pytest.raises(UnicodeEncodeError, match="surrogates not allowed"):
+        context.init(args=["Ragnar\udcc3\udcb6k"])
+    assert not context.ok()
+
+
 def test_again_after_shutdown(world: World) -> None:
     for _ in range(3):
         node = world.node()

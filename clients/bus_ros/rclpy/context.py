@@ -78,9 +78,12 @@ class Context:
         """Begin. `args`: the command line, by default the program's own. Its ROS arguments follow --ros-args.
 
         Raises RuntimeError if it has begun already. Raises UnknownROSArgsError, and RCLError for other
-        invalid ROS arguments; both are RuntimeErrors.
+        invalid ROS arguments; both are RuntimeErrors. Raises UnicodeEncodeError for an argument whose bytes
+        are not UTF-8.
         """
         words = tuple(sys.argv[1:] if args is None else args)
+        for word in words:
+            word.encode()
         try:
             arguments, parameters = parse_arguments(words)
         except RCLInvalidROSArgsError as error:

@@ -6,8 +6,9 @@ Owns the policies, the profiles, their presets, and their translation for the bu
 
 import warnings
 from collections.abc import Mapping
+from copy import copy
 from enum import Enum, IntEnum, StrEnum
-from typing import Any, Generic, TypeVar, overload
+from typing import Any, Generic, NamedTuple, TypeVar, overload
 
 from bus import qos as native
 from bus_ros.rclpy.duration import Duration, Infinite
@@ -211,6 +212,25 @@ class _Value(Generic[V]):
         setattr(profile, self._slot, value)
 
 
+class _Depth(_Value[int]):
+    """A depth; setting 0 with KEEP_LAST warns."""
+
+    def __set__(self, profile: object, value: int) -> None:
+        super().__set__(profile, value)
+        assert isinstance(profile, QoSProfile)
+        _warn_of_no_depth(profile)
+
+
+def _warn_of_no_depth(profile: "QoSProfile") -> None:
+    """The warning names the line of the program that sets the depth, or makes the profile."""
+    if profile.depth == 0 and profile.history is HistoryPolicy.KEEP_LAST:
+        warnings.warn(
+            "A zero depth with KEEP_LAST doesn't make sense; no data could be stored. "
+            "This will be interpreted as SYSTEM_DEFAULT",
+            stacklevel=3,
+        )
+
+
 class QoSProfile:
     """The policies of one endpoint. Each can be changed until an endpoint is made from it.
 
@@ -232,7 +252,7 @@ class QoSProfile:
     )  # fmt: skip
 
     history = _Policy(HistoryPolicy)
-    depth = _Value(int)
+    depth = _Depth(int)
     reliability = _Policy(ReliabilityPolicy)
     durability = _Policy(DurabilityPolicy)
     lifespan = _Value(Duration)
@@ -247,16 +267,10 @@ class QoSProfile:
         if "history" not in kwargs and "depth" not in kwargs:
             raise InvalidQoSProfileException("History and/or depth settings are required.")
         self.history = kwargs.get("history", HistoryPolicy.KEEP_LAST)
-        if self.history is HistoryPolicy.KEEP_LAST:
-            if "depth" not in kwargs:
-                raise InvalidQoSProfileException("History set to KEEP_LAST without a depth setting.")
-            if kwargs["depth"] == 0:
-                warnings.warn(
-                    "A zero depth with KEEP_LAST doesn't make sense; no data could be stored. "
-                    "This will be interpreted as SYSTEM_DEFAULT",
-                    stacklevel=2,
-                )
-        self.depth = kwargs.get("depth", native.default.depth)
+        if self.history is HistoryPolicy.KEEP_LAST and "depth" not in kwargs:
+            raise InvalidQoSProfileException("History set to KEEP_LAST without a depth setting.")
+        _Value.__set__(QoSProfile.depth, self, kwargs.get("depth", native.default.depth))
+        _warn_of_no_depth(self)
         self.reliability = kwargs.get("reliability", ReliabilityPolicy.RELIABLE)
         self.durability = kwargs.get("durability", DurabilityPolicy.VOLATILE)
         self.lifespan = kwargs.get("lifespan", _UNSPECIFIED)
@@ -440,17 +454,81 @@ def _duration(duration_ns: int) -> Duration:
 
 
 class QoSCompatibility(IntEnum):
-    """Whether a publisher and a subscription match; WARNING does not occur, because busd always knows."""
+    """Whether a publisher and a subscription match; WARNING: in ROS 2, a system default decides it."""
 
     OK = 0
     WARNING = 1
     ERROR = 2
 
 
+class _Open(NamedTuple):
+    """A policy, and the texts of its warnings if one side or both leave it open."""
+
+    weak_offer: QoSPolicyEnum
+    strong_request: QoSPolicyEnum
+    both_open: str
+    open_offer: str
+    open_request: str
+
+
+_OPEN = {
+    "reliability": _Open(
+        ReliabilityPolicy.BEST_EFFORT,
+        ReliabilityPolicy.RELIABLE,
+        "Publisher reliability is {offer} and subscription reliability is {request}",
+        "Reliable subscription, but publisher is {offer}",
+        "Best effort publisher, but subscription is {request}",
+    ),
+    "durability": _Open(
+        DurabilityPolicy.VOLATILE,
+        DurabilityPolicy.TRANSIENT_LOCAL,
+        "Publisher durabilty is {offer} and subscription durability is {request}",
+        "Transient local subscription, but publisher is {offer}",
+        "Volatile publisher, but subscription is {request}",
+    ),
+    "liveliness": _Open(
+        LivelinessPolicy.AUTOMATIC,
+        LivelinessPolicy.MANUAL_BY_TOPIC,
+        "Publisher liveliness is {offer} and subscription liveliness is {request}",
+        "Subscription's liveliness is manual by topic, but publisher's is {offer}",
+        "Publisher's liveliness is automatic, but subscription's is {request}",
+    ),
+}
+"""The texts are rmw's, with its spelling."""
+
+
 def qos_check_compatible(
     publisher_qos: QoSProfile, subscription_qos: QoSProfile
 ) -> tuple[QoSCompatibility, str]:
-    """Whether the two would match, and the reasons against it, in rmw's words."""
-    found = native.check_compatible(to_native(publisher_qos, for_publisher=True), to_native(subscription_qos))
-    verdict = QoSCompatibility.ERROR if found else QoSCompatibility.OK
-    return verdict, native.describe_incompatibilities(found)
+    """Whether the two would match, and the reasons against it, in rmw's words.
+
+    A policy that is open (system default, unknown) is no error, but may be a warning.
+    """
+    offered, requested = copy(publisher_qos), copy(subscription_qos)
+    offered.history = requested.history = HistoryPolicy.KEEP_LAST  # both sides choose alone
+    doubts = []
+    for name, policy in _OPEN.items():
+        offer, request = getattr(offered, name), getattr(requested, name)
+        if _is_open(offer):
+            setattr(offered, name, policy.strong_request)
+        if _is_open(request):
+            setattr(requested, name, policy.weak_offer)
+        if doubt := _doubt(policy, offer, request):
+            text = doubt.format(offer=offer.short_key, request=request.short_key)
+            doubts.append(f"WARNING: {text};")
+    found = native.check_compatible(to_native(offered, for_publisher=True), to_native(requested))
+    if found:
+        return QoSCompatibility.ERROR, native.describe_incompatibilities(found)
+    return QoSCompatibility.WARNING if doubts else QoSCompatibility.OK, "".join(doubts)
+
+
+def _doubt(policy: _Open, offer: QoSPolicyEnum, request: QoSPolicyEnum) -> str | None:
+    if _is_open(offer):
+        if _is_open(request):
+            return policy.both_open
+        return policy.open_offer if request is policy.strong_request else None
+    return policy.open_request if _is_open(request) and offer is policy.weak_offer else None
+
+
+def _is_open(value: QoSPolicyEnum) -> bool:
+    return value.name in ("SYSTEM_DEFAULT", "UNKNOWN")

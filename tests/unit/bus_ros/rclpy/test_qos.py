@@ -1,5 +1,8 @@
 """QoS of the facade: profiles, enums, presets, and their meaning on the bus."""
 
+import warnings
+from typing import Any
+
 import pytest
 
 from bus import qos as native
@@ -47,6 +50,13 @@ def test_zero_depth_warns_and_is_the_default() -> None:
     with pytest.warns(UserWarning, match="A zero depth with KEEP_LAST"):
         profile = QoSProfile(depth=0)
     assert to_native(profile) == native.default
+    profile.depth = 5
+    with pytest.warns(UserWarning, match="A zero depth with KEEP_LAST") as warned:
+        profile.depth = 0
+    assert [one.filename for one in warned] == [__file__]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=5).depth = 0
 
 
 def test_values_of_the_wrong_kind() -> None:
@@ -174,10 +184,57 @@ def test_what_the_graph_knows() -> None:
 
 
 def test_compatibility() -> None:
-    assert qos_check_compatible(QoSProfile(depth=1), qos.qos_profile_sensor_data) == (QoSCompatibility.OK, "")
+    automatic = QoSProfile(depth=1, liveliness=LivelinessPolicy.AUTOMATIC)
+    assert qos_check_compatible(automatic, automatic) == (QoSCompatibility.OK, "")
     verdict, reason = qos_check_compatible(qos.qos_profile_sensor_data, QoSProfile(depth=1))
     assert verdict is QoSCompatibility.ERROR
     assert reason == "ERROR: Best effort publisher and reliable subscription;"
+
+
+OPEN_POLICIES: tuple[tuple[dict[str, Any], dict[str, Any], str], ...] = (
+    ({}, {}, "Publisher liveliness is system_default and subscription liveliness is system_default"),
+    ({"liveliness": 1}, {}, "Publisher's liveliness is automatic, but subscription's is system_default"),
+    ({}, {"liveliness": 1}, ""),
+    ({"liveliness": 3}, {}, ""),
+    (
+        {},
+        {"liveliness": 3},
+        "Subscription's liveliness is manual by topic, but publisher's is system_default",
+    ),
+    ({"liveliness": 1, "reliability": 0}, {"liveliness": 1, "reliability": 2}, ""),
+    (
+        {"liveliness": 1, "reliability": 3},
+        {"liveliness": 1, "reliability": 1},
+        "Reliable subscription, but publisher is unknown",
+    ),
+    (
+        {"liveliness": 1, "durability": 2},
+        {"liveliness": 1, "durability": 0},
+        "Volatile publisher, but subscription is system_default",
+    ),
+    ({"liveliness": 1, "durability": 1}, {"liveliness": 1, "durability": 0}, ""),
+)
+"""A publisher's policies, a subscription's, and the warning of genuine rclpy."""
+
+
+@for_each("row", OPEN_POLICIES)
+def test_policies_left_open_are_warnings(row: tuple[dict[str, Any], dict[str, Any], str]) -> None:
+    offered, requested, text = row
+    verdict, reason = qos_check_compatible(QoSProfile(depth=1, **offered), QoSProfile(depth=1, **requested))
+    assert reason == (f"WARNING: {text};" if text else "")
+    assert verdict is (QoSCompatibility.WARNING if text else QoSCompatibility.OK)
+
+
+def test_several_warnings_and_an_error_in_place_of_warnings() -> None:
+    verdict, reason = qos_check_compatible(qos.qos_profile_system_default, QoSProfile(depth=1))
+    assert verdict is QoSCompatibility.WARNING
+    assert reason.count("WARNING: ") == 2
+    verdict, reason = qos_check_compatible(qos.qos_profile_unknown, qos.qos_profile_unknown)
+    assert verdict is QoSCompatibility.WARNING and reason.count(" unknown") == 6
+    verdict, reason = qos_check_compatible(
+        QoSProfile(depth=1), QoSProfile(depth=1, deadline=Duration(seconds=1))
+    )
+    assert verdict is QoSCompatibility.ERROR and "WARNING" not in reason
 
 
 def test_names_of_policies() -> None:
