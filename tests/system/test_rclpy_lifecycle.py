@@ -11,6 +11,7 @@ from bus_ros.rclpy.lifecycle import LifecycleNode, LifecycleNodeMixin, State, Tr
 from bus_ros.rclpy.lifecycle.managed_entity import LifecycleState, ManagedEntity, SimpleManagedEntity
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rclpy.publisher import Publisher
 from bus_ros.rclpy.type_description_service import START_TYPE_DESCRIPTION_SERVICE_PARAM
 from bus_ros.rosidl import message_class, service_class
 from conftest import WAIT_S
@@ -215,6 +216,31 @@ def test_a_publisher_follows_its_node(world: World, capfd: pytest.CaptureFixture
     assert not node.destroy_lifecycle_publisher(publisher)
     with pytest.raises(TypeError, match="unexpected keyword argument 'publisher_class'"):
         node.create_lifecycle_publisher(String, "chatter", 10, publisher_class=lifecycle.Publisher)
+
+
+def test_a_replaced_publish_of_the_base_gets_the_publisher_and_the_message(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = Managed()
+    world.keep(node)
+    calls: list[tuple[Any, ...]] = []
+    publisher = node.create_lifecycle_publisher(String, "chatter", 10)
+    node.trigger_configure()
+    node.trigger_activate()
+    with monkeypatch.context() as patch:
+        patch.setattr(Publisher, "publish", Replacement(calls))
+        publisher.publish(String(data="a"))
+    assert calls == [(publisher, String(data="a"))]
+
+
+class Replacement:
+    """A callable that is no function: Python does not bind it to the object."""
+
+    def __init__(self, calls: list[tuple[Any, ...]]) -> None:
+        self._calls = calls
+
+    def __call__(self, *arguments: Any) -> None:
+        self._calls.append(arguments)
 
 
 class Entity(ManagedEntity):

@@ -17,6 +17,8 @@ M = TypeVar("M")
 class AsyncLifecyclePublisher(PublishesWhileActive, AsyncPublisher[M]):
     """Made by `create_lifecycle_publisher` of an AsyncLifecycleNode."""
 
+    _publisher_class = AsyncPublisher
+
 
 class AsyncLifecycleNode(LifecycleNodeMixin, AsyncNode):
     """An AsyncNode that other programs configure, activate and shut down; it takes its arguments, too.
