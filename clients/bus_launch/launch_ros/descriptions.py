@@ -91,7 +91,7 @@ class Parameter:
 
 
 class ComposableNode:
-    """A component: a part of a C++ library, which busd can't load. Descriptions may be made of it."""
+    """A component. Descriptions may have it, but launch files on busd can't load it."""
 
     def __init__(self, *, package: Any, plugin: Any, name: Any = None, **kwargs: Any) -> None:
         self.package = package
@@ -101,6 +101,6 @@ class ComposableNode:
 
 def refuse_components(what: str) -> NoReturn:
     raise NotImplementedError(
-        f"{what}: components are C++ libraries, which busd can't load; start a Node of a Python program for "
-        "each, they share memory as components do"
+        f"{what}: a launch file on busd can't load components; start a Node for each instead (nodes on one "
+        "machine share memory), or load components in Python with bus component load"
     )

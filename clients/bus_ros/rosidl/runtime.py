@@ -1,4 +1,4 @@
-"""Messages as plain values and back; programs import it as `rosidl_runtime_py`.
+"""Messages as plain values and back; programs import it as `rosidl_runtime_py.convert`.
 
 Owns: the conversions. Must not know: the making of classes, the places of definitions, topics.
 """

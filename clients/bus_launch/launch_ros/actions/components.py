@@ -1,4 +1,4 @@
-"""Actions for components, which busd does not have: descriptions may hold them, executing one is an error."""
+"""Actions for components: launch files may have them, but executing one is an error."""
 
 from typing import Any
 
@@ -25,9 +25,9 @@ class _Components(Action):
 
 @expose_action("node_container")
 class ComposableNodeContainer(_Components):
-    """Refused: busd has no components."""
+    """Refused: launch files on busd can't start containers or load components."""
 
 
 @expose_action("load_composable_node")
 class LoadComposableNodes(_Components):
-    """Refused: busd has no components."""
+    """Refused: launch files on busd can't start containers or load components."""

@@ -271,7 +271,5 @@ def test_components_are_refused() -> None:
         name="c", namespace="", package="a", executable="b", composable_node_descriptions=[node]
     )
     for action in (container, LoadComposableNodes(target_container="c", composable_node_descriptions=[node])):
-        with pytest.raises(
-            NotImplementedError, match="components are C\\+\\+ libraries, which busd can't load"
-        ):
+        with pytest.raises(NotImplementedError, match=r"can't load components; .* with bus component load"):
             action.execute(LaunchContext())
