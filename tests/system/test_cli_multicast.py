@@ -65,8 +65,8 @@ def test_json_and_bytes_of_any_kind(port: int) -> None:
 
 def test_what_can_not_be(port: int) -> None:
     for words, text in {
-        "receive --group nonsense": "can't receive from nonsense:49150: illegal IP address string",
-        "receive --group 10.0.0.1": "can't receive from 10.0.0.1:49150: Invalid argument",
+        "receive --group nonsense": "'nonsense' is not a multicast group; groups are 224.0.0.0 to ",
+        "receive --group 10.0.0.1": "'10.0.0.1' is not a multicast group; groups are 224.0.0.0 to ",
         "send --group 300.1.1.1": "can't send to 300.1.1.1:49150: ",
     }.items():
         result = bus("multicast", *words.split())

@@ -2,6 +2,7 @@
 
 import socket
 from argparse import ArgumentParser, ArgumentTypeError
+from ipaddress import AddressValueError, IPv4Address
 
 from bus_cli.output import CommandError
 from bus_cli.stream import positive_int
@@ -44,6 +45,8 @@ def send(through: socket.socket, data: bytes, group: str, port: int) -> None:
 
 def receiver(group: str, port: int) -> socket.socket:
     """A socket that has joined the group. Raises CommandError if this is not possible."""
+    if not _is_group(group):
+        raise CommandError(f"'{group}' is not a multicast group; groups are 224.0.0.0 to 239.255.255.255")
     made = _socket()
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -55,6 +58,13 @@ def receiver(group: str, port: int) -> socket.socket:
         made.close()
         raise CommandError(f"can't receive from {group}:{port}: {error.strerror or error}") from None
     return made
+
+
+def _is_group(text: str) -> bool:
+    try:
+        return IPv4Address(text).is_multicast
+    except AddressValueError:
+        return False
 
 
 def _socket() -> socket.socket:
