@@ -27,11 +27,6 @@ class BaseClient(Introspected, Destroyable):
         self.srv_name = srv_name
         self.qos_profile = qos_profile
 
-    @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
-
 
 class Client(Entity, BaseClient):
     """Made by `Node.create_client`."""

@@ -60,7 +60,14 @@ class Handled:
 
 
 class Destroyable(Handled):
-    """Base of objects with `destroy`; the end of a `with` calls it."""
+    """Base of a node's endpoints: objects with `destroy`; the end of a `with` calls it."""
+
+    node: Any
+
+    @property
+    def logger_name(self) -> str:
+        """The logger name of its node."""
+        return str(self.node.get_logger().name)
 
     def destroy(self) -> None:
         raise NotImplementedError

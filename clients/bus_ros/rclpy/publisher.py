@@ -35,11 +35,6 @@ class BasePublisher(Destroyable, Generic[M]):
         self.node = node
 
     @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
-
-    @property
     def topic(self) -> str:
         return self.topic_name
 

@@ -47,11 +47,6 @@ class BaseService(Introspected, Destroyable):
         self._guard = guard
 
     @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
-
-    @property
     def service_name(self) -> str:
         return self.native.service_name
 

@@ -57,11 +57,6 @@ class BaseSubscription(Destroyable, Generic[M]):
         self._filter_options = ContentFilterOptions()
 
     @property
-    def logger_name(self) -> str:
-        """The logger name of its node."""
-        return str(self.node.get_logger().name)
-
-    @property
     def topic(self) -> str:
         return self.topic_name
 
