@@ -3,7 +3,7 @@
 import asyncio
 import os
 import random
-import time
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -327,14 +327,21 @@ async def test_a_task_of_another_loop_loses_no_message(node: bus.Node, route: st
     subscription = await node.create_subscription(UInt64, "mixed", DEEP)
     await until(lambda: len(publisher.matches) == 1)
 
-    async def receive() -> None:
-        asyncio.get_running_loop().call_soon(time.sleep, 0.05)  # before the task learns of its mistake
+    async def receive(waits: threading.Event, published: threading.Event) -> None:
+        def block() -> None:
+            """Called when the task waits, before it learns of its mistake."""
+            waits.set()
+            published.wait(WAIT_S)
+
+        asyncio.get_running_loop().call_soon(block)
         await subscription.receive()
 
     for number in range(5):
-        refused = asyncio.create_task(asyncio.to_thread(asyncio.run, receive()))
-        await asyncio.sleep(0.02)
+        waits, published = threading.Event(), threading.Event()
+        refused = asyncio.create_task(asyncio.to_thread(asyncio.run, receive(waits, published)))
+        await asyncio.to_thread(waits.wait)
         publisher.publish(UInt64(data=number))
+        published.set()
         with pytest.raises(bus.LocalProtocolError, match="another event loop"):
             await refused
         async with asyncio.timeout(WAIT_S):

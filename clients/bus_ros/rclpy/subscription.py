@@ -129,7 +129,9 @@ class Subscription(Entity, BaseSubscription[M]):
         self._wants_info = takes_info(callback)
         self.batch = 1
         """The number of messages to take at once."""
-        self._takes_one = self.is_async or self._wants_info
+        # With a deadline, too: only `take` notes the time of a message.
+        self._is_timed = native.qos.deadline is not None
+        self._takes_one = self.is_async or self._wants_info or self._is_timed
         Entity.__init__(self, node, callback_group)
         self._handover = Handover(engine, self)
         with engine.loop:
@@ -147,7 +149,7 @@ class Subscription(Entity, BaseSubscription[M]):
             self._callback = callback
             self.is_async = is_async(callback)
             self._wants_info = takes_info(callback)
-            self._takes_one = self.is_async or self._wants_info or self._filter is not None
+            self._takes_one = self.is_async or self._wants_info or self._is_timed or self._filter is not None
             self.leave()
 
     @property
@@ -180,7 +182,7 @@ class Subscription(Entity, BaseSubscription[M]):
     def _use_filter(self, options: ContentFilterOptions, passes: Callable[[Any], bool] | None) -> None:
         with self._engine.loop:
             super()._use_filter(options, passes)
-            self._takes_one = self.is_async or self._wants_info or passes is not None
+            self._takes_one = self.is_async or self._wants_info or self._is_timed or passes is not None
             self.leave()
 
     def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
@@ -244,7 +246,7 @@ class Subscription(Entity, BaseSubscription[M]):
     def _on_message(self) -> None:
         """Handle a new message. The next may go directly to an executor that only waits for it."""
         executor, handover = self.node.own_executor, self._handover
-        if executor is not handover.executor and not self._takes_one and self.native.qos.deadline is None:
+        if executor is not handover.executor and not self._takes_one:
             handover.begin(executor)
         self.notify()
 
