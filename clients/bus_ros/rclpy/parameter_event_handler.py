@@ -36,12 +36,46 @@ class ParameterEventCallbackHandle:
         self.callback = callback
 
 
+class _Callbacks:
+    """The callbacks of one ParameterEventHandler, the newest first."""
+
+    def __init__(self) -> None:
+        self.parameter_callbacks: dict[tuple[str, str], list[ParameterCallbackHandle]] = {}
+        """By the names of the parameter and the node."""
+        self.event_callbacks: list[ParameterEventCallbackHandle] = []
+
+    def event_callback(self, event: Any) -> None:
+        """Call back for an event."""
+        for (parameter_name, node_name), callbacks in tuple(self.parameter_callbacks.items()):
+            parameter = ParameterEventHandler.get_parameter_from_event(event, parameter_name, node_name)
+            if parameter is not None:
+                for one in tuple(callbacks):
+                    one.callback(parameter)
+        for every in tuple(self.event_callbacks):
+            every.callback(event)
+
+    def add(self, handle: ParameterCallbackHandle) -> None:
+        self.parameter_callbacks.setdefault((handle.parameter_name, handle.node_name), []).insert(0, handle)
+
+    def remove(self, handle: ParameterCallbackHandle) -> None:
+        """Raises RuntimeError if it is removed already."""
+        key = handle.parameter_name, handle.node_name
+        callbacks = self.parameter_callbacks.get(key, [])
+        if handle not in callbacks:
+            raise RuntimeError(_GONE)
+        callbacks.remove(handle)
+        if not callbacks:
+            del self.parameter_callbacks[key]
+
+
 class ParameterEventHandler:
     """Receives changes of parameters, and calls back in the executor of `node`.
 
     The newest of several callbacks is called first, callbacks for one parameter before callbacks for events.
     Values are messages: rcl_interfaces/msg/Parameter and ParameterEvent.
     """
+
+    Callbacks = _Callbacks
 
     def __init__(
         self,
@@ -54,12 +88,11 @@ class ParameterEventHandler:
     ) -> None:
         self.node = node
         self.qos_profile = qos_profile
-        self._parameter_callbacks: list[ParameterCallbackHandle] = []  # the newest first
-        self._event_callbacks: list[ParameterEventCallbackHandle] = []
+        self._callbacks = self.Callbacks()
         self.parameter_event_subscription = node.create_subscription(
             parameter_message("ParameterEvent"),
             "/parameter_events",
-            self._on_event,
+            self._callbacks.event_callback,
             qos_profile,
             callback_group=callback_group,
             event_callbacks=event_callbacks,
@@ -93,37 +126,27 @@ class ParameterEventHandler:
 
         A node name without a leading slash is relative to the namespace of this node.
         """
-        handle = ParameterCallbackHandle(parameter_name, self._full_name(node_name), callback)
-        self._parameter_callbacks.insert(0, handle)
+        handle = ParameterCallbackHandle(parameter_name, self._resolve_path(node_name), callback)
+        self._callbacks.add(handle)
         return handle
 
     def remove_parameter_callback(self, handle: ParameterCallbackHandle) -> None:
         """Remove a callback. Raises RuntimeError if it is removed already."""
-        if handle not in self._parameter_callbacks:
-            raise RuntimeError(_GONE)
-        self._parameter_callbacks.remove(handle)
+        self._callbacks.remove(handle)
 
     def add_parameter_event_callback(self, callback: Callable[[Any], object]) -> ParameterEventCallbackHandle:
         """Call `callback(event)` for each event."""
         handle = ParameterEventCallbackHandle(callback)
-        self._event_callbacks.insert(0, handle)
+        self._callbacks.event_callbacks.insert(0, handle)
         return handle
 
     def remove_parameter_event_callback(self, handle: ParameterEventCallbackHandle) -> None:
         """Remove a callback. Raises RuntimeError if it is removed already."""
-        if handle not in self._event_callbacks:
+        if handle not in self._callbacks.event_callbacks:
             raise RuntimeError(_GONE)
-        self._event_callbacks.remove(handle)
+        self._callbacks.event_callbacks.remove(handle)
 
-    def _on_event(self, event: Any) -> None:
-        for one in tuple(self._parameter_callbacks):
-            parameter = self.get_parameter_from_event(event, one.parameter_name, one.node_name)
-            if parameter is not None:
-                one.callback(parameter)
-        for every in tuple(self._event_callbacks):
-            every.callback(event)
-
-    def _full_name(self, node_name: str) -> str:
+    def _resolve_path(self, node_name: str | None = None) -> str:
         if not node_name:
             return self.node.get_fully_qualified_name()
         if node_name.startswith("/"):

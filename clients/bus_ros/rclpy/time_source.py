@@ -47,7 +47,7 @@ class TimeSource:
 
     def __init__(self, *, node: _Node | None = None) -> None:
         self._node: _Node | None = None
-        self._subscription: BaseSubscription[Any] | None = None
+        self._clock_sub: BaseSubscription[Any] | None = None
         # A separate group: a sleeping callback in the node's default group must not stop its clock.
         self._group = MutuallyExclusiveCallbackGroup()
         self._clocks: list[OverridableClock] = []
@@ -72,6 +72,10 @@ class TimeSource:
             self._subscribe()
         else:
             self._unsubscribe()
+
+    def _get_node(self) -> _Node | None:
+        """The attached node, by rclpy's private name."""
+        return self._node
 
     def attach_node(self, node: _Node) -> None:
         """Follow this node's `use_sim_time`, and declare it if it is undeclared; raises TypeError."""
@@ -136,11 +140,11 @@ class TimeSource:
             )
 
     def _subscribe(self) -> None:
-        if self._node is None or self._subscription is not None:
+        if self._node is None or self._clock_sub is not None:
             return
         from bus_ros.rosidl import message_class  # late: for simulations only
 
-        self._subscription = self._node.create_subscription(
+        self._clock_sub = self._node.create_subscription(
             message_class("rosgraph_msgs/msg/Clock"),
             CLOCK_TOPIC,
             self.clock_callback,
@@ -149,6 +153,6 @@ class TimeSource:
         )
 
     def _unsubscribe(self) -> None:
-        subscription, self._subscription = self._subscription, None
+        subscription, self._clock_sub = self._clock_sub, None
         if subscription is not None and self._node is not None:
             self._node.destroy_subscription(subscription)
