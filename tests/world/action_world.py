@@ -181,6 +181,10 @@ class ListNode:
         return made
 
 
+_servers: list[ActionServer] = []
+"""Kept for good: else the collector may find the tasks of a lost server before the event loop cancels them."""
+
+
 class ActionWorld:
     """Nodes with endpoints that find each other by name; `now_ns` is their clock."""
 
@@ -199,7 +203,9 @@ class ActionWorld:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def server(self, action: Any, execute: Callable[..., Any], **options: Any) -> ActionServer:
-        return ActionServer(cast(Any, self.server_node), action, NAME, execute, **options)
+        server = ActionServer(cast(Any, self.server_node), action, NAME, execute, **options)
+        _servers.append(server)
+        return server
 
     def client(self, action: Any) -> ActionClient:
         return ActionClient(cast(Any, self.client_node), action, NAME)
