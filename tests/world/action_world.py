@@ -182,7 +182,7 @@ class ListNode:
 
 
 _servers: list[ActionServer] = []
-"""Kept for good: else the collector may find the tasks of a lost server before the event loop cancels them."""
+"""Kept for good: else the collector may find the tasks of a lost server before the loop cancels them."""
 
 
 class ActionWorld:
