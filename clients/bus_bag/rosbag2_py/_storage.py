@@ -153,7 +153,7 @@ class ReadOrder(msgspec.Struct):
 
 
 def get_default_storage_id() -> str:
-    """The storage of bags whose writer names none."""
+    """The storage of bags if the writer names none."""
     return DEFAULT.identifier
 
 

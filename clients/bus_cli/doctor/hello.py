@@ -1,4 +1,4 @@
-"""`bus doctor hello`: which machines hear each other, by topic and by multicast.
+"""`bus doctor hello`: which machines receive from each other, by topic and by multicast.
 
 Publishes a text with the name of this machine and sends it to a multicast group, and counts what comes from
 other machines. By topic, they need a bridge.
@@ -22,7 +22,7 @@ _EMIT_S, _PRINT_S = 0.1, 1.0
 _DEPTH = 10
 _MOST_BYTES = 4096
 _MOST_HOSTS = 1000
-"""Of which messages are counted: names come from the network."""
+"""The most machines whose messages are counted, because names come from the network."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -23,7 +23,7 @@ class Pair(NamedTuple):
 
 
 def pairs(graph: Graph) -> Iterator[Pair]:
-    """All pairs of a topic, except those that bridges keep apart."""
+    """All pairs of a topic, except pairs that bridges keep apart."""
     for publisher in sorted(graph.publishers, key=lambda one: (one.topic, one.node.full_name)):
         for subscription in graph.subscriptions_of(publisher.topic):
             if not kept_apart(publisher, subscription):

@@ -46,13 +46,13 @@ class AsyncWork:
     def attach(self) -> None:
         """Use the running event loop from now on."""
         self._loop = asyncio.get_running_loop()
+        self._openings = Openings.of(self._loop)
 
     async def begin(self) -> None:
         """Open all endpoints, in the running task's event loop.
 
         Raises ExceptionGroup if busd refuses one; then call `end`.
         """
-        self._openings = Openings.of(asyncio.get_running_loop())
         self._group = await asyncio.TaskGroup().__aenter__()
         for entity in tuple(self.entities):
             self._begin(entity)
