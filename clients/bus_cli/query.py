@@ -1,8 +1,9 @@
-"""The blocking client of the broker, for verbs with one question, and names on the command line."""
+"""The blocking client of the broker, for verbs with one question; names on the command line; `find` verbs."""
 
 import os
 import sys
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +12,20 @@ from bus.graph import Graph
 from bus.link import query as library
 from bus.link.query import NotRunning
 from bus.process.address import socket_path
-from bus_cli.output import CommandError, complain
+from bus_cli.output import CommandError, complain, show
 
 if TYPE_CHECKING:
     from bus.types.definitions import Kind
 
-__all__ = ["NotRunning", "Query", "full_topic_name", "full_type_name", "get_graph", "graph_to_list"]
+__all__ = [
+    "NotRunning",
+    "Query",
+    "full_topic_name",
+    "full_type_name",
+    "get_graph",
+    "graph_to_list",
+    "show_found",
+]
 
 
 class Query(library.Query):
@@ -50,6 +59,33 @@ def _chosen_by(args: Namespace) -> str:
         if (value := os.environ.get(name)) and (name == "BUSD_SOCKET" or args.domain is None):
             return f" (set by {name}={value})"
     return ""
+
+
+def show_found(
+    args: Namespace,
+    what: str,
+    kind: "Kind",
+    wanted: str,
+    found: Sequence[str],
+    *,
+    only_count: bool,
+    graph: Graph | None = None,
+) -> int:
+    """Print the topics, services or actions (`what`) of the type `wanted`, or their number; returns 0.
+
+    Without any, a line on stderr names a near type, of `graph` too.
+    """
+    if not found:
+        from bus_cli.suggestions import near_type
+
+        if near := near_type(wanted, kind, graph):
+            complain(f"no {what} has the type '{wanted}'{near}")
+    if only_count:
+        show(len(found), {"count": len(found)}, as_json=args.json)
+        return 0
+    for name in found:
+        show(name, {what: name, "type": wanted}, as_json=args.json)
+    return 0
 
 
 def full_topic_name(name: str) -> str:

@@ -5,8 +5,7 @@ from argparse import ArgumentParser, Namespace
 from bus_actions.graph import actions_of
 from bus_cli.action.definitions import action_types, full_action_type
 from bus_cli.completion import completed_by
-from bus_cli.output import complain, show
-from bus_cli.query import get_graph
+from bus_cli.query import get_graph, show_found
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -27,14 +26,4 @@ def main(args: Namespace) -> int:
     graph = get_graph(args)
     actions = actions_of((*graph.publishers, *graph.subscriptions))
     found = [action for action, types in actions.items() if wanted in types]
-    if not found:
-        from bus_cli.suggestions import near_type
-
-        if near := near_type(wanted, "action"):
-            complain(f"no action has the type '{wanted}'{near}")
-    if args.count_actions:
-        show(len(found), {"count": len(found)}, as_json=args.json)
-        return 0
-    for action in found:
-        show(action, {"action": action, "type": wanted}, as_json=args.json)
-    return 0
+    return show_found(args, "action", "action", wanted, found, only_count=args.count_actions)

@@ -3,8 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
-from bus_cli.output import complain, show
-from bus_cli.query import get_graph
+from bus_cli.query import get_graph, show_found
 from bus_cli.service.definitions import full_service_type
 
 
@@ -26,14 +25,4 @@ def main(args: Namespace) -> int:
         for service, types in graph.services().items()
         if wanted in types and (args.include_hidden_services or not is_hidden_topic(service))
     ]
-    if not found:
-        from bus_cli.suggestions import near_type
-
-        if near := near_type(wanted, "srv"):
-            complain(f"no service has the type '{wanted}'{near}")
-    if args.count_services:
-        show(len(found), {"count": len(found)}, as_json=args.json)
-        return 0
-    for service in found:
-        show(service, {"service": service, "type": wanted}, as_json=args.json)
-    return 0
+    return show_found(args, "service", "srv", wanted, found, only_count=args.count_services)

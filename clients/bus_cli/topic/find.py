@@ -4,8 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
 from bus_cli.completion import completed_by, types
-from bus_cli.output import complain, show
-from bus_cli.query import full_type_name, get_graph
+from bus_cli.query import full_type_name, get_graph, show_found
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -26,14 +25,4 @@ def main(args: Namespace) -> int:
         for topic, types in graph.topics().items()
         if wanted in types and (args.include_hidden_topics or not is_hidden_topic(topic))
     ]
-    if not found:
-        from bus_cli.suggestions import near_type
-
-        if near := near_type(wanted, "msg", graph):
-            complain(f"no topic has the type '{wanted}'{near}")
-    if args.count_topics:
-        show(len(found), {"count": len(found)}, as_json=args.json)
-        return 0
-    for topic in found:
-        show(topic, {"topic": topic, "type": wanted}, as_json=args.json)
-    return 0
+    return show_found(args, "topic", "msg", wanted, found, only_count=args.count_topics, graph=graph)
