@@ -156,6 +156,26 @@ static void test_once_for_each(void)
     CHECK_EQ(bell_knock(&bell, &knocks, &b, knock_for(2)), 0);
 }
 
+static void knock_and_look(void)
+{
+    pthread_t reader, threads[WAKERS];
+    is_over = 0;
+    pthread_create(&reader, NULL, run_reader, NULL);
+    for (int i = 0; i < wakers; i++)
+        pthread_create(&threads[i], NULL, run_waker, (void *)(intptr_t)i);
+    for (int i = 0; i < wakers; i++)
+        pthread_join(threads[i], NULL);
+    is_over = 1;
+    pthread_join(reader, NULL);
+    bell_disarm(&arrival);
+    clear();
+}
+
+static bool has_enough(void)
+{
+    return looks_at_one > 10 && looks_at_all > 10;
+}
+
 int main(int argc, char **argv)
 {
     length_ns = (argc > 1 ? strtoull(argv[1], NULL, 10) : 1000) * 1000000u / WAKERS;
@@ -163,21 +183,12 @@ int main(int argc, char **argv)
     if (!IS_BROKEN) /* in a broken build, the waiting wakers must detect this */
         test_once_for_each();
     doorbell = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    for (wakers = 1; wakers <= WAKERS; wakers++) {
-        pthread_t reader, threads[WAKERS];
-        is_over = 0;
-        pthread_create(&reader, NULL, run_reader, NULL);
-        for (int i = 0; i < wakers; i++)
-            pthread_create(&threads[i], NULL, run_waker, (void *)(intptr_t)i);
-        for (int i = 0; i < wakers; i++)
-            pthread_join(threads[i], NULL);
-        is_over = 1;
-        pthread_join(reader, NULL);
-        bell_disarm(&arrival);
-        clear();
-    }
+    /* On a busy machine the reader may get few turns, so it goes on until there is something to judge. */
+    for (int left = 100; left > 0 && !has_enough(); left--)
+        for (wakers = 1; wakers <= WAKERS; wakers++)
+            knock_and_look();
     printf("knock: published %" PRIu64 ", rung %" PRIu64 ", looks at one %" PRIu64 ", at all %" PRIu64 "\n",
            published[0] + published[1], rung[0] + rung[1], looks_at_one, looks_at_all);
-    CHECK(looks_at_one > 10 && looks_at_all > 10);
+    CHECK(has_enough());
     return 0;
 }
