@@ -140,9 +140,11 @@ class Replay:
 
 
 @asynccontextmanager
-async def replay(node: bus.Node, bag: Path, burst: int | None = None, **given: Any) -> AsyncIterator[Replay]:
+async def replay(
+    node: bus.Node, *bags: Path, burst: int | None = None, **given: Any
+) -> AsyncIterator[Replay]:
     """Play in a task; if it still runs at the end of the block, it is cancelled."""
-    task = asyncio.create_task(run(bag, options(**given), burst=burst))
+    task = asyncio.create_task(run(bags, options(**given), burst=burst))
     try:
         yield Replay(node, task)
     finally:

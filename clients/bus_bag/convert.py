@@ -3,7 +3,7 @@
 `Output` has the options that are used. Other options of rosbag2 are accepted without effect.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,8 +20,7 @@ from bus_bag.info import find_losses
 from bus_bag.metadata import TopicMetadata
 from bus_bag.record.choice import Choice, Wanted
 from bus_bag.record.splitting import Splitting
-from bus_bag.storage import BagMessage, BagReader, BagWriter, open_bag
-from bus_bag.storage.merge import Place, merge, timed
+from bus_bag.storage import BagMessage, BagReader, BagWriter, JoinedBags, open_bags
 from bus_bag.storage.registry import DEFAULT, writable_storage
 from bus_bag.topic_names import absolute_names
 from bus_bag.yaml_text import load
@@ -196,74 +195,36 @@ def convert(
     if not inputs or not outputs:
         raise BagError("Must provide at least one input and one output bag to rewrite.")
     warnings: list[str] = []
-    with ExitStack() as stack:
-        readers = [stack.enter_context(open_bag(path)) for path in inputs]
-        topics = _topics_of(readers, warnings)
+    with open_bags(inputs) as bags:
+        topics = {name: _described(bags, name, warnings) for name in bags.topics}
         for output in outputs:
             if output.uri.exists():
                 raise BagError(f"Output folder '{output.uri}' already exists.")
         with ExitStack() as closing:
             writers = []
             for output in outputs:
-                writers.append(_Writer(output, readers, topics))
+                writers.append(_Writer(output, bags.readers, topics))
                 closing.callback(writers[-1].close)
-            _copy(readers, writers, topics, progress)
-        warnings += [str(problem) for reader in readers for problem in reader.problems]
+            _copy(bags, writers, progress)
+        warnings += map(str, bags.problems)
     return warnings
 
 
-def _copy(
-    readers: Sequence[BagReader],
-    writers: Sequence["_Writer"],
-    topics: Mapping[str, _Topic],
-    progress: Callable[[int, int], object],
-) -> None:
-    total = sum(reader.metadata.message_count for reader in readers)
+def _copy(bags: JoinedBags, writers: Sequence["_Writer"], progress: Callable[[int, int], object]) -> None:
     done = 0
-    for message in _merged(readers, topics):
+    for message in bags.messages():
         for writer in writers:
             writer.write(message)
         done += 1
         if not done % _LOOK:
-            progress(done, total)
-    progress(done, total)
+            progress(done, bags.message_count)
+    progress(done, bags.message_count)
 
 
-def _merged(readers: Iterable[BagReader], topics: Mapping[str, _Topic]) -> Iterator[BagMessage]:
-    def place(reader: BagReader) -> Place[BagMessage]:
-        chosen = [name for name, one in reader.topics.items() if one.type == topics[name].metadata.type]
-        return Place(reader.metadata.starting_time, lambda: timed(reader.messages(topics=chosen), "log_time"))
-
-    return merge([place(reader) for reader in readers])
-
-
-def _topics_of(readers: Sequence[BagReader], warnings: list[str]) -> dict[str, _Topic]:
-    """Topics by name, with the QoS profiles of all bags."""
-    found: dict[str, _Topic] = {}
-    for reader in readers:
-        for name, topic in reader.topics.items():
-            if name not in found:
-                definition = reader.definitions.get(topic.type, "")
-                found[name] = _Topic(topic, definition, dict(reader.extra.get(name, {})))
-                continue
-            known, definition, extra = found[name]
-            if known.type != topic.type:
-                warnings.append(
-                    f"{reader.path}: topic '{name}' is {topic.type} here and {known.type} before; left out"
-                )
-                continue
-            profiles = known.offered_qos_profiles + topic.offered_qos_profiles
-            found[name] = _Topic(
-                msgspec.structs.replace(known, offered_qos_profiles=profiles),
-                definition or reader.definitions.get(topic.type, ""),
-                extra,
-            )
-    return {name: _described(one, warnings) for name, one in found.items()}
-
-
-def _described(topic: _Topic, warnings: list[str]) -> _Topic:
-    """Add the type's description if it is missing, as in old bags: then this uses the local type of that
+def _described(bags: JoinedBags, name: str, warnings: list[str]) -> _Topic:
+    """A topic with the description of its type. Old bags lack it: then this uses the local type of that
     name."""
+    topic = _Topic(bags.topics[name], bags.definition_of(name), bags.extra_of(name))
     metadata, definition, extra = topic
     if definition or metadata.serialization_format != "cdr":
         return topic

@@ -96,6 +96,24 @@ def test_record_compressed(daemon: Daemon, tmp_path: Path) -> None:
     assert refused.err.startswith("[ERROR] [ros2bag]: --storage-config-file is not available; ")
 
 
+def test_bags_to_play(tmp_path: Path) -> None:
+    bag = str(write_bag(tmp_path / "a", said(1)))
+    mixed = (
+        "[ERROR] [ros2bag]: do not mix the [bag_path] positional argument and the -i,--input option; for "
+        "multiple input bags, use -i,--input multiple times\n"
+    )
+    assert bus("bag", "play", bag, "-i", bag) == ("", mixed, 1)
+    assert bus("bag", "play", "-i", bag, "-i", "nowhere") == ("", "Bag path 'nowhere' does not exist!\n", 1)
+    wrong = bus("bag", "play", "-i", bag, "rosbag")
+    assert wrong == ("", "Unknown storage ID 'rosbag', options are: mcap, sqlite3\n", 1)
+    for verb in ("play", "burst"):
+        missing = bus("bag", verb)
+        assert missing.err.endswith(
+            f"bus bag {verb}: error: give the bag to play, or -i BAG for each of several bags\n"
+        )
+        assert missing.code == 2
+
+
 def test_convert(tmp_path: Path) -> None:
     messages = said(10)
     first, second = write_bag(tmp_path / "a", messages[:5]), write_bag(tmp_path / "b", messages[5:])

@@ -2,7 +2,7 @@
 
 import asyncio
 import sys
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from bus_bag.play.read_ahead import ReadAheadQueue
 from bus_bag.play.requests import ServiceRequests
 from bus_bag.play.services import serve
 from bus_bag.play.topics import Topics
-from bus_bag.storage import BagReader, Problem, open_bag
+from bus_bag.storage import JoinedBags, Problem, open_bags
 from bus_bag.terminal.keyboard import Keyboard
 from bus_bag.terminal.status_line import StatusLine
 
@@ -40,35 +40,35 @@ _RATE_STEP = 0.1
 
 
 async def run(
-    path: Path,
+    paths: Sequence[Path],
     options: PlayOptions,
     *,
     burst: int | None = None,
     socket: str | None = None,
     domain: int | None = None,
 ) -> None:
-    """Play the bag at `path` to its end, or until it is stopped.
+    """Play the bags at `paths` as one to the end, or until it is stopped.
 
     `burst`: number of messages to publish at once, before everything else (0: all), for a replay that begins
-    paused. Raises BagError if there is no valid bag, CommandLineError for invalid remappings. Cancellation
+    paused. Raises BagError if one is no valid bag, CommandLineError for invalid remappings. Cancellation
     ends the replay, and restores the terminal.
     """
     arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
-    with open_bag(path) as reader:
+    with open_bags(paths) as bags:
         async with Node(NAME, arguments=arguments, socket=socket, domain=domain) as node:
-            await _play(node, reader, options, burst)
+            await _play(node, bags, options, burst)
 
 
-async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int | None) -> None:
+async def _play(node: Node, bags: JoinedBags, options: PlayOptions, burst: int | None) -> None:
     logger = node.get_logger()
     logger.info(f"Set rate to {options.rate:g}")
     told = set[Problem]()
-    _report_problems(reader, logger, told)
-    topics = Topics(reader, options, logger)
+    _report_problems(bags, logger, told)
+    topics = Topics(bags, options, logger)
     publishers = await topics.publish_on(node)
     clock = await _clock(node, options)
-    span = _span(reader, options)
-    with _switching(), _reading_ahead(reader, topics, options) as queue, closing(StatusLine()) as line:
+    span = _span(bags, options)
+    with _switching(), _reading_ahead(bags, topics, options) as queue, closing(StatusLine()) as line:
         async with Player(queue, publishers, span, options, logger, clock) as player:
             async with _controls(node, player, options, logger, clock, line):
                 playing = asyncio.create_task(player.play())
@@ -78,7 +78,7 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
                     await playing
                 finally:
                     playing.cancel()
-            _report_problems(reader, logger, told)
+            _report_problems(bags, logger, told)
             topics.report_undecodable()
             if options.acknowledged_within is not None:
                 await _wait_for_all(publishers, options.acknowledged_within, logger)
@@ -86,23 +86,23 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
                 logger.info(f"Lateness: {player.lateness} ({counted(player.lateness.count, 'message')})")
 
 
-def _report_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:
+def _report_problems(bags: JoinedBags, logger: Logger, told: set[Problem]) -> None:
     """Report the problems found so far, each once."""
-    for problem in reader.problems:
+    for problem in bags.problems:
         if problem not in told:
             told.add(problem)
             logger.warning(str(problem))
 
 
-def _span(reader: BagReader, options: PlayOptions) -> Span:
-    first = reader.metadata.starting_time
+def _span(bags: JoinedBags, options: PlayOptions) -> Span:
+    first = bags.starting_time
     start = first + options.start_offset
     until = -1
     if options.duration is not None:
         until = start + options.duration if options.duration else 0
     if options.until is not None:
         until = max(until, options.until)
-    return Span(start, first + reader.metadata.duration, start <= first, until)
+    return Span(start, first + bags.duration, start <= first, until)
 
 
 @contextmanager
@@ -116,9 +116,9 @@ def _switching() -> Iterator[None]:
 
 
 @contextmanager
-def _reading_ahead(reader: BagReader, topics: Topics, options: PlayOptions) -> Iterator[ReadAheadQueue]:
+def _reading_ahead(bags: JoinedBags, topics: Topics, options: PlayOptions) -> Iterator[ReadAheadQueue]:
     queue = ReadAheadQueue(
-        reader, topics.names, topics.depths, topics.decode, order=options.order, size=options.read_ahead
+        bags, topics.names, topics.depths, topics.decode, order=options.order, size=options.read_ahead
     )
     try:
         yield queue

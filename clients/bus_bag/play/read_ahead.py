@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 from bus_bag.play.latched import Identity, LatchedState
-from bus_bag.storage import BagMessage, BagReader, Order
+from bus_bag.storage import BagMessage, JoinedBags, Order
 
 __all__ = ["Entry", "ReadAheadQueue"]
 
@@ -53,14 +53,14 @@ class _Run:
 
 
 class ReadAheadQueue:
-    """Reads `reader` in `order`; `depths` has the transient local topics among `topics`.
+    """Reads `bags` in `order`; `depths` has the transient local topics among `topics`.
 
     `decode` returns the payload of a message, or None to skip it. It is called in the thread.
     """
 
     def __init__(
         self,
-        reader: BagReader,
+        bags: JoinedBags,
         topics: frozenset[str],
         depths: Mapping[str, int],
         decode: Decode,
@@ -68,7 +68,7 @@ class ReadAheadQueue:
         order: Order = "log_time",
         size: int = 1000,
     ) -> None:
-        self._reader = reader
+        self._bags = bags
         self._topics = topics
         self._depths = depths
         self._decode = decode
@@ -202,7 +202,7 @@ class ReadAheadQueue:
         state: LatchedState[BagMessage] = LatchedState(self._depths)
         if run.start_ns is not None and self._depths:
             yield from self._state(run, run.start_ns, state)
-        for message in self._reader.messages(run.start_ns, self._topics, self._order):
+        for message in self._bags.messages(run.start_ns, self._topics, self._order):
             if message.topic in self._depths and not _add(state, message):
                 continue
             payload = self._decode(message)
@@ -210,7 +210,7 @@ class ReadAheadQueue:
                 yield Entry(message.topic, self._time(message), message.publish_time, payload, False)
 
     def _state(self, run: _Run, start_ns: int, state: LatchedState[BagMessage]) -> Iterator[Entry]:
-        for message in self._reader.messages(None, frozenset(self._depths), self._order):
+        for message in self._bags.messages(None, frozenset(self._depths), self._order):
             if run.is_given_up:
                 return
             if self._time(message) >= start_ns:

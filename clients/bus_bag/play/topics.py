@@ -17,7 +17,7 @@ from bus_bag.play.options import PlayOptions
 from bus_bag.play.qos import MIXED, kept_for_late_joiners, offered_profile
 from bus_bag.play.requests import ServiceRequests
 from bus_bag.schemas import SCHEMA, schema_from_text
-from bus_bag.storage import BagMessage, BagReader
+from bus_bag.storage import BagMessage, JoinedBags
 from bus_bag.topic_names import is_event_topic
 from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
 
@@ -28,10 +28,10 @@ _CLOCK = "/clock"
 
 
 class Topics:
-    """The topics of `reader` that `options` choose."""
+    """The topics of `bags` that `options` choose."""
 
-    def __init__(self, reader: BagReader, options: PlayOptions, logger: Logger) -> None:
-        self._reader = reader
+    def __init__(self, bags: JoinedBags, options: PlayOptions, logger: Logger) -> None:
+        self._bags = bags
         self._options = options
         self._logger = logger
         self._codecs: dict[str, Codec] = {}
@@ -55,7 +55,7 @@ class Topics:
         self._report_unknown()
         source = self._options.requests_source
         graph = await node.graph() if source else None
-        for name, topic in self._reader.topics.items():
+        for name, topic in self._bags.topics.items():
             if not self._options.selection.has(name) or (name == _CLOCK and self._options.has_clock):
                 continue
             profile = self._profile(topic)
@@ -100,9 +100,9 @@ class Topics:
 
     def _report_unknown(self) -> None:
         for name in self._options.selection.topics:
-            if name not in self._reader.topics:
+            if name not in self._bags.topics:
                 self._logger.warning(
-                    f"Topic '{name}' is not in the bag{did_you_mean(name, self._reader.topics)}"
+                    f"Topic '{name}' is not in the bag{did_you_mean(name, self._bags.topics)}"
                 )
 
     def _profile(self, topic: TopicMetadata) -> QoSProfile:
@@ -120,10 +120,10 @@ class Topics:
         type."""
         if topic.serialization_format != _CDR:
             raise ConfigurationError(f"serialization format '{topic.serialization_format}' is not supported")
-        text = self._reader.extra.get(topic.name, {}).get(SCHEMA)
+        text = self._bags.extra_of(topic.name).get(SCHEMA)
         if text:
             return schema_from_text(text)
-        definition = self._reader.definitions.get(topic.type)
+        definition = self._bags.definition_of(topic.name)
         if definition:
             return schema_of_definition(topic.type, definition)
         return MessageSchema.of(message_class(topic.type))

@@ -1,7 +1,8 @@
 """Bags on disk: writes folders of MCAP files, and reads folders of MCAP or SQLite files.
 
     write   `writer.py` -> `bag_files.py` -> `mcap_writer.py` (`chunk.py`, `mcap_summary.py`, `reserve.py`)
-    read    `reader.py` -> `mcap_reader.py` (`mcap_bytes.py`) or `sqlite_reader.py`, in order by `merge.py`
+    read    `reader.py` -> `mcap_reader.py` (`mcap_bytes.py`) or `sqlite_reader.py`, in order by `merge.py`;
+            `joined.py` reads several bags as one
     which   `registry.py` -> `mcap_storage.py`, `sqlite_storage.py`;  `compressed.py`, `decompression.py`
 
 Invariants:
@@ -21,7 +22,17 @@ Tests: `tests/unit/bus_bag/storage/`, `tests/property/test_bag_damage.py`.
 """
 
 from bus_bag.storage.bag_file import BagMessage, Order, Problem
+from bus_bag.storage.joined import JoinedBags, open_bags
 from bus_bag.storage.reader import BagReader, open_bag
 from bus_bag.storage.writer import BagWriter
 
-__all__ = ["BagMessage", "BagReader", "BagWriter", "Order", "Problem", "open_bag"]
+__all__ = [
+    "BagMessage",
+    "BagReader",
+    "BagWriter",
+    "JoinedBags",
+    "Order",
+    "Problem",
+    "open_bag",
+    "open_bags",
+]

@@ -3,19 +3,12 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from bus_cli.bag.reading import add_input_argument, input_paths
 from bus_cli.output import CommandError, complain, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "-i",
-        "--input",
-        required=True,
-        action="append",
-        nargs="+",
-        metavar=("uri", "storage_id"),
-        help="URI (and optional storage ID) of an input bag. May be provided more than once",
-    )
+    add_input_argument(parser, is_required=True)
     parser.add_argument(
         "-o",
         "--output-options",
@@ -31,7 +24,7 @@ def main(args: Namespace) -> int:
     from bus_bag.errors import BagError
     from bus_bag.terminal.status_line import StatusLine
 
-    inputs = [_input(words) for words in args.input]
+    inputs = input_paths(args)
     try:
         outputs = read_outputs(args.output_options.read_text(errors="replace"))
     except BagError as error:
@@ -50,18 +43,3 @@ def main(args: Namespace) -> int:
     for output in outputs:
         say(output.uri)
     return 0
-
-
-def _input(words: list[str]) -> Path:
-    """Path of an input bag. Errors have ROS 2's texts."""
-    from bus_bag.storage.registry import storages
-
-    if len(words) > 2:
-        raise CommandError(f"--input expects 1 or 2 arguments, {len(words)} provided")
-    path = Path(words[0])
-    if not path.exists():
-        raise CommandError(f"Bag path '{path}' does not exist!")
-    known = [one.identifier for one in storages()]
-    if len(words) == 2 and words[1] not in known:
-        raise CommandError(f"Unknown storage ID '{words[1]}', options are: {', '.join(known)}")
-    return path

@@ -4,7 +4,8 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import Any
 
-from bus_cli.bag.reading import add_storage_argument, overrides_in
+from bus_cli.bag.reading import add_input_argument, add_storage_argument, input_paths, overrides_in
+from bus_cli.output import CommandError
 from bus_cli.stream import run_stream, unsigned_int
 
 __all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "play", "seconds"]
@@ -17,7 +18,9 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 def add_reader_arguments(parser: ArgumentParser) -> None:
     from bus_bag.storage.registry import suffix_list
 
-    parser.add_argument("bag_path", help=f"Bag to play: its folder, or a file {suffix_list()}")
+    parser.add_argument("bag_path", nargs="?", help=f"Bag to play: its folder, or a file {suffix_list()}")
+    add_input_argument(parser, is_required=False)
+    parser.set_defaults(usage=parser.error)
     add_storage_argument(parser)
     parser.add_argument(
         "--read-ahead-queue-size",
@@ -102,11 +105,24 @@ def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
         **options,
     )
 
+    paths = _bag_paths(args)
+
     async def main() -> int:
-        await run(Path(args.bag_path), given, burst=burst, socket=args.socket, domain=args.domain)
+        await run(paths, given, burst=burst, socket=args.socket, domain=args.domain)
         return 0
 
     return run_stream(main())
+
+
+def _bag_paths(args: Namespace) -> list[Path]:
+    if args.bag_path is not None and args.input:
+        raise CommandError(
+            "[ERROR] [ros2bag]: do not mix the [bag_path] positional argument and the -i,--input option; "
+            "for multiple input bags, use -i,--input multiple times"
+        )
+    if args.bag_path is None and not args.input:
+        args.usage("give the bag to play, or -i BAG for each of several bags")
+    return input_paths(args) if args.input else [Path(args.bag_path)]
 
 
 def nanoseconds(seconds: float) -> int:

@@ -12,7 +12,15 @@ if TYPE_CHECKING:
     from bus.qos import QoSProfile
     from bus_bag.storage import BagReader
 
-__all__ = ["add_bag_argument", "add_storage_argument", "opened", "overrides_in", "print_problems"]
+__all__ = [
+    "add_bag_argument",
+    "add_input_argument",
+    "add_storage_argument",
+    "input_paths",
+    "opened",
+    "overrides_in",
+    "print_problems",
+]
 
 _MOST = 20
 """Number of problems printed one by one."""
@@ -35,6 +43,39 @@ def add_storage_argument(parser: ArgumentParser) -> None:
         choices=[one.identifier for one in storages()],
         help="Storage implementation of bag; ignored, because files identify themselves",
     )
+
+
+def add_input_argument(parser: ArgumentParser, *, is_required: bool) -> None:
+    """Add `-i`, for several bags."""
+    parser.add_argument(
+        "-i",
+        "--input",
+        required=is_required,
+        action="append",
+        nargs="+",
+        default=[],
+        metavar=("uri", "storage_id"),
+        help="URI (and optional storage ID) of an input bag. May be provided more than once",
+    )
+
+
+def input_paths(args: Namespace) -> list[Path]:
+    """The bags of all `-i`. Errors have ROS 2's texts."""
+    return [_input_path(words) for words in args.input]
+
+
+def _input_path(words: list[str]) -> Path:
+    from bus_bag.storage.registry import storages
+
+    if len(words) > 2:
+        raise CommandError(f"--input expects 1 or 2 arguments, {len(words)} provided")
+    path = Path(words[0])
+    if not path.exists():
+        raise CommandError(f"Bag path '{path}' does not exist!")
+    known = [one.identifier for one in storages()]
+    if len(words) == 2 and words[1] not in known:
+        raise CommandError(f"Unknown storage ID '{words[1]}', options are: {', '.join(known)}")
+    return path
 
 
 @contextmanager
