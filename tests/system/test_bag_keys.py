@@ -80,7 +80,9 @@ def test_ctrl_z_and_back(bag: Path) -> None:
 
 def test_keys_are_left_alone_where_that_is_asked_for(bag: Path) -> None:
     with play(bag, "--disable-keyboard-controls", "--progress-bar-update-rate", "0") as terminal:
-        terminal.read_until("Set rate to 1\r\n\\[INFO\\] .*Playback until timestamp: -1\r\n$")
+        terminal.read_until(
+            "Set rate to 1\r\n.*No messages for .*\r\n\\[INFO\\] .*Playback until timestamp: -1\r\n$"
+        )
         assert not terminal.is_raw()
 
 

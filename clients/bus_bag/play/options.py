@@ -27,6 +27,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
     until: int | None = None
     """A time of the bag. If there is also a duration, the later end counts."""
     delay: int = 0
+    skipped_gap: int | None = None
+    """Longer times without a message are skipped; None: none."""
     clock_hz: float = 0.0
     clock_topics: frozenset[str] | None = None
     """Topics with a clock message before each of their messages; an empty set: before all messages."""

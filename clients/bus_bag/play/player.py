@@ -275,6 +275,9 @@ class Player:
                 return
             due_ns, now_ns = self._time.due(entry.time), monotonic_ns()
             if due_ns is not None and due_ns > now_ns:
+                if self._is_gap(entry.time, now_ns):
+                    self._time.skip_to(entry.time, now_ns)
+                    continue
                 await self._alarm.wait(due_ns)
                 self._turn_ns = monotonic_ns()
                 continue
@@ -285,6 +288,11 @@ class Player:
             await self._publish(entry)
             if due_ns is not None and entry.time >= self._span.start:
                 self.lateness.add(now_ns - due_ns)
+
+    def _is_gap(self, time_ns: int, now_ns: int) -> bool:
+        """Whether the time until the next message, at `time_ns`, is to be skipped."""
+        most = self._options.skipped_gap
+        return most is not None and time_ns - self._time.bag_time(now_ns) > most
 
     async def _do_seek(self, seek: Seek) -> None:
         self._seek = None

@@ -15,6 +15,7 @@ from bus.node import Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, Reliability
 from bus.types.classes import message_class
+from bus_bag.play import gaps
 from bus_bag.play.keys import CURSOR, LETTERS, Key
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player, Span
@@ -36,6 +37,9 @@ _SWITCH_S = 0.0005
 """Interval after which the reading thread gives way to the publishing one. Python's own 5 ms make messages
 late."""
 _NO_KEYS = "stdin is not a terminal device. Keyboard handling disabled."
+_PAUSED = (
+    "Paused, and no keys are read. To go on: bus service call {node}/resume rosbag2_interfaces/srv/Resume"
+)
 _RATE_STEP = 0.1
 
 
@@ -50,11 +54,12 @@ async def run(
     """Play the bags at `paths` as one to the end, or until it is stopped.
 
     `burst`: number of messages to publish at once, before everything else (0: all), for a replay that begins
-    paused. Raises BagError if one is no valid bag, CommandLineError for invalid remappings. Cancellation
-    ends the replay, and restores the terminal.
+    paused. Raises BagError if one is no valid bag, or if the options choose no topic of them;
+    CommandLineError for invalid remappings. Cancellation ends the replay, and restores the terminal.
     """
     arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
     with open_bags(paths) as bags:
+        options.selection.check(bags.topics)
         async with Node(NAME, arguments=arguments, socket=socket, domain=domain) as node:
             await _play(node, bags, options, burst)
 
@@ -68,6 +73,7 @@ async def _play(node: Node, bags: JoinedBags, options: PlayOptions, burst: int |
     publishers = await topics.publish_on(node)
     clock = await _clock(node, options)
     span = _span(bags, options)
+    await _report_gaps(bags, topics.names, options, span, logger)
     with _switching(), _reading_ahead(bags, topics, options) as queue, closing(StatusLine()) as line:
         async with Player(queue, publishers, span, options, logger, clock) as player:
             async with _controls(node, player, options, logger, clock, line):
@@ -75,6 +81,8 @@ async def _play(node: Node, bags: JoinedBags, options: PlayOptions, burst: int |
                 try:
                     if burst is not None:
                         await player.burst(burst)
+                    if player.is_paused and not _reads_keys(options):
+                        logger.info(_PAUSED.format(node=node.full_name))
                     await playing
                 finally:
                     playing.cancel()
@@ -92,6 +100,17 @@ def _report_problems(bags: JoinedBags, logger: Logger, told: set[Problem]) -> No
         if problem not in told:
             told.add(problem)
             logger.warning(str(problem))
+
+
+async def _report_gaps(
+    bags: JoinedBags, topics: frozenset[str], options: PlayOptions, span: Span, logger: Logger
+) -> None:
+    """Report long times without a message, or those that are skipped."""
+    least = gaps.LONG_NS if options.skipped_gap is None else options.skipped_gap
+    found = await asyncio.to_thread(bags.gaps, least, topics, options.order)
+    report = logger.warning if options.skipped_gap is None else logger.info
+    for line in gaps.lines(gaps.gaps_in(found, span), span, options.skipped_gap):
+        report(line)
 
 
 def _span(bags: JoinedBags, options: PlayOptions) -> Span:
@@ -153,8 +172,10 @@ async def _controls(
     """Start services, keys, the clock's timer, and the line of progress."""
     await serve(node, player)
     async with AsyncExitStack() as stack:
-        if options.has_keys:
+        if _reads_keys(options):
             _listen(stack, player, logger)
+        elif options.has_keys:
+            print(_NO_KEYS, file=sys.stderr, flush=True)
         if clock is not None and options.clock_hz:
             publish = clock
             node.create_timer(1 / options.clock_hz, lambda: publish(player.bag_time))
@@ -171,10 +192,11 @@ async def _controls(
         yield
 
 
+def _reads_keys(options: PlayOptions) -> bool:
+    return options.has_keys and Keyboard.is_there()
+
+
 def _listen(stack: AsyncExitStack, player: Player, logger: Logger) -> None:
-    if not Keyboard.is_there():
-        print(_NO_KEYS, file=sys.stderr, flush=True)
-        return
     keys, steps = Keys(LETTERS, CURSOR), set[asyncio.Task[bool]]()
     go_on: list[Callable[[], None]] = []
 

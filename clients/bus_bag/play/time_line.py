@@ -82,6 +82,10 @@ class TimeLine:
         else:
             self._hold_ns = delay_ns
 
+    def skip_to(self, bag_ns: int, now_ns: int) -> None:
+        """Jump ahead to the moment `bag_ns`. The remaining delay of a start stays."""
+        self.jump(bag_ns, now_ns, max(0, self._point_ns - now_ns) if self._hold_ns is None else self._hold_ns)
+
     def _settle(self, now_ns: int) -> None:
         """Move the shared point to the present, unless it is in the future."""
         if self._hold_ns is None and now_ns > self._point_ns:

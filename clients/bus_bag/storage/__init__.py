@@ -3,6 +3,7 @@
     write   `writer.py` -> `bag_files.py` -> `mcap_writer.py` (`chunk.py`, `mcap_summary.py`, `reserve.py`)
     read    `reader.py` -> `mcap_reader.py` (`mcap_bytes.py`) or `sqlite_reader.py`, in order by `merge.py`;
             `joined.py` reads several bags as one
+    gaps    `stretches.py`
     which   `registry.py` -> `mcap_storage.py`, `sqlite_storage.py`;  `compressed.py`, `decompression.py`
 
 Invariants:
@@ -24,6 +25,7 @@ Tests: `tests/unit/bus_bag/storage/`, `tests/property/test_bag_damage.py`.
 from bus_bag.storage.bag_file import BagMessage, Order, Problem
 from bus_bag.storage.joined import JoinedBags, open_bags
 from bus_bag.storage.reader import BagReader, open_bag
+from bus_bag.storage.stretches import Stretch
 from bus_bag.storage.writer import BagWriter
 
 __all__ = [
@@ -33,6 +35,7 @@ __all__ = [
     "JoinedBags",
     "Order",
     "Problem",
+    "Stretch",
     "open_bag",
     "open_bags",
 ]

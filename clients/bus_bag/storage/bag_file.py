@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 import msgspec
 
 from bus_bag.metadata import BagMetadata, TopicMetadata
+from bus_bag.storage.stretches import Stretch
 
 __all__ = [
     "BagFile",
@@ -97,6 +98,11 @@ class BagFile(Protocol):
     def messages(
         self, start: int | None, topics: frozenset[str] | None, by: Order
     ) -> Iterator[BagMessage]: ...
+
+    def stretches(self, least: int, topics: frozenset[str], by: Order) -> Iterator[Stretch]:
+        """Times with messages of `topics`, in any order. A stretch has no gap of more than `least`, as far as
+        the index shows that: other topics of the same chunk may hide a gap."""
+        ...
 
     def close(self) -> None: ...
 

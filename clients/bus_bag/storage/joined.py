@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -11,6 +12,7 @@ from bus_bag.metadata import TopicMetadata, time_span
 from bus_bag.storage.bag_file import BagMessage, Order, Problem
 from bus_bag.storage.merge import Place, merge, timed
 from bus_bag.storage.reader import BagReader, open_bag
+from bus_bag.storage.stretches import Stretch, gaps_between
 
 __all__ = ["JoinedBags", "open_bags"]
 
@@ -79,6 +81,12 @@ class JoinedBags:
             return Place(begin, lambda: timed(reader.messages(start, names, by), by))
 
         return merge([place(reader, names) for reader, names in zip(self.readers, wanted, strict=True)])
+
+    def gaps(self, least: int, topics: Collection[str], by: Order = "log_time") -> list[Stretch]:
+        """Times of more than `least` without a message of `topics`, in order; see `BagReader.stretches`."""
+        pairs = zip(self.readers, self._chosen, strict=True)
+        found = (reader.stretches(least, chosen.intersection(topics), by) for reader, chosen in pairs)
+        return gaps_between(chain.from_iterable(found), least)
 
     def close(self) -> None:
         """Close the bags."""

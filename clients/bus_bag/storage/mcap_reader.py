@@ -9,7 +9,7 @@ import zlib
 from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import islice, repeat
 from operator import le
 from pathlib import Path
@@ -22,6 +22,7 @@ from bus_bag.storage.bag_file import BagMessage, Buffer, Order, Summary
 from bus_bag.storage.mcap_bytes import INDEX_HEAD, McapBytes, Segment
 from bus_bag.storage.mcap_format import CHUNK_HEAD, FOOTER_SIZE, MAGIC, MESSAGE, RECORD, Opcode, decode
 from bus_bag.storage.merge import Place, merge
+from bus_bag.storage.stretches import Stretch, split
 
 __all__ = ["McapFile"]
 
@@ -34,6 +35,8 @@ _MOST_WAITING = 20_000_000
 _SHORT = 64 << 10
 """Records up to this size are read together with the records around them."""
 _HEAD = MESSAGE.size
+_TIME_AT: Mapping[Order, int] = {"log_time": 4, "publish_time": 5}
+"""Indexes of the times in the head of a message."""
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 """First and last log time, offset, length, size of the entries with the position of each channel's index."""
 _INDEX_ENTRY = struct.Struct("<HQ")
@@ -98,14 +101,7 @@ class McapFile(McapBytes):
 
     def messages(self, start: int | None, topics: frozenset[str] | None, by: Order) -> Iterator[BagMessage]:
         """Messages in order; `start`: from that time on; `topics`: only of these."""
-        wanted = {
-            channel: topic for channel, topic in self._channels.items() if topics is None or topic in topics
-        }
-        segments = [
-            segment
-            for segment in self._segments
-            if segment.channels is None or not segment.channels.isdisjoint(wanted)
-        ]
+        wanted, segments = self._find(topics)
         if by == "log_time":
             places = [
                 (segment.start, segment) for segment in segments if start is None or segment.end >= start
@@ -120,13 +116,35 @@ class McapFile(McapBytes):
             if (message := self._message(segment, position, wanted)) is not None:
                 yield message
 
+    def stretches(self, least: int, topics: frozenset[str], by: Order) -> Iterator[Stretch]:
+        """See `BagFile`."""
+        wanted, segments = self._find(topics)
+        for segment in segments:
+            if by == "log_time" and segment.end - segment.start <= least:
+                yield Stretch(segment.start, segment.end)
+            else:
+                times, _ = self._entries(segment, wanted, _TIME_AT[by])
+                yield from split(sorted(times), least)
+
+    def _find(self, topics: frozenset[str] | None) -> tuple[dict[int, str], list[Segment]]:
+        """The channels of these topics, or of all, and the segments that may have messages of them."""
+        wanted = {
+            channel: topic for channel, topic in self._channels.items() if topics is None or topic in topics
+        }
+        segments = [
+            segment
+            for segment in self._segments
+            if segment.channels is None or not segment.channels.isdisjoint(wanted)
+        ]
+        return wanted, segments
+
     def _by_publish_time(
         self, segments: list[Segment], wanted: dict[int, str], start: int | None
     ) -> list[tuple[int, Segment]]:
         """Messages by publish time. It needs all messages, because an index only has log times."""
         places = []
         for segment in segments:
-            times, _ = self._entries(segment, wanted, 5)
+            times, _ = self._entries(segment, wanted, _TIME_AT["publish_time"])
             if times and (start is None or max(times) >= start):
                 places.append((min(times), segment))
         return places
@@ -136,7 +154,7 @@ class McapFile(McapBytes):
     ) -> Iterator[tuple[int, tuple[Segment, int]]]:
         """Messages in order. It sorts times and positions, because messages themselves would keep their
         chunks in memory."""
-        times, positions = self._entries(segment, wanted, 4 if by == "log_time" else 5)
+        times, positions = self._entries(segment, wanted, _TIME_AT[by])
         if self._waiting + len(times) > _MOST_WAITING:
             self._problem(segment.offset, f"{len(times)} messages are skipped: too many overlap in time")
             return
@@ -165,7 +183,7 @@ class McapFile(McapBytes):
     def _entries(
         self, segment: Segment, wanted: dict[int, str], at: int
     ) -> tuple["array[int]", "array[int]"]:
-        """Times and positions of the wanted messages; `at`: offset of the time in heads."""
+        """Times and positions of the wanted messages; `at`: index of the time in heads."""
         times, positions = array("Q"), array("Q")
         unpack_head = MESSAGE.unpack_from
         for opcode, position, data in self._walk(segment):

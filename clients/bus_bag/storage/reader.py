@@ -22,6 +22,7 @@ from bus_bag.storage.compressed import SUFFIX as COMPRESSED
 from bus_bag.storage.compressed import decompress_messages, open_compressed
 from bus_bag.storage.merge import Place, merge, timed
 from bus_bag.storage.registry import find_storage, storage_of, suffix_list
+from bus_bag.storage.stretches import Stretch
 
 __all__ = ["BagReader", "open_bag"]
 
@@ -105,6 +106,14 @@ class BagReader:
         if self.metadata.compression_mode.upper() == "MESSAGE":
             return decompress_messages(messages, self.path, self._problems)
         return messages
+
+    def stretches(self, least: int, topics: Collection[str], by: Order = "log_time") -> Iterator[Stretch]:
+        """Times with messages of `topics`; see `BagFile`.
+
+        Reads the index; for publish times, and without an index, all messages.
+        """
+        wanted = frozenset(topics)
+        return (one for file in self.files for one in file.stretches(least, wanted, by))
 
     def close(self) -> None:
         """Close its files."""

@@ -4,7 +4,7 @@ A file may contain any bytes. Reading it ends, and raises only BagError. Unreada
 """
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -15,6 +15,7 @@ from bus_bag.metadata import BagMetadata, TopicMetadata, from_record
 from bus_bag.profiles import profiles_from_yaml
 from bus_bag.storage.bag_file import BagMessage, Order, Problem, Summary
 from bus_bag.storage.decompression import MAX_SIZE
+from bus_bag.storage.stretches import Stretch
 
 __all__ = ["SqliteFile"]
 
@@ -77,12 +78,12 @@ class SqliteFile:
         """Messages in order; `start`: from that time on; `topics`: only of these. Log and publish time are
         the same."""
         wanted = {number: name for number, name in self._names.items() if topics is None or name in topics}
-        conditions, values = [], []
+        conditions, values = [], list[int]()
         if start is not None:
             conditions.append("timestamp >= ?")
             values.append(min(start, 2**63 - 1))
         if topics is not None:
-            conditions.append(f"topic_id IN ({', '.join('?' * len(wanted))})")
+            conditions.append(_is_one_of(wanted))
             values += wanted
         where = f" WHERE {' AND '.join(conditions)}" if conditions else ""
         query = f"SELECT topic_id, timestamp, data FROM messages{where} ORDER BY timestamp, id"
@@ -98,6 +99,26 @@ class SqliteFile:
         if passed_over:
             rows = counted(passed_over, "row", "is", "are")
             self._problem(f"{rows} skipped: no message of a topic")
+
+    def stretches(self, least: int, topics: frozenset[str], by: Order) -> Iterator[Stretch]:
+        """See `BagFile`. SQLite compares the times: it is several times faster than Python here."""
+        wanted = [number for number, name in self._names.items() if name in topics]
+        query = (
+            "SELECT before, timestamp FROM ("
+            "SELECT timestamp, LAG(timestamp) OVER (ORDER BY timestamp) AS before FROM messages "
+            f"WHERE {_is_one_of(wanted)} AND typeof(timestamp) = 'integer' AND timestamp >= 0"
+            ") WHERE before IS NULL OR timestamp - before > ?"
+        )
+        start = None
+        try:
+            for before, time in self._database.execute(query, (*wanted, least)):
+                if start is not None:
+                    yield Stretch(start, before)
+                start = time
+        except _FAULTS as error:
+            self._problem(f"gaps between its messages can't be found: {error}")
+        if start is not None:
+            yield Stretch(start, max(start, self.summary.end_time))
 
     def _problem(self, text: str) -> None:
         problem = Problem(str(self.path), None, text)
@@ -188,6 +209,11 @@ class SqliteFile:
         self.summary = Summary(
             sum(counts.values()), max(first, 0) if is_timed else 0, max(last, 0) if is_timed else 0, counts
         )
+
+
+def _is_one_of(topics: Collection[int]) -> str:
+    """A condition with a place for the number of each topic."""
+    return f"topic_id IN ({', '.join('?' * len(topics))})"
 
 
 def _open(path: Path) -> sqlite3.Connection:

@@ -76,6 +76,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="Delay before playback starts, and before each loop, in seconds",
     )
     parser.add_argument(
+        "--skip-gaps",
+        metavar="S",
+        type=not_negative,
+        help="Skip times of more than S seconds without a message",
+    )
+    parser.add_argument(
         "--playback-duration",
         metavar="S",
         type=seconds,
@@ -122,6 +128,7 @@ def main(args: Namespace) -> int:
         duration=nanoseconds(args.playback_duration) if args.playback_duration >= 0 else None,
         until=until,
         delay=nanoseconds(args.delay),
+        skipped_gap=None if args.skip_gaps is None else nanoseconds(args.skip_gaps),
         clock_hz=args.clock,
         clock_topics=clock_topics,
         order=_ORDERS[args.message_order],

@@ -91,6 +91,25 @@ async def test_messages_come_when_they_are_due() -> None:
         assert not await player.play_next() and not await player.seek(0)
 
 
+async def test_a_gap_is_skipped_if_it_is_long_enough() -> None:
+    output = Output()
+    hour = 3_600_000
+    async with playing(Reader(0, 20, hour, hour + 20, 2 * hour), output, skipped_gap=50 * MS) as player:
+        begin = monotonic_ns()
+        assert await player.play()
+        assert output.taken == [0, 1, 2, 3, 4]
+        assert monotonic_ns() - begin >= 40 * MS  # the short ones are not
+        assert player.bag_time >= 2 * hour * MS
+
+
+async def test_a_gap_after_a_delay_is_skipped_and_the_delay_is_not() -> None:
+    output = Output()
+    async with playing(Reader(3_600_000), output, skipped_gap=0, delay=30 * MS) as player:
+        begin = monotonic_ns()
+        assert await player.play()
+        assert output.taken == [0] and monotonic_ns() - begin >= 30 * MS
+
+
 async def test_held_still_without_a_word() -> None:
     output = Output()
     async with playing(Reader(0, 3_600_000), output) as player:

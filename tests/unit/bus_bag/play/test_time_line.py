@@ -47,6 +47,19 @@ def test_begun_in_a_pause() -> None:
     assert line.due(BAG + 7) == NOW + 2 * MS
 
 
+def test_skipping_leaves_a_delay_and_a_pause() -> None:
+    line = TimeLine(BAG, NOW)
+    line.jump(BAG, NOW, 10 * MS)
+    line.skip_to(BAG + 500 * MS, NOW + 4 * MS)
+    assert line.due(BAG + 500 * MS) == NOW + 10 * MS
+    line.skip_to(BAG + 900 * MS, NOW + 20 * MS)
+    assert line.due(BAG + 900 * MS) == NOW + 20 * MS
+    line.pause(NOW + 20 * MS)
+    line.skip_to(BAG + 1000 * MS, NOW + 21 * MS)
+    line.resume(NOW + 30 * MS)
+    assert line.due(BAG + 1000 * MS) == NOW + 30 * MS
+
+
 def test_a_delay_stands_before_the_beginning_also_around_a_pause() -> None:
     line = TimeLine(BAG + 99, NOW)
     line.jump(BAG, NOW, 10 * MS)

@@ -25,6 +25,7 @@ from bus_bag.storage.registry import (
     writable_storage,
     writable_storages,
 )
+from bus_bag.storage.stretches import Stretch, split
 from bus_cli.bag import playargs, record
 
 
@@ -62,6 +63,9 @@ class LinesFile:
         chosen = [one for one in self._messages if topics is None or one.topic in topics]
         chosen.sort(key=lambda one: one.log_time if by == "log_time" else one.publish_time)
         return (one for one in chosen if one.log_time >= (start or 0))
+
+    def stretches(self, least: int, topics: frozenset[str], by: Order) -> Iterator[Stretch]:
+        return split((one.log_time for one in self.messages(None, topics, by)), least)
 
     def close(self) -> None:
         pass
