@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from bus_actions import GoalCanceled, GoalRejected
+from bus_actions import ActionUnavailable, GoalCanceled, GoalRejected
 from bus_ros.rclpy.action import CancelResponse, GoalResponse
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.experimental import AsyncNode
@@ -44,6 +44,18 @@ class TestActions:
         with pytest.raises(GoalRejected):
             await client.send_goal(Fibonacci.Goal(order=10))
         assert ("/count", ["example_interfaces/action/Fibonacci"]) in node.get_action_names_and_types()
+
+    async def test_a_goal_waits_for_a_server_that_is_being_made(self, node: AsyncNode) -> None:
+        early = node.create_action_client(Fibonacci, "count")
+        await until(lambda: early.state.name == "OPEN")
+        server = node.create_action_server(Fibonacci, "count", self.count)
+        for client in (early, node.create_action_client(Fibonacci, "count")):
+            goal = await client.send_goal(Fibonacci.Goal(order=1))
+            assert list((await goal.result()).sequence) == [0]
+        server.destroy()
+        await until(lambda: not early.server_is_ready())
+        with pytest.raises(ActionUnavailable):
+            await early.send_goal(Fibonacci.Goal(order=1))
 
     async def test_a_canceled_goal(self, node: AsyncNode) -> None:
         ended: list[str] = []

@@ -95,6 +95,32 @@ class TestServices:
             await client.wait_for_service()
         assert [(await future).success for future in futures] == [False, True]
 
+    async def test_a_call_waits_for_a_server_that_is_being_made(
+        self, node: AsyncNode, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """As in ROS 2, a program may make a server and call it at once, also by a client made before."""
+        may_open = asyncio.Event()
+        create_service = NativeNode.create_service
+
+        async def create_late(*args: Any, **named: Any) -> Any:
+            await may_open.wait()
+            return await create_service(*args, **named)
+
+        monkeypatch.setattr(NativeNode, "create_service", create_late)
+        early = node.create_client(SetBool, "invert")
+        await until(lambda: early.state.name == "OPEN")
+        node.create_service(SetBool, "invert", invert)
+        late = node.create_client(SetBool, "invert")
+        destroyed = node.create_client(SetBool, "invert")
+        calls = [asyncio.create_task(one.call(SetBool.Request())) for one in (early, late, destroyed)]
+        await until(lambda: late.state.name == destroyed.state.name == "OPEN")
+        destroyed.destroy()
+        assert not late.service_is_ready()
+        may_open.set()
+        assert [(await call).success for call in calls[:2]] == [True, True]
+        with pytest.raises(asyncio.CancelledError):
+            await calls[2]
+
     async def test_a_destroyed_client(self, node: AsyncNode) -> None:
         client = node.create_client(SetBool, "nobody")
         call = asyncio.create_task(client.call(SetBool.Request()))

@@ -53,7 +53,8 @@ INSIDE = {
 """Public names of a module that rclpy hasn't. The facade's modules use them among themselves."""
 
 INSIDE_OF_CLASSES = {
-    "rclpy.experimental.async_client.AsyncClient": {"events", "forget_events"},
+    "rclpy.experimental.async_action.AsyncActionClient": {"hold", "release"},
+    "rclpy.experimental.async_client.AsyncClient": {"events", "forget_events", "hold", "release"},
     "rclpy.experimental.async_clock.AsyncClock": {"destroy", "is_destroyed"},
     "rclpy.experimental.async_node.AsyncNode": {"native"},
     "rclpy.experimental.async_publisher.AsyncPublisher": {"hold", "release"},

@@ -7,10 +7,12 @@ from typing import Any
 
 from bus.base.callbacks import is_async
 from bus.errors import ConnectionClosed
+from bus.names import request_topic
 from bus.node import Node as NativeNode
 from bus_actions import ActionClient, ActionServer, ClientGoal
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner
+from bus_ros.rclpy.impl.openings import Openings
 
 __all__ = ["AsyncActionClient", "AsyncActionServer"]
 
@@ -23,6 +25,7 @@ class AsyncActionServer(AsyncEntity):
         owner: AsyncOwner,
         action_type: Any,
         action_name: str,
+        full_name: str,
         execute_callback: Callable[..., Any],
         *,
         goal_callback: Callable[[Any], Any] | None,
@@ -32,6 +35,7 @@ class AsyncActionServer(AsyncEntity):
         super().__init__(owner)
         self.action_type = action_type
         self.action_name = action_name
+        self._goals_topic = _goals_topic(full_name)
         self.native = ActionServer(
             owner.native,
             action_type,
@@ -44,6 +48,9 @@ class AsyncActionServer(AsyncEntity):
 
     # --- inside
 
+    def _read_topic(self) -> str:
+        return self._goals_topic
+
     async def _open(self, native_node: NativeNode) -> None:
         await self.native.open()
 
@@ -54,12 +61,15 @@ class AsyncActionServer(AsyncEntity):
 class AsyncActionClient(AsyncEntity):
     """Made by `AsyncNode.create_action_client`."""
 
-    def __init__(self, owner: AsyncOwner, action_type: Any, action_name: str) -> None:
+    def __init__(self, owner: AsyncOwner, action_type: Any, action_name: str, full_name: str) -> None:
         super().__init__(owner)
         self.action_type = action_type
         self.action_name = action_name
+        self._goals_topic = _goals_topic(full_name)
         self._native = ActionClient(owner.native, action_type, action_name)
-        self._is_open = asyncio.Event()  # or destroyed
+        self._holds = 1  # until it is open
+        self._is_free = asyncio.Event()  # of holds, or destroyed
+        self._openings: Openings | None = None
 
     def server_is_ready(self) -> bool:
         """Whether a server of the action exists; False before the node runs."""
@@ -78,6 +88,7 @@ class AsyncActionClient(AsyncEntity):
         `await goal.result()` is its Result, `async for feedback in goal` its feedback, `await goal.cancel()`
         cancels it. `feedback_callback` is called with each Feedback instead.
 
+        Before the node runs, and while the client or a server of this event loop is being made, it waits.
         Raises InvalidHandle if the client is destroyed, and as `bus_actions.ActionClient.send_goal`
         GoalRejected and ActionUnavailable. After a cancellation, a goal that the server accepts is canceled.
         """
@@ -90,27 +101,51 @@ class AsyncActionClient(AsyncEntity):
             self._owner.run_in_group(_pass_on(sent, feedback_callback))
         return sent
 
+    # --- for the node and its openings
+
+    def begin(self, openings: Openings) -> None:
+        super().begin(openings)
+        if not self.is_destroyed:
+            self._openings = openings
+            openings.add_publisher(self._goals_topic, self)
+
+    def hold(self) -> None:
+        self._holds += 1
+        self._is_free.clear()
+
+    def release(self) -> None:
+        self._holds -= 1
+        if not self._holds:
+            self._is_free.set()
+
     # --- inside
 
     async def _open(self, native_node: NativeNode) -> None:
         await self._native.open()
 
     def _became_open(self) -> None:
-        self._is_open.set()
+        self.release()
 
     def _stop(self) -> None:
-        self._is_open.set()
+        if self._openings is not None:
+            self._openings.remove_publisher(self._goals_topic, self)
+        self._is_free.set()
 
     async def _close(self) -> None:
         await self._native.close()
 
     async def _opened(self) -> None:
-        await self._is_open.wait()
+        await self._is_free.wait()
         if self.is_destroyed:
             raise self._why_closed()
 
     def _why_closed(self) -> InvalidHandle:
         return InvalidHandle(f"the client of action '{self.action_name}' is destroyed")
+
+
+def _goals_topic(action: str) -> str:
+    """The topic of the goals of an action, by its full name."""
+    return request_topic(f"{action}/_action/send_goal")
 
 
 def _as_bool(callback: Callable[[Any], Any] | None) -> Callable[[Any], Any] | None:

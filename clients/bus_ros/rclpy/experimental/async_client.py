@@ -12,6 +12,7 @@ from bus.types.service import service_support
 from bus_ros.rclpy.client import BaseClient
 from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End
 from bus_ros.rclpy.impl.native_node import service_qos
+from bus_ros.rclpy.impl.openings import Openings
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["AsyncClient"]
@@ -46,8 +47,10 @@ class AsyncClient(AsyncEntity, BaseClient):
         self._native_numbers: dict[int, int] = {}
         """The reverse."""
         self._last_number = 0
+        self._holds = 1  # until it is open
         self._unsent: dict[int, object] = {}
-        """Requests by their number, before it is open."""
+        """Requests by their number, while it holds them."""
+        self._openings: Openings | None = None
 
     @property
     def handle(self) -> Any:
@@ -61,6 +64,7 @@ class AsyncClient(AsyncEntity, BaseClient):
     async def call(self, request: object) -> Any:
         """Call the service and wait for the answer; a cancelled call is forgotten.
 
+        Before the node runs, and while it or a server of this event loop is being made, the request waits.
         Has no time limit: use `asyncio.timeout`. Without a server it waits; see `wait_for_service`. If the
         client is destroyed meanwhile, it raises CancelledError.
 
@@ -99,6 +103,28 @@ class AsyncClient(AsyncEntity, BaseClient):
         yield "subscription", reply_topic(self._service_name), support.replies(b""), qos
         yield "publisher", request_topic(self._service_name), support.requests, qos
 
+    # --- for the node and its openings
+
+    def begin(self, openings: Openings) -> None:
+        super().begin(openings)
+        if not self.is_destroyed:
+            self._openings = openings
+            openings.add_publisher(request_topic(self._service_name), self)
+
+    def hold(self) -> None:
+        self._holds += 1
+
+    def release(self) -> None:
+        self._holds -= 1
+        if self._holds:
+            return
+        unsent, self._unsent = self._unsent, {}
+        for number, request in unsent.items():
+            try:
+                self._send_now(number, request)
+            except (BusError, RuntimeError) as error:
+                self._settle(number, error)
+
     # --- inside
 
     async def _open(self, native_node: NativeNode) -> None:
@@ -107,15 +133,12 @@ class AsyncClient(AsyncEntity, BaseClient):
         )
 
     def _became_open(self) -> None:
-        unsent, self._unsent = self._unsent, {}
-        for number, request in unsent.items():
-            try:
-                self._send_now(number, request)
-            except (BusError, RuntimeError) as error:
-                self._settle(number, error)
+        self.release()
         self._is_open.set()
 
     def _stop(self) -> None:
+        if self._openings is not None:
+            self._openings.remove_publisher(request_topic(self._service_name), self)
         self._is_open.set()
         self._unsent.clear()
         for future in self._pending_requests.values():
@@ -130,7 +153,7 @@ class AsyncClient(AsyncEntity, BaseClient):
         if not isinstance(request, self.srv_type.Request):
             raise TypeError(f"expected a {self.srv_type.Request.__name__}, got {type(request).__name__}")
         self._last_number = number = self._last_number + 1
-        if self._native is None or self._unsent:
+        if self._holds:
             self._unsent[number] = request
         else:
             self._send_now(number, request)

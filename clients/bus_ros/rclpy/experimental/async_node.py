@@ -349,11 +349,12 @@ class AsyncNode(BaseNode):
         `create_publisher`. See `bus_actions.ActionServer`.
         """
         check_callback(execute_callback)
-        self.__full_name("action server", action_name)
+        full_name = self.__full_name("action server", action_name)
         server = AsyncActionServer(
             self.__work,
             action_type,
             action_name,
+            full_name,
             execute_callback,
             goal_callback=goal_callback,
             cancel_callback=cancel_callback,
@@ -363,8 +364,8 @@ class AsyncNode(BaseNode):
 
     def create_action_client(self, action_type: Any, action_name: str) -> AsyncActionClient:
         """Make a client of an action; not in ROS 2's AsyncNode. Raises as `create_publisher`."""
-        self.__full_name("action client", action_name)
-        return self.__add(AsyncActionClient(self.__work, action_type, action_name))
+        full_name = self.__full_name("action client", action_name)
+        return self.__add(AsyncActionClient(self.__work, action_type, action_name, full_name))
 
     # --- destroying: each returns whether the entity belonged to this node
 

@@ -59,6 +59,9 @@ class AsyncService(AsyncEntity, BaseService):
 
     # --- inside
 
+    def _read_topic(self) -> str:
+        return request_topic(self._service_name)
+
     async def _open(self, native_node: NativeNode) -> None:
         self.native: ServiceServer = await native_node.create_service(
             self.srv_type, self.srv_name, qos=service_qos(self.qos_profile), on_request=self._on_request

@@ -14,7 +14,6 @@ from bus.types.support import type_support
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.impl.async_entity import AsyncEntity, AsyncOwner, End, current_task
 from bus_ros.rclpy.impl.callback_checks import check_arguments
-from bus_ros.rclpy.impl.openings import Openings
 from bus_ros.rclpy.qos import QoSProfile, to_native
 from bus_ros.rclpy.subscription import BaseSubscription, MessageInfo, message_info
 from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
@@ -53,7 +52,6 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
         self._calls: set[asyncio.Task[Any]] = set()
         """The running calls of a concurrent callback."""
         self._native: NativeSubscription[Any] | None = None
-        self._openings: Openings | None = None
         self._is_open = asyncio.Event()  # or destroyed
 
     @property
@@ -115,25 +113,14 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
 
     # --- for the node
 
-    def begin(self, openings: Openings) -> None:
-        super().begin(openings)
-        self._openings = openings
-        openings.begin(self._topic_name)
-
-    async def open(self) -> None:
-        try:
-            await super().open()
-        finally:
-            openings, self._openings = self._openings, None
-            if openings is not None:
-                openings.end(self._topic_name)
-            self._is_open.set()
-
     def ends(self) -> Iterable[End]:
         cls: Any = self.msg_type
         yield "subscription", self._topic_name, type_support(cls), to_native(self.qos_profile)
 
     # --- inside
+
+    def _read_topic(self) -> str:
+        return self._topic_name
 
     async def _open(self, native_node: NativeNode) -> None:
         self._native = await native_node.create_subscription(
@@ -143,6 +130,9 @@ class AsyncSubscription(AsyncEntity, BaseSubscription[M], Generic[M]):
             None if self._call is None else self._native_callback(self._call),
             raw=self.raw,
         )
+
+    def _became_open(self) -> None:
+        self._is_open.set()
 
     def _stop(self) -> None:
         self._is_open.set()

@@ -1,8 +1,9 @@
 """The common part of the endpoints of an AsyncNode: their life, and their place at their node."""
 
 import asyncio
-from collections.abc import Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from enum import Enum
+from functools import partial
 from typing import Any, Protocol, TypeAlias
 
 from bus.errors import BusError
@@ -89,13 +90,61 @@ class AsyncEntity:
         self.is_optional = False
         """If busd refuses it access, the node works without it."""
         self._owner = owner
+        self._end_opening: Callable[[], None] | None = None
+        """While it opens: ends the wait of the publishers on its topic."""
 
     def begin(self, openings: Openings) -> None:
         """Its node runs, and `open` follows."""
         self._change(EntityEvent.BEGIN)
+        topic = self._read_topic()
+        if topic is not None and not self.is_destroyed:
+            openings.begin(topic)
+            self._end_opening = partial(openings.end, topic)
 
     async def open(self) -> None:
         """Add it to the graph. Raises the error of busd, and then it is destroyed."""
+        try:
+            await self._ask_to_open()
+        finally:
+            self._opening_is_over()
+
+    def ends(self) -> Iterable["End"]:
+        """Its ends in the graph."""
+        return ()
+
+    def destroy(self) -> None:
+        """End it: no callback is called any more. A second call does nothing."""
+        before = self.state
+        if before is EntityState.DESTROYED:
+            return
+        self._change(EntityEvent.DESTROY)
+        self._opening_is_over()
+        self._stop()
+        self._owner.forget(self)
+        if before is EntityState.OPEN:
+            self._owner.run_behind(self._close())
+
+    # --- for subclasses
+
+    def _read_topic(self) -> str | None:
+        """The full name of a topic whose publishers in this event loop wait until it is open."""
+        return None
+
+    async def _open(self, native_node: NativeNode) -> None:
+        """Make the native endpoint."""
+
+    def _became_open(self) -> None:
+        """It is open."""
+
+    def _stop(self) -> None:
+        """It is destroyed: stop at once, without waiting."""
+
+    async def _close(self) -> None:
+        """Close the native endpoint."""
+
+    # --- inside
+
+    async def _ask_to_open(self) -> None:
         if self.is_destroyed:
             return
         try:
@@ -110,34 +159,10 @@ class AsyncEntity:
         else:
             self._became_open()
 
-    def ends(self) -> Iterable["End"]:
-        """Its ends in the graph."""
-        return ()
-
-    def destroy(self) -> None:
-        """End it: no callback is called any more. A second call does nothing."""
-        before = self.state
-        if before is EntityState.DESTROYED:
-            return
-        self._change(EntityEvent.DESTROY)
-        self._stop()
-        self._owner.forget(self)
-        if before is EntityState.OPEN:
-            self._owner.run_behind(self._close())
-
-    # --- for subclasses
-
-    async def _open(self, native_node: NativeNode) -> None:
-        """Make the native endpoint."""
-
-    def _became_open(self) -> None:
-        """It is open."""
-
-    def _stop(self) -> None:
-        """It is destroyed: stop at once, without waiting."""
-
-    async def _close(self) -> None:
-        """Close the native endpoint."""
+    def _opening_is_over(self) -> None:
+        end, self._end_opening = self._end_opening, None
+        if end is not None:
+            end()
 
     def _change(self, event: EntityEvent) -> EntityState:
         self.state = TRANSITIONS[self.state][event]

@@ -1,8 +1,9 @@
 """The subscriptions of one event loop that busd does not know yet, and the publishers that wait for them.
 
 A program makes a subscription without waiting for busd, and publishes. The message must reach it, also from
-an older publisher of the same loop. So publishers on its topic hold their messages meanwhile. Must not know
-nodes and the bus.
+an older publisher of the same loop. So publishers on its topic hold their messages meanwhile. Clients of
+services and actions hold their requests; their topic is that of the requests. Must not know nodes and the
+bus.
 """
 
 from asyncio import AbstractEventLoop

@@ -129,3 +129,56 @@ async def test_destroyed_before_its_node_runs() -> None:
     entity.begin(Openings.of(asyncio.get_running_loop()))
     await entity.open()
     assert entity.calls == ["stop"] and owner.behind == 0
+
+
+class Publisher:
+    """A publisher that notes whether it holds its messages."""
+
+    holds = 0
+
+    def hold(self) -> None:
+        self.holds += 1
+
+    def release(self) -> None:
+        self.holds -= 1
+
+
+class Listening(Entity):
+    """A subscription to /chatter."""
+
+    def _read_topic(self) -> str:
+        return "/chatter"
+
+
+@pytest.mark.parametrize("end", ["opened", "refused", "destroyed", "cancelled before it began"])
+async def test_publishers_wait_until_its_opening_is_over(end: str) -> None:
+    openings, publisher = Openings.of(asyncio.get_running_loop()), Publisher()
+    openings.add_publisher("/chatter", publisher)
+    entity = Listening(Owner())
+    entity.begin(openings)
+    task = asyncio.create_task(entity.open())
+    if end != "cancelled before it began":
+        await asyncio.sleep(0)
+    assert publisher.holds == 1
+    if end == "opened":
+        entity.answer.set_result(None)
+    elif end == "refused":
+        entity.answer.set_exception(BusError("no"))
+    elif end == "destroyed":
+        entity.destroy()
+        assert publisher.holds == 0, "at once"
+        entity.answer.set_result(None)
+    else:
+        task.cancel()
+    await asyncio.wait([task])
+    entity.destroy()
+    assert publisher.holds == 0
+
+
+async def test_publishers_do_not_wait_for_what_is_destroyed() -> None:
+    openings, publisher = Openings.of(asyncio.get_running_loop()), Publisher()
+    openings.add_publisher("/chatter", publisher)
+    entity = Listening(Owner())
+    entity.destroy()
+    entity.begin(openings)
+    assert publisher.holds == 0
