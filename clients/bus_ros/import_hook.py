@@ -95,7 +95,6 @@ _ALIASES: Final = {
     "launch.utilities.class_tools_impl": "bus_launch.launch.core",
     "launch.invalid_launch_file_error": "bus_launch.launch.errors",
     "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
-    "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
     "launch_ros.remap_rule_type": "bus_launch.launch_ros.parameters_type",
     "launch_testing.event_handlers.stdout_ready_listener": "bus_launch.launch_testing.event_handlers",
     "launch_testing.io_handler": "bus_launch.launch_testing.processes",

@@ -34,6 +34,7 @@ INDEX = Path("share", "ament_index", "resource_index", "packages")
 
 _CONTAINERS = {
     "component_container": "bus_ros.rclpy_components.component_container:main",
+    "component_container_isolated": "bus_ros.rclpy_components.component_container:main_mt",
     "component_container_mt": "bus_ros.rclpy_components.component_container:main_mt",
 }
 

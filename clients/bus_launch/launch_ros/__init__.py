@@ -4,10 +4,11 @@
                         +-- `parameter_values.py`, `parameter_files.py`   its parameters
                         +-- `namespaces.py`        its name
     `transitions.py` -- lifecycle nodes, asked over the bus
+    `loading.py` (`load_requests.py`) -- components, loaded over the bus
+    `tags.py` -- parts of tags that several actions have
 
 Invariants: names, arguments and texts are ROS 2's; `launch` knows nothing of this package;
-`parameter_values.py` is pure; components (`actions/components.py`) can be described, but executing one is an
-error.
+`parameter_values.py` is pure.
 
 Read first: `actions/node.py`. Tests: `tests/unit/bus_launch/launch_ros/`,
 `tests/system/test_launch_processes.py`, `tests/system/test_launch_warm.py`.

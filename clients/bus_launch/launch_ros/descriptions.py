@@ -1,106 +1,99 @@
-"""Parts of actions; programs import it as `launch_ros.descriptions`, and `.parameter_descriptions`."""
+"""Descriptions that actions take; programs import it as `launch_ros.descriptions`."""
 
-from pathlib import Path
-from typing import Any, NoReturn
+from collections.abc import Iterable
+from typing import Any
 
 from bus_launch.launch.core import (
-    LaunchContext,
+    Condition,
     SomeSubstitutionsType,
     Substitution,
     normalize_to_list_of_substitutions,
-    perform_substitutions,
 )
+from bus_launch.launch.frontend import Entity, Parser
+from bus_launch.launch_ros.parameter_descriptions import Parameter, ParameterFile
 from bus_launch.launch_ros.parameter_values import ParameterValue
+from bus_launch.launch_ros.remap_rules import normalize_remap_rules
+from bus_launch.launch_ros.tags import parse_condition, parse_extra_arguments, parse_parameters, parse_remaps
+from bus_launch.launch_ros.utilities import normalize_parameters
 
 __all__ = ["ComposableNode", "Parameter", "ParameterFile", "ParameterValue"]
 
 __path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
 
 
-class ParameterFile:
-    """A YAML file of parameters; with `allow_substs` its text may hold `$(...)`."""
+class ComposableNode:
+    """A component for a container: the class to load, and the name and settings of its node."""
 
     def __init__(
         self,
-        param_file: SomeSubstitutionsType,
         *,
-        allow_substs: bool | SomeSubstitutionsType = False,
+        package: SomeSubstitutionsType,
+        plugin: SomeSubstitutionsType,
+        name: SomeSubstitutionsType | None = None,
+        namespace: SomeSubstitutionsType | None = None,
+        parameters: Iterable[Any] | None = None,
+        remappings: Iterable[tuple[SomeSubstitutionsType, SomeSubstitutionsType]] | None = None,
+        extra_arguments: Iterable[Any] | None = None,
+        condition: Condition | None = None,
     ) -> None:
-        self.__file = normalize_to_list_of_substitutions(param_file)
-        self.__allow = allow_substs
+        """`plugin`: the registered type, or `module:Class` of a node in Python. `parameters`: paths of files,
+        and dicts. `extra_arguments`: for the container. It is loaded only if `condition` is true.
+        """
+        self.__package = normalize_to_list_of_substitutions(package)
+        self.__plugin = normalize_to_list_of_substitutions(plugin)
+        self.__name = None if name is None else normalize_to_list_of_substitutions(name)
+        self.__namespace = None if namespace is None else normalize_to_list_of_substitutions(namespace)
+        self.__parameters = None if parameters is None else normalize_parameters(parameters)
+        self.__remappings = list(normalize_remap_rules(remappings)) if remappings else None
+        self.__extra = normalize_parameters(extra_arguments) if extra_arguments else None
+        self.__condition = condition
+
+    @classmethod
+    def parse(cls, parser: Parser, entity: Entity) -> tuple[type["ComposableNode"], dict[str, Any]]:
+        """The class, and the keyword arguments that a tag `<composable_node>` stands for."""
+        kwargs: dict[str, Any] = {}
+        for attribute, argument in (("pkg", "package"), ("plugin", "plugin"), ("name", "name")):
+            kwargs[argument] = parser.parse_substitution(entity.get_attr(attribute))
+        namespace = entity.get_attr("namespace", optional=True)
+        if namespace is not None:
+            kwargs["namespace"] = parser.parse_substitution(namespace)
+        found = {
+            "condition": parse_condition(entity, parser),
+            "parameters": parse_parameters(entity, parser),
+            "remappings": parse_remaps(entity, parser),
+            "extra_arguments": parse_extra_arguments(entity, parser),
+        }
+        entity.assert_entity_completely_parsed()
+        return cls, kwargs | {name: value for name, value in found.items() if value is not None}
 
     @property
-    def param_file(self) -> list[Substitution]:
-        return self.__file
+    def package(self) -> list[Substitution]:
+        return self.__package
 
     @property
-    def allow_substs(self) -> bool | SomeSubstitutionsType:
-        return self.__allow
-
-    def may_have_substitutions(self, context: LaunchContext) -> bool:
-        if isinstance(self.__allow, bool):
-            return self.__allow
-        text = perform_substitutions(context, normalize_to_list_of_substitutions(self.__allow))
-        return text.strip().lower() in ("true", "1")
-
-    def evaluate(self, context: LaunchContext) -> Path:
-        """The path of the file as it lies there."""
-        return Path(perform_substitutions(context, self.__file))
-
-
-class Parameter:
-    """A parameter with its value."""
-
-    def __init__(
-        self,
-        name: SomeSubstitutionsType,
-        value: Any,
-        *,
-        value_type: Any = None,
-        description: SomeSubstitutionsType = "",
-    ) -> None:
-        self.__name = normalize_to_list_of_substitutions(name)
-        self.__description = normalize_to_list_of_substitutions(description)
-        self.__value = (
-            value if isinstance(value, ParameterValue) else ParameterValue(value, value_type=value_type)
-        )
+    def node_plugin(self) -> list[Substitution]:
+        return self.__plugin
 
     @property
-    def name(self) -> list[Substitution]:
+    def node_name(self) -> list[Substitution] | None:
         return self.__name
 
     @property
-    def value(self) -> Any:
-        return self.__value.value
+    def node_namespace(self) -> list[Substitution] | None:
+        return self.__namespace
 
     @property
-    def value_type(self) -> Any:
-        return self.__value.value_type
+    def parameters(self) -> list[Any] | None:
+        """As `launch_ros.utilities.normalize_parameters` returns them."""
+        return self.__parameters
 
     @property
-    def description(self) -> list[Substitution]:
-        return self.__description
+    def remappings(self) -> list[tuple[list[Substitution], list[Substitution]]] | None:
+        return self.__remappings
 
     @property
-    def typed_value(self) -> ParameterValue:
-        """The value, converted to its type."""
-        return self.__value
+    def extra_arguments(self) -> list[Any] | None:
+        return self.__extra
 
-    def evaluate(self, context: LaunchContext) -> tuple[str, Any]:
-        return perform_substitutions(context, self.__name), self.__value.evaluate(context)
-
-
-class ComposableNode:
-    """A component. Descriptions may have it, but launch files on busd can't load it."""
-
-    def __init__(self, *, package: Any, plugin: Any, name: Any = None, **kwargs: Any) -> None:
-        self.package = package
-        self.node_plugin = plugin
-        self.node_name = name
-
-
-def refuse_components(what: str) -> NoReturn:
-    raise NotImplementedError(
-        f"{what}: a launch file on busd can't load components; start a Node for each instead (nodes on one "
-        "machine share memory), or load components in Python with bus component load"
-    )
+    def condition(self) -> Condition | None:
+        return self.__condition

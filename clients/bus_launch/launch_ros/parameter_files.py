@@ -3,16 +3,17 @@
 import os
 import tempfile
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from bus_launch.launch import logging
 from bus_launch.launch.core import LaunchContext, perform_substitutions
 from bus_launch.launch.frontend.parser import Parser
 from bus_launch.launch.yaml_values import dump
-from bus_launch.launch_ros.descriptions import ParameterFile
+from bus_launch.launch_ros.parameter_descriptions import ParameterFile
 from bus_launch.launch_ros.parameter_values import evaluated
 
-__all__ = ["FileArguments"]
+__all__ = ["FileArguments", "text_of"]
 
 
 class FileArguments:
@@ -48,14 +49,11 @@ class FileArguments:
         self._made.clear()
 
     def _file(self, context: LaunchContext, file: ParameterFile) -> str | None:
-        path = file.evaluate(context)
-        if not path.is_file():
-            logging.get_logger("launch_ros").warning(f"Parameter file path is not a file: {path}")
-            return None  # as in ROS 2, the program starts without it
         if not file.may_have_substitutions(context):
-            return str(path)
-        text = path.read_text("utf-8")
-        return self._write(perform_substitutions(context, Parser().parse_substitution(text)))
+            path = _present(context, file)
+            return None if path is None else str(path)
+        text = text_of(context, file)
+        return None if text is None else self._write(text)
 
     def _write(self, text: str) -> str:
         fd, path = tempfile.mkstemp(prefix="launch_params_")
@@ -63,3 +61,25 @@ class FileArguments:
         with os.fdopen(fd, "w", encoding="utf-8") as file:
             file.write(text)
         return path
+
+
+def text_of(context: LaunchContext, file: ParameterFile) -> str | None:
+    """The text of a file, with its substitutions performed. None and a warning if there is no file.
+
+    Raises OSError or UnicodeDecodeError for a file that can't be read.
+    """
+    path = _present(context, file)
+    if path is None:
+        return None
+    text = path.read_text("utf-8")
+    if not file.may_have_substitutions(context):
+        return text
+    return perform_substitutions(context, Parser().parse_substitution(text))
+
+
+def _present(context: LaunchContext, file: ParameterFile) -> Path | None:
+    path = file.evaluate(context)
+    if path.is_file():
+        return path
+    logging.get_logger("launch_ros").warning(f"Parameter file path is not a file: {path}")
+    return None  # as in ROS 2, the program starts without it

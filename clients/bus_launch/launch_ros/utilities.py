@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from bus_launch.launch.core import LaunchContext, perform_substitutions
-from bus_launch.launch_ros.descriptions import Parameter, ParameterFile
 from bus_launch.launch_ros.namespaces import (
     is_namespace_absolute,
     is_root_namespace,
     make_namespace_absolute,
     prefix_namespace,
 )
+from bus_launch.launch_ros.parameter_descriptions import Parameter, ParameterFile
 from bus_launch.launch_ros.parameter_values import Parameters, evaluated, normalized
 from bus_launch.launch_ros.remap_rules import normalize_remap_rule, normalize_remap_rules
 

@@ -1,4 +1,7 @@
-"""The containers, for `bus run rclpy_components`: `component_container` and `component_container_mt`."""
+"""The containers, for `bus run rclpy_components`: `component_container`, and `component_container_mt`.
+
+`component_container_isolated` is `component_container_mt`: in both, a component does not wait for another.
+"""
 
 import sys
 from contextlib import suppress

@@ -1,7 +1,7 @@
 """Actions for nodes; programs import it as `launch_ros.actions`.
 
 `node.py` starts a node, `lifecycle.py` has lifecycle nodes, `settings.py` settings for the nodes that follow,
-`components.py` components, which busd does not have.
+`components.py` containers and their components.
 
 Invariants: a setting is true until the end of its group; arguments and texts are ROS 2's.
 

@@ -1,7 +1,7 @@
 """The action that runs a node; programs import it from `launch_ros.actions`."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, List  # noqa: UP035 (the genuine one's `data_type`)
+from typing import Any
 
 from bus.names import validate_namespace, validate_node_name
 from bus_launch.launch.action import Action
@@ -17,11 +17,10 @@ from bus_launch.launch.core import (
 from bus_launch.launch.descriptions import Executable
 from bus_launch.launch.frontend import Entity, Parser, expose_action
 from bus_launch.launch_ros import programs
-from bus_launch.launch_ros.descriptions import ParameterFile
 from bus_launch.launch_ros.namespaces import make_namespace_absolute, prefix_namespace
 from bus_launch.launch_ros.parameter_files import FileArguments
-from bus_launch.launch_ros.parameter_values import ParameterValue
 from bus_launch.launch_ros.remap_rules import normalize_remap_rules
+from bus_launch.launch_ros.tags import parse_parameters, parse_remaps
 from bus_launch.launch_ros.utilities import normalize_parameters
 
 __all__ = ["Node"]
@@ -135,20 +134,12 @@ class Node(ExecuteProcess):
             value = entity.get_attr(attribute, optional=True)
             if value is not None:
                 kwargs[argument] = parser.parse_substitution(value)
-        remaps = entity.get_attr("remap", data_type=List[Entity], optional=True)  # noqa: UP006
+        remaps = parse_remaps(entity, parser)
         if remaps is not None:
-            kwargs["remappings"] = [
-                (
-                    parser.parse_substitution(one.get_attr("from")),
-                    parser.parse_substitution(one.get_attr("to")),
-                )
-                for one in remaps
-            ]
-            for one in remaps:
-                one.assert_entity_completely_parsed()
-        parameters = entity.get_attr("param", data_type=List[Entity], optional=True)  # noqa: UP006
+            kwargs["remappings"] = remaps
+        parameters = parse_parameters(entity, parser)
         if parameters is not None:
-            kwargs["parameters"] = parse_parameters(parameters, parser)
+            kwargs["parameters"] = parameters
         return cls, kwargs
 
     @property
@@ -220,56 +211,3 @@ class Node(ExecuteProcess):
         else:
             future.add_done_callback(lambda _: self.__files.remove())
         return None
-
-
-def parse_parameters(entities: Iterable[Entity], parser: Parser) -> list[Any]:
-    """`<param name= value=>`, nested ones, and `<param from=>`."""
-    found: list[Any] = []
-    values: dict[Any, Any] = {}
-    for one in entities:
-        file = one.get_attr("from", optional=True)
-        name = one.get_attr("name", optional=True)
-        if file is not None and name is not None:
-            raise RuntimeError("name and from attributes are mutually exclusive")
-        if file is not None:
-            allow = one.get_attr("allow_substs", data_type=bool, optional=True)
-            found.append(ParameterFile(parser.parse_substitution(file), allow_substs=bool(allow)))
-            one.assert_entity_completely_parsed()
-        elif name is not None:
-            values |= _parse_nested(one, parser)
-        else:
-            raise ValueError("param Entity should have name or from attribute")
-    return [*found, values] if values else found
-
-
-def _parse_nested(entity: Entity, parser: Parser) -> dict[Any, Any]:
-    name = tuple(parser.parse_substitution(entity.get_attr("name")))
-    value = entity.get_attr("value", data_type=None, optional=True)
-    kind = entity.get_attr("type", optional=True)
-    below = entity.get_attr("param", data_type=List[Entity], optional=True)  # noqa: UP006
-    entity.assert_entity_completely_parsed()
-    if (value is None) == (not below):
-        raise RuntimeError("param entity: either a value attribute or nested params are needed")
-    if below:
-        nested: dict[Any, Any] = {}
-        for one in below:
-            nested |= _parse_nested(one, parser)
-        return {name: nested}
-    if kind is not None:
-        kinds: dict[str, Any] = {
-            "bool": bool,
-            "int": int,
-            "float": float,
-            "str": str,
-            "list_of_bool": list[bool],
-            "list_of_int": list[int],
-            "list_of_float": list[float],
-            "list_of_str": list[str],
-        }
-        if kind not in kinds:
-            raise ValueError(
-                f"param '{entity.get_attr('name')}': type '{kind}' is none of {', '.join(kinds)}"
-            )
-        value = value if isinstance(value, list) else str(value)
-        return {name: ParameterValue(parser.parse_if_substitutions(value), value_type=kinds[kind])}
-    return {name: parser.parse_if_substitutions(value)}

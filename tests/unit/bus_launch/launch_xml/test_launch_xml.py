@@ -68,7 +68,10 @@ _LAUGHS = "a: &a [x, x]\n" + "".join(
         ('<launch><executable cmd="ls" on_exit="x"/></launch>', "expected to be `shutdown` but got `x`"),
         ("<lunch/>", "Expected 'launch' as root tag"),
         ("<launch>", "ParseError: no element found: line 1, column 8"),
-        ('<launch><node_container pkg="a"/></launch>', "a launch file on busd can't load components"),
+        (
+            "<launch><load_composable_node><composable_node/></load_composable_node></launch>",
+            "Attribute 'target' of type 'str' not found in Entity 'load_composable_node'",
+        ),
         ("launch: [node: {pkg: a, exec: b, foo: 1}]", "Unexpected key(s) found in `node`: {'foo'}"),
         (
             "launch: [log: {message: [1]}]",

@@ -13,8 +13,6 @@ from bus_launch.launch.core import LaunchContext, SubstitutionFailure
 from bus_launch.launch.launch_description_sources import get_launch_description_from_any_launch_file
 from bus_launch.launch.substitutions import LaunchConfiguration
 from bus_launch.launch_ros.actions import (
-    ComposableNodeContainer,
-    LoadComposableNodes,
     Node,
     PushRosNamespace,
     SetParameter,
@@ -22,7 +20,7 @@ from bus_launch.launch_ros.actions import (
     SetRemap,
     SetUseSimTime,
 )
-from bus_launch.launch_ros.descriptions import ComposableNode, Parameter, ParameterFile
+from bus_launch.launch_ros.descriptions import Parameter, ParameterFile
 from bus_launch.launch_ros.parameter_values import ParameterValue
 from bus_launch.launch_ros.substitutions import ExecutableInPackage, FindPackagePrefix, FindPackageShare
 from bus_launch.launch_ros.utilities import evaluate_parameters, normalize_parameters
@@ -262,14 +260,3 @@ def test_what_is_no_name(prefix: Path) -> None:
         prepared(Node(package="my_robot", executable="drive", name="a b"))
     with pytest.raises(ConfigurationError, match="namespace"):
         PushRosNamespace("a-b").execute(LaunchContext())
-
-
-def test_components_are_refused() -> None:
-    """However, files may describe components, for a condition that is false."""
-    node = ComposableNode(package="a", plugin="a::B", name="b", parameters=[])
-    container = ComposableNodeContainer(
-        name="c", namespace="", package="a", executable="b", composable_node_descriptions=[node]
-    )
-    for action in (container, LoadComposableNodes(target_container="c", composable_node_descriptions=[node])):
-        with pytest.raises(NotImplementedError, match=r"can't load components; .* with bus component load"):
-            action.execute(LaunchContext())
