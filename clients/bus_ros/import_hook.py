@@ -36,6 +36,7 @@ _SAME: Final = {
     "interactive_markers": "bus_ros.interactive_markers",
     "laser_geometry": "bus_ros.laser_geometry",
     "launch": "bus_launch.launch",
+    "launch_pytest": "bus_launch.launch_pytest",
     "launch_ros": "bus_launch.launch_ros",
     "launch_testing": "bus_launch.launch_testing",
     "launch_testing_ros": "bus_launch.launch_testing_ros",
@@ -68,7 +69,10 @@ _SAME: Final = {
 
 _PARTS_OF: Final = {
     **dict.fromkeys(
-        ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml", "nav2_common"),
+        (
+            *("launch_pytest", "launch_ros", "launch_testing", "launch_testing_ros", "launch_xml"),
+            *("launch_yaml", "nav2_common"),
+        ),
         "launch",
     ),
     **dict.fromkeys(
@@ -141,7 +145,7 @@ _PACKAGES: Final[dict[str, tuple[str, ...]]] = {
 
 _MISSING: Final = frozenset(
     (
-        *("ament_package", "domain_coordinator", "launch_pytest"),
+        *("ament_package", "domain_coordinator"),
         *("nav2_simple_commander", "ros2bag", "ros2component", "ros2doctor", "ros2launch"),
         *("rosidl_generator_py", "rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
     )

@@ -127,7 +127,7 @@ class LaunchService:
     async def __process_events(self, shutdown_when_idle: bool) -> None:
         queue = self.__context._event_queue
         while True:
-            is_idle = queue.empty() and not self.__pending and not self.__context._completion_futures
+            is_idle = self._is_idle()
             if is_idle and self.__is_shutting_down:
                 return
             if is_idle and shutdown_when_idle:
@@ -138,6 +138,10 @@ class LaunchService:
                     self.__process(event)
             finally:
                 queue.task_done()
+
+    def _is_idle(self) -> bool:
+        context = self.__context
+        return context._event_queue.empty() and not self.__pending and not context._completion_futures
 
     def __process(self, event: Event) -> None:
         self.__logger.debug(f"processing event: '{event}'")

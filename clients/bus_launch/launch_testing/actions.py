@@ -13,7 +13,7 @@ from bus_launch.launch.events import Shutdown, matches_action
 from bus_launch.launch.events.process import ShutdownProcess
 from bus_launch.launch.frontend import Entity, Parser, expose_action
 
-__all__ = ["GTest", "PyTest", "ReadyToTest", "Test"]
+__all__ = ["GTest", "PyTest", "ReadyToTest", "Test", "ready_actions"]
 
 __path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
 
@@ -47,6 +47,17 @@ class ReadyToTest(Action):
 
     def get_asyncio_future(self) -> "asyncio.Future[None] | None":
         return self._done
+
+
+def ready_actions(entity: LaunchDescriptionEntity) -> list[ReadyToTest]:
+    """All ReadyToTest actions of a description, as far as they are known before it runs."""
+    found = [entity] if isinstance(entity, ReadyToTest) else []
+    below = list(entity.describe_sub_entities())
+    for _, others in entity.describe_conditional_sub_entities():
+        below += others
+    for one in below:
+        found += ready_actions(one)
+    return found
 
 
 class Test(ExecuteProcess):

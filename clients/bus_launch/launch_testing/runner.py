@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bus_launch.launch.actions import RegisterEventHandler, SetLaunchConfiguration
-from bus_launch.launch.core import EventHandler, LaunchDescriptionEntity
+from bus_launch.launch.core import EventHandler
 from bus_launch.launch.events.process import ProcessIO, RunningProcessEvent
 from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_description_sources import load_python_launch_file_as_module
 from bus_launch.launch.launch_service import LaunchService
-from bus_launch.launch_testing.actions import ReadyToTest
+from bus_launch.launch_testing.actions import ready_actions
 from bus_launch.launch_testing.processes import ActiveIoHandler, ActiveProcInfoHandler
 from bus_launch.launch_testing.ready import TIMEOUT_S
 
@@ -56,7 +56,7 @@ class _Run:
         wanted = inspect.signature(make).parameters
         made = make(ready_fn=self._ready.set) if "ready_fn" in wanted else make()
         description, context = made if isinstance(made, tuple) else (made, {})
-        ready = [one for one in _all_of(description) if isinstance(one, ReadyToTest)]
+        ready = ready_actions(description)
         if not ready and "ready_fn" not in wanted:
             raise RuntimeError("generate_test_description needs a launch_testing.actions.ReadyToTest()")
         for one in ready:
@@ -147,13 +147,3 @@ def _bind(test: unittest.TestCase, values: Mapping[str, Any]) -> None:
         if wanted:
             given = {one: values[one] for one in wanted}
             setattr(type(test), name, lambda method=method, given=given: method(**given))
-
-
-def _all_of(entity: LaunchDescriptionEntity) -> list[LaunchDescriptionEntity]:
-    found = [entity]
-    below = list(entity.describe_sub_entities())
-    for _, others in entity.describe_conditional_sub_entities():
-        below += others
-    for one in below:
-        found += _all_of(one)
-    return found

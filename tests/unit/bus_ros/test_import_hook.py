@@ -296,8 +296,8 @@ def test_a_part_of_a_package_is_there_when_it_is_asked_for(tmp_path: Path) -> No
         ("import ros2bag", "ModuleNotFoundError: busd has no 'ros2bag', which is a part of ROS 2"),
         ("import tf2_ros.part", "ModuleNotFoundError: busd has no 'tf2_ros.part'"),
         (
-            "import launch_pytest",
-            "ModuleNotFoundError: busd has no 'launch_pytest', which is a part",
+            "import ros2bag",
+            "ModuleNotFoundError: busd has no 'ros2bag', which is a part",
         ),
         (
             "from nav9_msgs.msg import A",
