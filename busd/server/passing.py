@@ -30,7 +30,7 @@ def pass_on(broker: Broker, peers: Mapping[PeerId, PeerConnection], connection: 
             break
         if (stream := owner.stream) is not taker:
             if taker is not None:
-                taker.send_now(reader.readdressed(), is_lent=True)
+                taker.send_now(reader.readdressed(), is_lent=True, number=runs)
                 taker = None
             if not stream.is_idle:
                 break
@@ -44,7 +44,7 @@ def pass_on(broker: Broker, peers: Mapping[PeerId, PeerConnection], connection: 
             is_all = True
             break
     if taker is not None:
-        taker.send_now(reader.readdressed(), is_lent=True)
+        taker.send_now(reader.readdressed(), is_lent=True, number=runs)
     if runs:
         broker.routing_times.add(runs, monotonic_ns() - now_ns)
     return is_all

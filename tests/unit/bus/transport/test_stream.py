@@ -116,11 +116,17 @@ async def test_nothing_is_asked_of_the_socket_beside_what_has_come(
 
 
 @pytest.mark.parametrize("way", ["by the outbox", "past it", "lent"])
-@pytest.mark.parametrize(("size", "wanted"), [(1_000, 0), (100_000, 208 << 10), (1_000_000, 1 << 20)])
+@pytest.mark.parametrize(
+    ("size", "at_once", "wanted"),
+    [(1_000, 1, 0), (1_000, 100, 208 << 10), (66_000, 1, 1 << 20), (1_000_000, 1, 1 << 20)],
+)
 async def test_who_sends_much_at_a_time_gets_more_room(
-    pair: tuple[socket.socket, socket.socket], size: int, wanted: int, way: str
+    pair: tuple[socket.socket, socket.socket], size: int, at_once: int, wanted: int, way: str
 ) -> None:
-    """The kernel holds a bounded amount for a process that does not read, and all of it arrives."""
+    """The kernel holds a bounded amount for a process that does not read, and all of it arrives.
+
+    Long frames get more room than many short ones at once.
+    """
     mine, other = pair
     end = End(mine)
 
@@ -132,13 +138,14 @@ async def test_who_sends_much_at_a_time_gets_more_room(
     while end.stream.writing is not WriteState.BLOCKED:
         assert room() == before
         frame = m.encode_frame(m.Fault(text="x" * size))
-        sent += frame
+        sent += frame * at_once
         if way == "by the outbox":
-            end.stream.outbox.put(frame)
+            for _ in range(at_once):
+                end.stream.outbox.put(frame)
             end.stream.flush()
         else:
-            buffer = bytearray(frame)
-            assert end.stream.send_now(buffer, is_lent=way == "lent")
+            buffer = bytearray(frame * at_once)
+            assert end.stream.send_now(buffer, is_lent=way == "lent", number=at_once)
             if way == "lent":
                 buffer[:] = bytes(len(buffer))  # the caller uses it again
     assert room() == max(before, 2 * min(wanted, MOST_ROOM))
