@@ -10,6 +10,7 @@ from fuzz import (
     client_targets,
     hostile_ring,
     native_targets,
+    rtps_targets,
     text_targets,
     wire_targets,
 )
@@ -31,6 +32,8 @@ TARGETS: dict[str, Target] = {
     "plans": native_targets.plans,
     "parts": bridge_targets.parts,
     "tokens": bridge_targets.tokens,
+    "datagrams": rtps_targets.datagrams,
+    "announcements": rtps_targets.announcements,
     "configuration": text_targets.configuration,
     "parameters": text_targets.parameters,
     "arguments": text_targets.arguments,

@@ -1,0 +1,309 @@
+"""Descriptions of participants, readers and writers, as discovery sends them: to bytes, and back. Pure.
+
+Owns: which parameters describe what, and the rules of matching. Must not know: ROS 2's names, who announces.
+"""
+
+from typing import Final, Literal, NamedTuple
+
+from bus_bridge.rtps.ids import (
+    GUID_BYTES,
+    OUR_VENDOR,
+    PARTICIPANT,
+    PREFIX_BYTES,
+    is_reader_id,
+    is_writer_id,
+)
+from bus_bridge.rtps.parameters import (
+    FOREVER_NS,
+    Address,
+    Order,
+    Parameters,
+    RtpsError,
+    read_addresses,
+    read_duration_ns,
+    read_number,
+    read_octets,
+    read_parameters,
+    read_text,
+    read_texts,
+    write_address,
+    write_duration,
+    write_number,
+    write_octets,
+    write_parameters,
+    write_text,
+)
+
+__all__ = [
+    "EndpointData",
+    "EndpointKind",
+    "ParticipantData",
+    "Policies",
+    "departed",
+    "departure",
+    "is_match",
+    "read_endpoint",
+    "read_participant",
+    "write_endpoint",
+    "write_participant",
+]
+
+EndpointKind = Literal["reader", "writer"]
+
+_MOST_TEXT: Final = 1024
+_MOST_USER_DATA: Final = 8192
+_MOST_ADDRESSES: Final = 16
+_MOST_DEPTH: Final = 2**31 - 1
+
+_LEASE, _TOPIC, _TYPE, _VERSION, _VENDOR, _RELIABILITY = 0x02, 0x05, 0x07, 0x15, 0x16, 0x1A
+_LIVELINESS, _DURABILITY, _DEADLINE, _PARTITION, _LIFESPAN, _USER_DATA = 0x1B, 0x1D, 0x23, 0x29, 0x2B, 0x2C
+_UNICAST, _DEFAULT_UNICAST, _META_UNICAST, _HISTORY = 0x2F, 0x31, 0x32, 0x40
+_PARTICIPANT_GUID, _BUILTIN_SET, _ENDPOINT_GUID = 0x50, 0x58, 0x5A
+_KEY_HASH, _STATUS, _REPRESENTATION = 0x70, 0x71, 0x73
+
+_PL_CDR_LE: Final = b"\x00\x03\x00\x00"
+_PL_CDR: Final = {b"\x00\x03": "<", b"\x00\x02": ">"}
+_DISCOVERY: Final = 0x3F
+"""Announcing and finding of participants, readers and writers."""
+_RELIABLE: Final = 2
+_MAX_BLOCKING_NS: Final = 100_000_000
+_KEEP_ALL: Final = 1
+_GONE: Final = 0b11
+"""Disposed or unregistered."""
+_XCDR1: Final = 0
+_DEFAULT_LEASE_NS: Final = 100_000_000_000
+
+
+class Policies(NamedTuple):
+    """QoS of a reader or writer, as far as matching needs it."""
+
+    reliable: bool = True
+    durability: int = 0
+    """0: volatile, 1: transient local; higher ones are not offered here."""
+    keep_all: bool = False
+    depth: int = 1
+    deadline_ns: int = FOREVER_NS
+    lifespan_ns: int = FOREVER_NS
+    liveliness: int = 0
+    """0: automatic, 1: manual by participant, 2: manual by topic."""
+    lease_ns: int = FOREVER_NS
+
+
+class ParticipantData(NamedTuple):
+    prefix: bytes
+    vendor: bytes
+    discovery_addresses: tuple[Address, ...]
+    """For announcements to it."""
+    addresses: tuple[Address, ...]
+    """For samples to its readers and writers, if they have none of their own."""
+    lease_ns: int
+    user_data: bytes = b""
+
+
+class EndpointData(NamedTuple):
+    kind: EndpointKind
+    guid: bytes
+    topic: str
+    type_name: str
+    policies: Policies = Policies()
+    user_data: bytes = b""
+    addresses: tuple[Address, ...] = ()
+    is_default_partition: bool = True
+    """Whether it is in the partition without a name, as all of ROS 2."""
+    representations: tuple[int, ...] = (_XCDR1,)
+
+
+def write_participant(data: ParticipantData) -> bytes:
+    """The payload of an announcement of our participant."""
+    parameters = [
+        (_VERSION, b"\x02\x03"),
+        (_VENDOR, OUR_VENDOR),
+        (_PARTICIPANT_GUID, data.prefix + PARTICIPANT),
+        (_BUILTIN_SET, write_number(_DISCOVERY)),
+        *((_META_UNICAST, write_address(one)) for one in data.discovery_addresses),
+        *((_DEFAULT_UNICAST, write_address(one)) for one in data.addresses),
+        (_LEASE, write_duration(data.lease_ns)),
+    ]
+    if data.user_data:
+        parameters.append((_USER_DATA, write_octets(data.user_data)))
+    return _PL_CDR_LE + write_parameters(parameters)
+
+
+def read_participant(payload: bytes, source: bytes) -> ParticipantData:
+    """A participant; `source` is the prefix of the datagram's sender, which announces only itself.
+
+    Raises RtpsError.
+    """
+    order, found = _list_in(payload)
+    guid = _guid(found, _PARTICIPANT_GUID)
+    if guid is not None and guid[:PREFIX_BYTES] != source:
+        raise RtpsError("the announcement of a participant by another one")
+    lease_ns = read_duration_ns(found[_LEASE][0], order) if _LEASE in found else _DEFAULT_LEASE_NS
+    return ParticipantData(
+        source,
+        found[_VENDOR][0][:2] if _VENDOR in found else bytes(2),
+        _addresses(found, _META_UNICAST, order),
+        _addresses(found, _DEFAULT_UNICAST, order),
+        lease_ns,
+        _user_data(found, order),
+    )
+
+
+def write_endpoint(data: EndpointData) -> bytes:
+    """The payload of an announcement of our reader or writer."""
+    policies = data.policies
+    max_blocking_ns = _MAX_BLOCKING_NS
+    history = write_number(_KEEP_ALL if policies.keep_all else 0) + write_number(policies.depth)
+    parameters = [
+        (_TOPIC, write_text(data.topic)),
+        (_TYPE, write_text(data.type_name)),
+        (
+            _RELIABILITY,
+            write_number(_RELIABLE if policies.reliable else 1) + write_duration(max_blocking_ns),
+        ),
+        (_DURABILITY, write_number(policies.durability)),
+        (_HISTORY, history),
+        (_ENDPOINT_GUID, data.guid),
+        (_PARTICIPANT_GUID, data.guid[:PREFIX_BYTES] + PARTICIPANT),
+        (_VERSION, b"\x02\x03"),
+        (_VENDOR, OUR_VENDOR),
+        *((_UNICAST, write_address(one)) for one in data.addresses),
+    ]
+    if policies.deadline_ns < FOREVER_NS:
+        parameters.append((_DEADLINE, write_duration(policies.deadline_ns)))
+    if policies.lifespan_ns < FOREVER_NS:
+        parameters.append((_LIFESPAN, write_duration(policies.lifespan_ns)))
+    if policies.liveliness or policies.lease_ns < FOREVER_NS:
+        liveliness = write_number(policies.liveliness) + write_duration(policies.lease_ns)
+        parameters.append((_LIVELINESS, liveliness))
+    if data.user_data:
+        parameters.append((_USER_DATA, write_octets(data.user_data)))
+    return _PL_CDR_LE + write_parameters(parameters)
+
+
+def read_endpoint(payload: bytes, kind: EndpointKind, source: bytes) -> EndpointData:
+    """A reader or writer of the participant with the prefix `source`. Raises RtpsError."""
+    order, found = _list_in(payload)
+    guid = _guid(found, _ENDPOINT_GUID)
+    if guid is None or guid[:PREFIX_BYTES] != source:
+        raise RtpsError("an endpoint without a GUID of its participant")
+    if not (is_reader_id(guid) if kind == "reader" else is_writer_id(guid)):
+        raise RtpsError(f"a {kind} with the id {guid[PREFIX_BYTES:].hex()}")
+    if _TOPIC not in found or _TYPE not in found:
+        raise RtpsError(f"a {kind} without a topic or a type")
+    topic, type_name = (read_text(found[key][0], order) for key in (_TOPIC, _TYPE))
+    if max(len(topic), len(type_name)) > _MOST_TEXT:
+        raise RtpsError(f"a topic or a type with more than {_MOST_TEXT} characters")
+    return EndpointData(
+        kind,
+        guid,
+        topic,
+        type_name,
+        _policies(found, order, kind),
+        _user_data(found, order),
+        _addresses(found, _UNICAST, order),
+        _PARTITION not in found or _is_default(read_texts(found[_PARTITION][0], order)),
+        _representations(found, order),
+    )
+
+
+def departure(guid: bytes) -> bytes:
+    """Inline QoS that tells others that our participant or endpoint with that GUID has gone."""
+    return write_parameters([(_KEY_HASH, guid), (_STATUS, bytes(3) + bytes([_GONE]))])
+
+
+def departed(payload: bytes | None, inline: Parameters) -> bytes | None:
+    """The GUID of a participant or endpoint that has gone; empty if it can't be told which one.
+
+    None: the news are not about an end.
+    """
+    status = inline.get(_STATUS)
+    if not status or not status[0][-1:] or not status[0][-1] & _GONE:
+        return None
+    key = _guid(inline, _KEY_HASH)
+    if key is None and payload is not None:
+        _, found = _list_in(payload)
+        key = _guid(found, _ENDPOINT_GUID) or _guid(found, _PARTICIPANT_GUID)
+    return key or b""
+
+
+def is_match(ours: EndpointData, far: EndpointData) -> bool:
+    """Whether a reader and a writer match: topic, type and QoS."""
+    if ours.kind == far.kind or (ours.topic, ours.type_name) != (far.topic, far.type_name):
+        return False
+    reader, writer = (ours, far) if ours.kind == "reader" else (far, ours)
+    asked, offered = reader.policies, writer.policies
+    return (
+        far.is_default_partition
+        and _XCDR1 in far.representations
+        and offered.reliable >= asked.reliable
+        and offered.durability >= asked.durability
+        and offered.deadline_ns <= asked.deadline_ns
+        and offered.liveliness >= asked.liveliness
+        and offered.lease_ns <= asked.lease_ns
+    )
+
+
+def _list_in(payload: bytes) -> tuple[Order, Parameters]:
+    order = _PL_CDR.get(payload[:2])
+    if order is None or len(payload) < 4:
+        raise RtpsError(f"an announcement with the encapsulation {payload[:4].hex()}")
+    return order, read_parameters(payload, order, 4).parameters
+
+
+def _guid(found: Parameters, key: int) -> bytes | None:
+    if key not in found:
+        return None
+    guid = found[key][0]
+    if len(guid) != GUID_BYTES:
+        raise RtpsError(f"a GUID of {len(guid)} bytes")
+    return guid
+
+
+def _addresses(found: Parameters, key: int, order: Order) -> tuple[Address, ...]:
+    return read_addresses(found.get(key, ())[:_MOST_ADDRESSES], order)
+
+
+def _user_data(found: Parameters, order: Order) -> bytes:
+    if _USER_DATA not in found:
+        return b""
+    data = read_octets(found[_USER_DATA][0], order)
+    if len(data) > _MOST_USER_DATA:
+        raise RtpsError(f"{len(data)} bytes of user data; at most {_MOST_USER_DATA} are allowed")
+    return data
+
+
+def _policies(found: Parameters, order: Order, kind: EndpointKind) -> Policies:
+    def number(key: int, default: int, at: int = 0) -> int:
+        return read_number(found[key][0][at:], order) if key in found else default
+
+    def duration_ns(key: int, at: int = 0) -> int:
+        return read_duration_ns(found[key][0][at:], order) if key in found else FOREVER_NS
+
+    return Policies(
+        # The defaults of DDS: writers are reliable, readers are not.
+        reliable=number(_RELIABILITY, _RELIABLE if kind == "writer" else 1) == _RELIABLE,
+        durability=number(_DURABILITY, 0),
+        keep_all=number(_HISTORY, 0) == _KEEP_ALL,
+        depth=min(max(number(_HISTORY, 1, 4), 1), _MOST_DEPTH),
+        deadline_ns=duration_ns(_DEADLINE),
+        lifespan_ns=duration_ns(_LIFESPAN),
+        liveliness=number(_LIVELINESS, 0),
+        lease_ns=duration_ns(_LIVELINESS, 4),
+    )
+
+
+def _is_default(partitions: list[str]) -> bool:
+    return not partitions or "" in partitions or "*" in partitions
+
+
+def _representations(found: Parameters, order: Order) -> tuple[int, ...]:
+    if _REPRESENTATION not in found:
+        return (_XCDR1,)
+    value = found[_REPRESENTATION][0]
+    count = read_number(value, order)
+    if 2 * count > len(value) - 4:
+        raise RtpsError(f"{count} representations in {len(value)} bytes")
+    endian: Literal["little", "big"] = "little" if order == "<" else "big"
+    found_numbers = tuple(int.from_bytes(value[4 + 2 * at : 6 + 2 * at], endian) for at in range(count))
+    return found_numbers or (_XCDR1,)
