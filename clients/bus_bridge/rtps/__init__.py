@@ -1,17 +1,21 @@
 """RTPS, the protocol below DDS, in plain Python: what ROS 2's services need and no package offers.
 
     datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`
+    samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)
 
-All of it is pure: bytes and values in, bytes and values out.
+All of it is pure: bytes, values and times in, bytes and values out.
 
 Invariants:
 
 - Nothing in a datagram is believed: lengths are checked against its bytes, and sets and lists have limits.
 - Every fault of a far participant is an RtpsError, and never another exception.
+- A reader delivers each sample of a reliable writer once and in order, or counts it.
+- Memory for samples that can't be delivered yet has a limit for each far participant.
 - Nothing here knows ROS 2's names, or the bus.
 
-Read first: `messages.py`, then `announcements.py`.
+Read first: `messages.py`, then `lives.py` and `writer.py`.
 
-Tests: `tests/unit/bus_bridge/rtps/`, `tests/property/test_rtps_wire.py`, and the fuzzers `datagrams` and
-`announcements` of `tests/fuzz/rtps_targets.py`.
+Tests: `tests/unit/bus_bridge/rtps/`, `tests/property/test_rtps_wire.py`,
+`tests/property/test_rtps_reliability.py`, and the fuzzers `datagrams` and `announcements` of
+`tests/fuzz/rtps_targets.py`.
 """
