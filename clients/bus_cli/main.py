@@ -276,6 +276,13 @@ def _run(words: Sequence[str]) -> int:
 class _Parser(ArgumentParser):
     """Suggests a similar command, verb or option if the given one does not exist."""
 
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        parsed, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            # argparse would print the usage of all of `bus`.
+            getattr(parsed, "parser", self).error(f"unrecognized arguments: {' '.join(unknown)}")
+        return parsed
+
     def error(self, message: str) -> NoReturn:
         what, _, words = message.partition("unrecognized arguments: ")
         if words.startswith("--") and not what:
@@ -358,7 +365,7 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
         if not verbs or command in VERBS_WITH_VERBS:
             _fill(below, module_of(command))
         else:
-            below.set_defaults(main=_print_help(below))
+            below.set_defaults(main=_print_help(below), parser=below)
             _add_common_options(below, SUPPRESS)
         if not verbs:
             continue
@@ -403,7 +410,7 @@ def _fill(parser: ArgumentParser, module: str) -> None:
     verb: Any = import_module(module)
     verb.add_arguments(parser)
     _add_common_options(parser, SUPPRESS)
-    parser.set_defaults(main=verb.main)
+    parser.set_defaults(main=verb.main, parser=parser)
 
 
 def _add_common_options(parser: ArgumentParser, default: str | None) -> None:

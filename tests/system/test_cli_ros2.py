@@ -65,9 +65,15 @@ def test_a_ros2_of_another_origin_stays(folder: Path, tmp_path: Path) -> None:
 
 
 def test_another_folder(folder: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other"
-    assert shell(f"bus ros2 install --into {other}") == ("", f"{other} is not a folder\n", 1)
-    other.mkdir()
+    """The verb makes a missing folder."""
+    other = tmp_path / "new" / "other"
+    assert shell(f"bus ros2 uninstall --into {other}") == (f"{other}/ros2 is not there\n", "", 0)
+    (tmp_path / "file").touch()
+    assert shell(f"bus ros2 install --into {tmp_path}/file/bin") == (
+        "",
+        f"can't write {tmp_path}/file/bin/ros2: Not a directory\n",
+        1,
+    )
     assert shell(f"bus ros2 install --into {other}") == (
         f"Wrote {other}/ros2\n",
         f"the shell does not find it yet: {other} is not in PATH\n",

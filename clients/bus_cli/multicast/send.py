@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus_cli.multicast.udp import add_group_arguments, add_ttl_argument, send, sender
+from bus_cli.multicast.udp import add_group_arguments, add_ttl_argument, check_group, send, sender
 from bus_cli.output import print_json, say
 
 _DATA = b"Hello World!"
@@ -14,6 +14,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
+    check_group(args.group)
     if not args.json:
         say("Sending one UDP multicast datagram...")
     with sender(args.ttl) as through:

@@ -7,7 +7,16 @@ from ipaddress import AddressValueError, IPv4Address
 from bus_cli.output import CommandError
 from bus_cli.stream import positive_int
 
-__all__ = ["GROUP", "PORT", "add_group_arguments", "add_ttl_argument", "receiver", "send", "sender"]
+__all__ = [
+    "GROUP",
+    "PORT",
+    "add_group_arguments",
+    "add_ttl_argument",
+    "check_group",
+    "receiver",
+    "send",
+    "sender",
+]
 
 GROUP = "225.0.0.1"
 PORT = 49150
@@ -45,8 +54,7 @@ def send(through: socket.socket, data: bytes, group: str, port: int) -> None:
 
 def receiver(group: str, port: int) -> socket.socket:
     """A socket that has joined the group. Raises CommandError if this is not possible."""
-    if not _is_group(group):
-        raise CommandError(f"'{group}' is not a multicast group; groups are 224.0.0.0 to 239.255.255.255")
+    check_group(group)
     made = _socket()
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -60,11 +68,14 @@ def receiver(group: str, port: int) -> socket.socket:
     return made
 
 
-def _is_group(text: str) -> bool:
+def check_group(text: str) -> None:
+    """Raises CommandError if it is not the address of a multicast group."""
     try:
-        return IPv4Address(text).is_multicast
+        is_group = IPv4Address(text).is_multicast
     except AddressValueError:
-        return False
+        is_group = False
+    if not is_group:
+        raise CommandError(f"'{text}' is not a multicast group; groups are 224.0.0.0 to 239.255.255.255")
 
 
 def _socket() -> socket.socket:

@@ -53,10 +53,12 @@ def _write(target: Path, text: str) -> None:
     new = target.with_name(f".{ALIAS}.{os.getpid()}")
     try:
         try:
+            target.parent.mkdir(parents=True, exist_ok=True)
             new.write_text(text)
             new.chmod(0o755)
             new.replace(target)
         finally:
-            new.unlink(missing_ok=True)
+            if target.parent.is_dir():
+                new.unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(f"can't write {target}: {error.strerror}") from None

@@ -39,10 +39,10 @@ def add_folder_argument(parser: ArgumentParser) -> None:
 
 
 def folder_of(args: Namespace) -> Path:
-    """The folder for `ros2`. Raises CommandError if there is none."""
+    """The folder for `ros2`; one of --into may be missing. Raises CommandError if there is none."""
     if args.into is not None:
         folder = Path(os.path.abspath(args.into))  # noqa: PTH100 (a link stays a link)
-        if not folder.is_dir():
+        if folder.exists() and not folder.is_dir():
             raise CommandError(f"{args.into} is not a folder")
         return folder
     for folder in _folders():

@@ -136,6 +136,16 @@ def test_an_option_that_does_not_exist(capsys: pytest.CaptureFixture[str]) -> No
     assert capsys.readouterr().err.endswith("unrecognized arguments: --once\n")
 
 
+@pytest.mark.parametrize("line", ["topic list", "doctor hello", "doctor", "daemon", "ros2 install"])
+def test_the_usage_of_the_verb_with_an_option_that_does_not_exist(
+    line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert stop(*line.split(), "--frobnicate") == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"usage: bus {line} [-h]")
+    assert err.endswith(f"\nbus {line}: error: unrecognized arguments: --frobnicate\n")
+
+
 def test_what_is_not_there_yet_is_not_there() -> None:
     assert not {*suggestions._NOT_YET, *suggestions._OTHER_NAMES} & {*COMMANDS}
 

@@ -87,5 +87,7 @@ def test_the_folder_is_that_of_the_program(tmp_path: Path, monkeypatch: pytest.M
     (user / "bus").unlink()
     with pytest.raises(CommandError, match="choose a folder with --into FOLDER"):
         folder_of(NO_FOLDER)
-    with pytest.raises(CommandError, match="is not a folder"):
-        folder_of(Namespace(into=str(tmp_path / "nowhere")))
+    assert folder_of(Namespace(into=str(tmp_path / "nowhere"))) == tmp_path / "nowhere"
+    (tmp_path / "file").touch()
+    with pytest.raises(CommandError, match="/file is not a folder"):
+        folder_of(Namespace(into=str(tmp_path / "file")))
