@@ -250,6 +250,8 @@ class Publisher(Endpoint):
     samples: int = 0
     bytes: int = 0
     is_alive: bool = True
+    unaware: "dict[EndpointId, Match]" = field(default_factory=dict)
+    """Matches since its last sign of life, of subscriptions with a lease. Empty with automatic liveliness."""
     has_left: bool = False
     """Whether it was closed in order, and will not come back."""
     matches: "dict[EndpointId, Match]" = field(default_factory=dict)

@@ -47,8 +47,13 @@ class Leases:
         self._rounds = Rounds(timers, meter, self._report_one, few=_FEW, price=TELL)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
-        """Watch the lease of `publisher`, if it has one."""
-        if publisher.lease_ns:
+        """Watch the lease of a new publisher, if it has one.
+
+        A publisher with manual liveliness is not alive before its first sign of life.
+        """
+        if publisher.lease_ns and publisher.is_manual:
+            publisher.is_alive = False
+        elif publisher.lease_ns:
             self._check_at(now_ns, now_ns + publisher.lease_ns, publisher)
 
     def note_alive(self, now_ns: int, peer: Peer) -> None:
@@ -64,6 +69,9 @@ class Leases:
         publisher.last_sign_ns = now_ns
         if not publisher.is_alive:
             self._revive(now_ns, publisher)
+        elif publisher.unaware:
+            unaware, publisher.unaware = publisher.unaware, {}
+            self._rounds.begin(now_ns, (publisher, True), iter(unaware.values()))
 
     def _check_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
         # A timer keeps its publisher in memory: a long lease must not keep a publisher that has gone.
@@ -79,6 +87,7 @@ class Leases:
             self._check_at(now_ns, sign_ns + publisher.lease_ns, publisher)
             return
         publisher.is_alive = False
+        publisher.unaware.clear()  # its next sign of life reaches all
         if not publisher.is_manual:
             peer.lapsed.add(publisher)
         self._emit(
@@ -99,7 +108,7 @@ class Leases:
     def _revive(self, now_ns: int, publisher: Publisher) -> None:
         publisher.is_alive = True
         publisher.node.peer.lapsed.discard(publisher)
-        self.watch_publisher(now_ns, publisher)
+        self._check_at(now_ns, now_ns + publisher.lease_ns, publisher)
         self._report(now_ns, publisher)
 
     def _report(self, now_ns: int, publisher: Publisher) -> None:

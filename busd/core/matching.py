@@ -70,6 +70,9 @@ def make_match(
     offered, requested = publisher.qos, subscription.qos
     if subscription.takes_history and requested.durability is not offered.durability:
         requested = _as_offered(requested, offered)
+    awaits_sign = not publisher.is_alive or bool(publisher.is_manual and publisher.lease_ns)
+    if awaits_sign and publisher.is_alive and subscription.qos.lease_ns:
+        publisher.unaware[subscription.id] = match
     ends: tuple[tuple[Any, Any, QoSProfile, tuple[Any, ...]], ...]
     ends = ((publisher, subscription, requested, ()), (subscription, publisher, offered, ring))
     next_seq = publisher.next_seq if last_seq is None else last_seq + 1
@@ -88,12 +91,13 @@ def make_match(
             is_tap=other is subscription and subscription.is_tap,
             last_seq=last_seq if mine is publisher else None,
             clock_ns=other.node.peer.clock_ns - mine.node.peer.clock_ns,
+            awaits_sign=mine is subscription and awaits_sign,
         )
         out.append(Send(mine.node.peer.id, message, brings))
     if subscription.node.peer.is_silent and match.is_lossless:
         silent_ns = now_ns - subscription.node.peer.last_heard_ns
         report_silence(match, silent_ns, out.append)
-    if not publisher.is_alive:
+    if not publisher.is_alive:  # for libraries that do not know `awaits_sign`
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
     if is_shared or subscription.is_mirror:
@@ -178,6 +182,7 @@ def end_match(
     """
     publisher, subscription = match.publisher, match.subscription
     was_awaited = match.acked_seq is not None
+    publisher.unaware.pop(subscription.id, None)
     last_seq = graph.remove_match(match)
     told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost, keep_s=keep_ns / 1e9)
     out.append(Send(publisher.node.peer.id, told))

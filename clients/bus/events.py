@@ -94,7 +94,10 @@ class DeadlineMissed(NamedTuple):
 
 
 class LivelinessChanged(NamedTuple):
-    """A matched publisher's liveliness was lost or taken up again, or a match was made or ended.
+    """A matched publisher became alive, lost its liveliness, took it up again, or left.
+
+    The subscription's QoS needs a liveliness lease. With liveliness manual by topic, a publisher counts from
+    its first sign of life: until then it is neither alive nor not alive.
 
     For example:
 
@@ -178,6 +181,6 @@ class SubscriptionEvents(msgspec.Struct, frozen=True, kw_only=True):
     deadline_missed: Callable[[DeadlineMissed], object] | None = None
     """Nothing came within the deadline."""
     liveliness_changed: Callable[[LivelinessChanged], object] | None = None
-    """A publisher became alive or not alive."""
+    """A publisher became alive or not alive. Called only if the QoS has a liveliness lease."""
     message_lost: Callable[[MessageLost], object] | None = None
     """Messages were dropped."""

@@ -178,6 +178,14 @@ FROM_BROKER: dict[str, m.Message] = {
     "fault": m.Fault(text="a Ping came before Hello"),
     "leaving": m.Leaving(text="SIGTERM"),
     "matched": m.Matched(endpoint=3, other=2, node="/robot/talker", gid=GID, qos=EVERY_POLICY, next_seq=42),
+    "matched_unproven": m.Matched(
+        endpoint=3,
+        other=2,
+        node="/robot/talker",
+        gid=GID,
+        qos=QoSProfile(),
+        awaits_sign=True,
+    ),
     "matched_mirror": m.Matched(
         endpoint=3,
         other=2,

@@ -118,6 +118,7 @@ class TestEvents:
         publisher = await node.create_publisher(
             Int32, "t", qos, events=bus.PublisherEvents(liveliness_lost=lost.append)
         )
+        publisher.assert_liveliness()
         await until(lambda: len(told) >= 2 and lost)
         publisher.assert_liveliness()
         await until(lambda: len(told) >= 3)

@@ -17,6 +17,7 @@ from bus.delivery.shm_receiver import ShmReceiver
 from bus.endpoint.acknowledging import Acknowledging
 from bus.endpoint.arrivals import Arrivals
 from bus.endpoint.core import EndpointCore, NodeContext
+from bus.endpoint.liveliness import LivelinessWatch
 from bus.errors import BusError, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.qos import Durability, History, QoSProfile
@@ -114,7 +115,9 @@ class SubscriptionCore(EndpointCore[M]):
         self.counters = DropCounters(self.receiver)
         self._lost_reported = 0
         self._lost_silently = 0
-        self._not_alive: set[int] = set()  # of the matches
+        self._liveliness: LivelinessWatch | None = None  # without a lease nothing is watched
+        if qos.lease_ns:
+            self._liveliness = LivelinessWatch(link, qos.lease_ns, self._report_liveliness)
         self._left_broker = link.broker
         self._left_brokers: dict[bytes, object] = {}  # by gid of a publisher: the last one that matched them
         self._arrivals: Arrivals[M] | None = None  # since a task waited for the first time
@@ -299,7 +302,8 @@ class SubscriptionCore(EndpointCore[M]):
                     rings.attach(proxy, message, descriptors, received_seq)
                     if proxy.shown_gid in self.held_back:
                         rings.hold(proxy.shown_gid, is_on=True)
-                self._report_liveliness(1, 0)
+                if self._liveliness is not None:
+                    self._liveliness.match(other, is_proven=not message.awaits_sign)
             case m.Unmatched(other=other, last_seq=last_seq, lost=is_lost):
                 if is_lost and self.on_lost is not None and other in self.matches:
                     self.on_lost(self.matches[other].gid)
@@ -315,9 +319,11 @@ class SubscriptionCore(EndpointCore[M]):
                 if rings is not None and other in tracker:
                     self._leave_ring(tracker[other], rings)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
-                if publisher in self.matches and alive is (publisher in self._not_alive):
-                    self._not_alive ^= {publisher}
-                    self._report_liveliness(1 if alive else -1, -1 if alive else 1)
+                if self._liveliness is not None and publisher in self.matches:
+                    if alive:
+                        self._liveliness.life(publisher)
+                    else:
+                        self._liveliness.lapse(publisher, self.matches[publisher].qos.lease_ns)
             case m.Dropped(missed=missed):
                 if rings is not None:
                     for gid, (_, last_seq) in missed.items():
@@ -358,6 +364,8 @@ class SubscriptionCore(EndpointCore[M]):
 
     def end(self, reason: Any) -> None:
         super().end(reason)
+        if self._liveliness is not None:
+            self._liveliness.end()
         if self._arrivals is not None:
             self._arrivals.end()
         if self.acks is not None:
@@ -397,11 +405,9 @@ class SubscriptionCore(EndpointCore[M]):
         self.link.soon(self.wake)  # a publisher that refuses to share memory has rung no doorbell
 
     def remove_match(self, other: int, *, is_lost: bool = False) -> None:
-        is_known, was_alive = other in self.matches, other not in self._not_alive
+        if self._liveliness is not None:
+            self._liveliness.unmatch(other)
         super().remove_match(other)
-        self._not_alive.discard(other)
-        if is_known:
-            self._report_liveliness(*((-1, 0) if was_alive else (0, -1)))
 
     def _reject(self, size: int, error: Exception) -> None:
         text = f"a message of {size} bytes on '{self.topic_name}' is no {self.support.name}: {error}"
@@ -416,10 +422,7 @@ class SubscriptionCore(EndpointCore[M]):
                 change, self._lost_reported = total - self._lost_reported, total
                 self.notify(callback, MessageLost(total, change, reasons))
 
-    def _report_liveliness(self, alive_change: int, not_alive_change: int) -> None:
-        lost = len(self._not_alive)
-        alive = len(self.matches) - lost
-        event = LivelinessChanged(alive, lost, alive_change, not_alive_change)
+    def _report_liveliness(self, event: LivelinessChanged) -> None:
         self.notify(self.events.liveliness_changed, event)
 
     def describe_incompatible_qos(self) -> str:

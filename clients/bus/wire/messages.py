@@ -283,7 +283,8 @@ class Matched(Message, frozen=True, tag="matched"):
     capability PLACES: the subscription was lost and is back, and has received all samples up to this number.
     Send the missed samples only to it, and then CaughtUp. `at_ns` is a time of your clock. `clock_ns`, to a
     subscription: nanoseconds by which the clock of the publisher's process, which stamps samples, is ahead of
-    yours.
+    yours. `awaits_sign`, to a subscription: do not count the publisher as alive or not alive until
+    LivelinessChanged with `alive`.
     """
 
     endpoint: int
@@ -299,6 +300,7 @@ class Matched(Message, frozen=True, tag="matched"):
     is_tap: bool = False
     last_seq: Count | None = None
     clock_ns: ClockOffset = 0
+    awaits_sign: bool = False
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):

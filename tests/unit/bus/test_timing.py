@@ -82,8 +82,9 @@ def test_automatic_liveliness_is_kept_up_however_short_its_lease(two: Play) -> N
         talker, listener = nodes(world)
         told = list[LivelinessChanged]()
         events = SubscriptionEvents(liveliness_changed=told.append)
-        await listener.create_subscription(Numbered, TOPIC, 10, events=events)
-        lively = await talker.create_publisher(Numbered, TOPIC, QoSProfile(liveliness_lease_duration=0.5))
+        qos = QoSProfile(liveliness_lease_duration=0.5)
+        await listener.create_subscription(Numbered, TOPIC, qos, events=events)
+        lively = await talker.create_publisher(Numbered, TOPIC, qos)
         await asyncio.sleep(100)
         assert told == [LivelinessChanged(1, 0, 1, 0)]
         await lively.close()
@@ -99,17 +100,46 @@ def test_manual_liveliness_lasts_for_its_lease(two: Play, sign: str) -> None:
         talker, listener = nodes(world)
         told, lost = list[LivelinessChanged](), list[Any]()
         events = SubscriptionEvents(liveliness_changed=told.append)
-        await listener.create_subscription(Numbered, TOPIC, 10, lambda _: None, events=events)
+        qos = QoSProfile(liveliness="manual_by_topic", liveliness_lease_duration=1000)
+        await listener.create_subscription(Numbered, TOPIC, qos, lambda _: None, events=events)
+        publisher = await talker.create_publisher(
+            Numbered, TOPIC, qos, events=PublisherEvents(liveliness_lost=lost.append)
+        )
+        await asyncio.sleep(1900)
+        assert (told, lost) == ([], []), "the first sign starts the lease"
+        for _ in range(3):
+            publisher.publish(Numbered()) if sign == "publish" else publisher.assert_liveliness()
+            await asyncio.sleep(900)
+        assert (told, lost) == ([LivelinessChanged(1, 0, 1, 0)], [])
+        await asyncio.sleep(200)
+        assert (told[1:], len(lost)) == ([LivelinessChanged(0, 1, -1, 1)], 1)
+
+    two(story)
+
+
+def test_a_longer_lease_of_a_subscription_counts_from_the_last_sign(two: Play) -> None:
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        told, lost = list[LivelinessChanged](), list[Any]()
+        events = SubscriptionEvents(liveliness_changed=told.append)
+        await listener.create_subscription(
+            Numbered, TOPIC, QoSProfile(liveliness_lease_duration=3000), lambda _: None, events=events
+        )
         qos = QoSProfile(liveliness="manual_by_topic", liveliness_lease_duration=1000)
         publisher = await talker.create_publisher(
             Numbered, TOPIC, qos, events=PublisherEvents(liveliness_lost=lost.append)
         )
-        for _ in range(3):
-            await asyncio.sleep(900)
-            publisher.publish(Numbered()) if sign == "publish" else publisher.assert_liveliness()
-        assert (told, lost) == ([LivelinessChanged(1, 0, 1, 0)], [])
-        await asyncio.sleep(1100)
-        assert (told[1:], len(lost)) == ([LivelinessChanged(0, 1, -1, 1)], 1)
+        for _ in range(2):
+            publisher.assert_liveliness()
+            await asyncio.sleep(2900)
+        assert (told, len(lost)) == ([LivelinessChanged(1, 0, 1, 0)], 2)
+        await asyncio.sleep(200)
+        assert (told[1:], len(lost)) == ([LivelinessChanged(0, 1, -1, 1)], 2)
+        publisher.assert_liveliness()
+        await asyncio.sleep(1500)
+        await publisher.close()
+        await asyncio.sleep(3000)
+        assert told[2:] == [LivelinessChanged(1, 0, 1, -1), LivelinessChanged(0, 0, -1, 0)]
 
     two(story)
 

@@ -10,11 +10,15 @@ LEASED = QoSProfile(1, liveliness="manual_by_topic", liveliness_lease_duration=1
 def test_each_change_is_told_once() -> None:
     world = ClientWorld()
     talker, listener = world.client(), world.client()
-    subscription = listener.subscription(QoSProfile(1))
+    subscription = listener.subscription(LEASED)
     told: list[LivelinessChanged] = []
     subscription._core.events = SubscriptionEvents(liveliness_changed=told.append)
     world.settle()
     first, second = talker.publisher(LEASED), talker.publisher(LEASED)
+    world.settle()
+    assert told == [], "no sign of life yet"
+    talker.publish(first)
+    talker.publish(second)
     world.settle()
     world.advance(0.5)
     talker.publish(second)
@@ -41,8 +45,10 @@ def test_each_change_is_told_once() -> None:
 def test_those_that_were_not_alive_when_the_connection_was_lost_count_anew() -> None:
     world = ClientWorld()
     talker, listener = world.client(), world.client()
-    subscription = listener.subscription(QoSProfile(1))
-    talker.publisher(LEASED)
+    subscription = listener.subscription(LEASED)
+    publisher = talker.publisher(LEASED)
+    world.settle()
+    talker.publish(publisher)
     world.settle()
     world.advance(1.5)
     told: list[LivelinessChanged] = []
@@ -50,8 +56,25 @@ def test_those_that_were_not_alive_when_the_connection_was_lost_count_anew() -> 
     listener.hang_up()
     listener.connect()
     world.settle()
+    talker.publish(publisher)
+    world.settle()
     assert told == [
         LivelinessChanged(0, 0, 0, -1),
         LivelinessChanged(1, 0, 1, 0),
-        LivelinessChanged(0, 1, -1, 1),
-    ]
+    ], "it counts from its next sign of life"
+
+
+def test_without_a_lease_nothing_is_told() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(), world.client()
+    subscription = listener.subscription(QoSProfile(1))
+    told: list[LivelinessChanged] = []
+    subscription._core.events = SubscriptionEvents(liveliness_changed=told.append)
+    publisher = talker.publisher(LEASED)
+    world.settle()
+    talker.publish(publisher)
+    world.settle()
+    world.advance(1.5)
+    talker.close(publisher)
+    world.settle()
+    assert told == []

@@ -18,7 +18,9 @@ class Watch:
         self.listener: Process = self.world.process("listener")
         self.node = self.talker.node("talker")
         self.publisher: Publisher = self.node.publisher("/topic", offered)
-        self.subscription: Subscription = self.listener.subscription("/topic")
+        self.subscription: Subscription = self.listener.subscription(
+            "/topic", QoSProfile(liveliness_lease_duration=offered.liveliness_lease_duration)
+        )
 
     def lost(self) -> int:
         """How many times the publisher learned that its lease ended."""
@@ -94,12 +96,13 @@ class TestManual:
     def test_signs_of_the_process_do_not_count(self) -> None:
         watch = Watch(MANUAL)
         other = watch.node.publisher("/other", MANUAL)
+        watch.publisher.publish("x")
         watch.world.advance(0.9)
         watch.talker.tell(m.Ping())
         other.publish("x")
         watch.talker.tell(m.AssertLiveliness(publisher=other.id))
         watch.world.advance(0.1)
-        assert (watch.lost(), watch.seen()) == (1, [False])
+        assert (watch.lost(), watch.seen()) == (1, [False, True, False])
         assert other.got(m.LivelinessLost) == []
 
     def test_publishing_and_asserting_count(self) -> None:
@@ -110,17 +113,61 @@ class TestManual:
                 watch.publisher.publish("x")
             else:
                 watch.talker.tell(m.AssertLiveliness(publisher=watch.publisher.id))
-        assert (watch.lost(), watch.seen()) == (0, [])
+        assert (watch.lost(), watch.seen()) == (0, [False, True])
 
     def test_it_comes_back_by_its_own_sign_only(self) -> None:
         watch = Watch(MANUAL)
+        watch.publisher.publish("x")
         watch.world.advance(1)
         watch.talker.tell(m.Ping())
-        assert watch.seen() == [False]
+        assert watch.seen() == [False, True, False]
+        watch.talker.tell(m.AssertLiveliness(publisher=watch.publisher.id))
+        assert watch.seen() == [False, True, False, True]
+        watch.world.advance(1)
+        assert watch.seen() == [False, True, False, True, False]
+
+    def test_it_is_not_alive_before_its_first_sign(self) -> None:
+        watch = Watch(MANUAL)
+        (matched,) = watch.subscription.got(m.Matched)
+        assert matched.awaits_sign
+        assert watch.seen() == [False], "for older libraries"
+        watch.world.advance(5)
+        assert (watch.lost(), watch.seen()) == (0, [False])
         watch.talker.tell(m.AssertLiveliness(publisher=watch.publisher.id))
         assert watch.seen() == [False, True]
         watch.world.advance(1)
-        assert watch.seen() == [False, True, False]
+        assert (watch.lost(), watch.seen()) == (1, [False, True, False])
+
+    def test_a_later_subscription_learns_of_the_next_sign(self) -> None:
+        watch = Watch(MANUAL)
+        watch.publisher.publish("x")
+        late = watch.listener.subscription("/topic", AUTOMATIC)
+        gone = watch.listener.subscription("/topic", AUTOMATIC)
+        gone.destroy()
+        assert late.got(m.Matched)[0].awaits_sign
+        watch.world.advance(0.5)
+        assert watch.seen(late) == []
+        watch.publisher.publish("x")
+        assert (watch.seen(), watch.seen(late), watch.seen(gone)) == ([False, True], [True], [])
+        watch.publisher.publish("x")
+        assert (watch.seen(), watch.seen(late)) == ([False, True], [True]), "once"
+        watch.world.advance(1)
+        assert (watch.seen(), watch.seen(late)) == ([False, True, False], [True, False])
+
+    def test_busd_forgets_the_matches_that_wait_for_a_sign(self) -> None:
+        watch = Watch(MANUAL)
+        watch.publisher.publish("x")
+        (entity,) = watch.world.broker.graph.topics["/topic"].publishers.values()
+        for _ in range(3):
+            late = watch.listener.subscription("/topic", AUTOMATIC)
+            assert len(entity.unaware) == 1
+            late.destroy()
+            assert not entity.unaware
+        watch.listener.subscription("/topic")
+        assert not entity.unaware, "without a lease it does not wait"
+        watch.listener.subscription("/topic", AUTOMATIC)
+        watch.world.advance(1)
+        assert not entity.unaware, "the next sign reaches all"
 
     def test_asserting_what_has_no_lease_does_nothing(self) -> None:
         watch = Watch(QoSProfile(liveliness="manual_by_topic"))
@@ -135,27 +182,30 @@ class TestManual:
 class TestLeases:
     def test_each_publisher_has_its_own(self) -> None:
         watch = Watch(AUTOMATIC)
+        watch.listener.subscription("/topic")
         slow = watch.node.publisher("/topic", QoSProfile(liveliness_lease_duration=3.0))
         watch.world.advance(2)
         assert slow.got(m.LivelinessLost) == []
         watch.world.advance(1)
         assert len(slow.got(m.LivelinessLost)) == 1
-        told = [change.publisher for change in watch.subscription.got(m.LivelinessChanged)]
-        assert told == [watch.publisher.id, slow.id]
+        told = [one.publisher for one in watch.listener.messages if isinstance(one, m.LivelinessChanged)]
+        assert told == [watch.publisher.id, watch.publisher.id, slow.id]
 
     def test_a_lease_longer_than_the_brokers(self) -> None:
         """The process must give signs of life more often than its publisher."""
         watch = Watch(QoSProfile(liveliness_lease_duration=25.0, liveliness="manual_by_topic"))
+        watch.publisher.publish("x")
         for _ in range(24):
             watch.world.advance(1)
             watch.talker.tell(m.Ping())
             watch.listener.tell(m.Ping())
         assert watch.lost() == 0
         watch.world.advance(1)
-        assert (watch.lost(), watch.seen()) == (1, [False])
+        assert (watch.lost(), watch.seen()) == (1, [False, True, False])
 
     def test_a_sign_late_in_a_long_lease(self) -> None:
         watch = Watch(QoSProfile(liveliness_lease_duration=25.0, liveliness="manual_by_topic"))
+        watch.publisher.publish("x")
         for second in range(48):
             watch.world.advance(1)
             watch.talker.tell(m.Ping())
@@ -174,10 +224,11 @@ class TestLeases:
 
     def test_one_that_has_lost_it_may_go(self) -> None:
         watch = Watch(MANUAL)
+        watch.publisher.publish("x")
         watch.world.advance(1)
         watch.publisher.destroy()
         watch.talker.tell(m.Ping())
-        assert watch.seen() == [False]
+        assert watch.seen() == [False, True, False]
         assert watch.subscription.got(m.Unmatched)
 
 

@@ -65,16 +65,20 @@ def test_a_match_that_ends_before_it_is_told_that_its_publisher_lost_its_lease(w
     leased = QoSProfile(liveliness="manual_by_topic", liveliness_lease_duration=1.0)
     publisher = talker.publisher("/t", leased)
     subscriptions = [listener.subscription("/t") for _ in range(many)]
+    publisher.publish("x")
+    world.advance(0)
+    before = [one.got(m.LivelinessChanged) for one in subscriptions]
+    assert [[told.alive for told in one] for one in before] == [[False, True]] * many
     world.budget, world.now_ns = 1, world.now_ns + SECOND
     while not publisher.got(m.LivelinessLost):
         tick(world)
-    told = [one for one in subscriptions if one.got(m.LivelinessChanged)]
+    told = [one for one in subscriptions if len(one.got(m.LivelinessChanged)) == 3]
     assert 0 < len(told) < many, "there was only one piece"
     gone = next(one for one in subscriptions if one not in told)
     gone.destroy()
     world.advance(0.1)
-    assert [len(one.got(m.LivelinessChanged)) for one in subscriptions if one is not gone] == [1] * (many - 1)
-    assert not gone.got(m.LivelinessChanged)
+    assert [len(one.got(m.LivelinessChanged)) for one in subscriptions if one is not gone] == [3] * (many - 1)
+    assert len(gone.got(m.LivelinessChanged)) == 2
 
 
 class TestSilence:
