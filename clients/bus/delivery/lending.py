@@ -24,9 +24,8 @@ class Lender(Protocol):
     @property
     def goes_by_socket(self) -> bool: ...
 
-    @property
-    def can_lend(self) -> bool:
-        """Whether no sample from other threads comes first.
+    def may_put(self) -> bool:
+        """Publish the samples of other threads first; returns whether there was room for all.
 
         Raises LocalProtocolError while a loan is open.
         """
@@ -65,7 +64,7 @@ class Lending:
         if not self._port.owns_thread():
             raise LocalProtocolError("a loan can only be had on the event loop's thread")
         sender, ring = self._sender, self._sender.ring
-        if not sender.can_lend:
+        if not sender.may_put():
             sender.refuse()
             return None
         start = len(before)

@@ -143,7 +143,8 @@ class Sender:
         self.last_ns = port.now_ns()
         """Time of the last sample. The quick ways don't set it, because a deadline closes them."""
         self._room = _Room(port.waiters())
-        self._from_threads = ThreadQueue(QUEUE_BYTES)
+        # Samples of other threads come first: from the first one on, `put` looks at their queue.
+        self._from_threads = ThreadQueue(QUEUE_BYTES, lambda: self.quick.set())
         self.socket = SocketSender(port, owner, self._from_threads)
         self.ring = ring
         self._last_by_socket_ns = 0
@@ -206,8 +207,7 @@ class Sender:
         stamp_ns = self._port.now_ns()
         if not self._port.owns_thread():
             return self._put_from_thread(bytes(joined(parts)), stamp_ns)
-        self._check_loan()
-        return self._room.refuse() if self._from_threads.late else self.put_now(parts, stamp_ns)
+        return self.put_now(parts, stamp_ns) if self.may_put() else self._room.refuse()
 
     def lend(self, before: bytes, size: int, after: bytes) -> "Loan | None":
         """Lend a place for `size` bytes of a sample with a known rest; None if `put` would return False.
@@ -223,13 +223,14 @@ class Sender:
         self.lending = Lending(self._port, self._owner, self)
         return self.lending
 
-    @property
-    def can_lend(self) -> bool:
-        """Whether no sample from other threads comes first.
+    def may_put(self) -> bool:
+        """Publish the samples of other threads first; returns whether there was room for all.
 
         Raises LocalProtocolError while a loan is open.
         """
         self._check_loan()
+        if self._from_threads.count:
+            self._collect_from_threads()
         return not self._from_threads.late
 
     @property
@@ -406,7 +407,12 @@ class Sender:
         keeps."""
         ring, socket, qos = self.ring, self.socket, self._owner.qos
         socket.set_use(is_read=ring is None or socket.recipients.are_there)
-        if self._totals is not None or self._from_threads.late or qos.deadline is not None:
+        self._open_quick_ways(ring, socket, qos)
+        if self._from_threads.count:  # perhaps another thread has published, and closed them, meanwhile
+            self.quick.set()
+
+    def _open_quick_ways(self, ring: ShmSender | None, socket: SocketSender, qos: QoSProfile) -> None:
+        if self._totals is not None or self._from_threads.count or qos.deadline is not None:
             self.quick.set()
         elif ring is None:
             if self.lending is not None and self.lending.is_open:

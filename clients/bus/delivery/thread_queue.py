@@ -11,14 +11,16 @@ class ThreadQueue:
     """The queue between other threads and the event loop.
 
     `count` and `held_bytes` (records with their heads): samples put and not yet handed over. `late`: payloads
-    with their stamps, collected while there was no room for them.
+    with their stamps, collected while there was no room for them. `on_first` is called, in the thread that
+    publishes, with the first sample since the loop has collected: before `put` returns in any thread.
     """
 
-    def __init__(self, limit_bytes: int) -> None:
+    def __init__(self, limit_bytes: int, on_first: Callable[[], object] = bool) -> None:
         self.count = 0
         self.held_bytes = 0
         self.late: deque[tuple[bytes, int]] = deque()
         self._limit_bytes = limit_bytes
+        self._on_first = on_first
         self._lock = Lock()
         self._samples: deque[tuple[bytes, int]] = deque()
         self._skipped = 0
@@ -38,6 +40,8 @@ class ThreadQueue:
                 self._hold(-1, -len(self._samples.popleft()[0]))
                 self._skipped += 1
             must_tell, self._is_announced = not self._is_announced, True
+            if must_tell:
+                self._on_first()
             return must_tell
 
     def collect(self) -> int:

@@ -11,59 +11,10 @@ from bus.errors import ConnectionClosed, ForkError, LocalProtocolError
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
-from bus.wire import messages as m
-from busd.core.limits import Limits
 from by_route import by_either, by_shared_memory
 from client_world import Client, ClientWorld, Numbered
 from list_port import Task
-
-PADDING = "x" * 20_000
-LAST_10, KEEP_ALL = QoSProfile(10), QoSProfile(history="keep_all")
-HISTORY = QoSProfile(10, durability="transient_local")
-
-
-class Pair:
-    """A talker and a listener, each a process, with a publisher and its matched subscription."""
-
-    def __init__(
-        self, route: str, qos: QoSProfile = LAST_10, requested: QoSProfile | None = None, world: Any = None
-    ) -> None:
-        self.world: ClientWorld = world or ClientWorld()
-        self.talker = self.world.client(shares=route == "shm")
-        self.listener = self.world.client(shares=route == "shm")
-        self.subscription = self.listener.subscription(requested or qos)
-        self.world.settle()
-        self.publisher = self.talker.publisher(qos)
-        self.world.settle()
-        assert [match.route for match in self.publisher.matches] == [route]
-
-    def publish(self, count: int = 1, padding: str = "") -> int:
-        taken = self.talker.publish(self.publisher, count, padding)
-        self.world.settle()
-        return taken
-
-    def heard(self, subscription: Subscription[Numbered] | None = None) -> list[int]:
-        return heard(self.listener, subscription or self.subscription)
-
-    @property
-    def dropped(self) -> dict[str, int]:
-        return self.subscription.statistics().dropped
-
-    def refuse(self) -> None:
-        """The subscription's process cannot read the ring; busd tells it to leave the ring."""
-        core = self.subscription._core
-        refusal = m.RefuseRoute(endpoint=core.id, other=self.publisher._core.id, text="a test")
-        self.listener.send_about(core, refusal)
-
-    def route(self) -> str:
-        (match,) = self.publisher.matches
-        return match.route
-
-
-def heard(client: Client, subscription: Subscription[Numbered]) -> list[int]:
-    found = [number for _, number in client.take(subscription)]
-    assert found == sorted(set(found)), "each once, in order"
-    return found
+from sender_pair import HISTORY, KEEP_ALL, LAST_10, PADDING, Pair, heard
 
 
 def sending(client: Client, publisher: Publisher[Numbered], padding: str = PADDING) -> Task:
@@ -492,76 +443,6 @@ class TestLoan:
         assert loan.publish()
         world.settle()
         assert heard(listener, subscription) == [1]
-
-    @by_either
-    def test_what_other_threads_publish_meanwhile_comes_after_it(self, route: str) -> None:
-        pair = Pair(route)
-        encoded = [pair.publisher._encode(Numbered(0, number)) for number in (1, 2)]
-        loan = pair.publisher._sender.lend(b"", len(encoded[0]), b"")
-        assert loan is not None
-        from_thread(pair.talker, pair.publisher, encoded[1])
-        pair.world.settle()
-        loan.buffer[:] = encoded[0]
-        assert loan.publish()
-        pair.world.settle()
-        assert pair.heard() == [1, 2]
-
-
-def from_thread(client: Client, publisher: Publisher[Numbered], payload: bytes) -> bool:
-    """Publish as another thread does."""
-    client.is_mine = False
-    try:
-        return publisher._put(payload)
-    finally:
-        client.is_mine = True
-
-
-class TestOtherThreads:
-    @by_either
-    def test_what_they_publish_waits_for_the_loop(self, route: str) -> None:
-        pair = Pair(route)
-        for number in (1, 2):
-            assert from_thread(pair.talker, pair.publisher, pair.publisher._encode(Numbered(0, number)))
-        assert pair.publisher.statistics().published == 0
-        pair.world.settle()
-        assert pair.heard() == [1, 2]
-
-    @by_either
-    def test_of_keep_all_they_may_take_all_the_room_in_one_turn(self, route: str) -> None:
-        world = ClientWorld(Limits(keep_all_window_messages=10))
-        pair = Pair(route, KEEP_ALL, world=world)
-        encode = pair.publisher._encode
-        number = 0
-        for _ in range(2):
-            while from_thread(pair.talker, pair.publisher, encode(Numbered(0, number + 1))):
-                number += 1
-                assert number <= 20
-            pair.world.settle()
-            assert heard(pair.listener, pair.subscription)[-1] == number
-            pair.world.advance(1)
-        assert number == 20
-        assert pair.publish() == 1
-        assert pair.heard() == [21]
-
-    @by_either
-    def test_of_keep_all_they_take_no_more_room_than_there_is(self, route: str) -> None:
-        pair = Pair(route, KEEP_ALL)
-        number = 0
-        payload = b""
-        while number < 10_000:
-            payload = pair.publisher._encode(Numbered(0, number + 1, PADDING))
-            if not from_thread(pair.talker, pair.publisher, payload):
-                break
-            number += 1
-            pair.world.settle()
-            if pair.publisher.statistics().queued:
-                break
-        assert 10 < number < 10_000
-        for _ in range(3):
-            pair.heard()
-            pair.world.advance(0.1)
-        assert pair.publisher.statistics().queued == 0
-        assert pair.dropped == {}
 
 
 class TestEnd:

@@ -116,3 +116,13 @@ def test_samples_for_which_a_ring_has_room_just_before_the_sleep_are_tried_again
         world.settle()
     assert found == [*range(1, number + 1)]
     assert publisher.statistics().queued == 0
+
+
+def test_the_first_sample_is_told_before_it_can_be_collected() -> None:
+    told = list[int]()
+    queue = ThreadQueue(1000, lambda: told.append(queue.count))
+    for stamp in range(3):
+        queue.put(b"a", stamp, MANY)
+    queue.collect()
+    queue.put(b"b", 3, MANY)
+    assert told == [1, 4]
