@@ -6,6 +6,7 @@ if it was not built. Must not know the wire, the loop, or which endpoints match.
     Python   `segments.py` (make segments), `descriptors.py` (check received descriptors),
              `headroom.py` (free memory), `openfiles.py` (numbers of descriptors)
     binding  `py.h`, py_*.c: one file for each type; `_core.pyi` has their types
+             `py_fields.c` makes messages of rclpy, without shared memory
     C        `ring.h`, `writer.h`, `reader.h`, `feed.h`, `gates.h`, `doorbell.h`: the algorithm, no Python
 
 Invariants:

@@ -464,3 +464,42 @@ def timerfd_create() -> int:
 
 def timerfd_settime(descriptor: int, due_ns: int, /) -> None:
     """Make the timer readable when the monotonic clock reaches `due_ns`, and not before; 0: never."""
+
+class MessageField:
+    """The descriptor of one field of a class that looks like rosidl's; the class has MessageBase as a base.
+
+    A value is stored at once if there is no `check`, or if its class is `usual`, an int is in `least` to
+    `most`, and a float is not above `largest` in size. All other values go to `check`, which returns the
+    value to store, or raises.
+    """
+
+    __doc__: str
+    def __init__(
+        self,
+        slot: MemberDescriptorType,
+        doc: str,
+        check: Callable[[Any], object] | None = None,
+        usual: type | None = None,
+        least: int = 0,
+        most: int = 0,
+        largest: float = ...,
+    ) -> None: ...
+
+class MessageFields:
+    """All fields of a class, its attribute `__message_fields__`, for its constructor.
+
+    A member is a tuple: its name, its field, its value without an argument, and whether that is a function
+    that makes the value. `strange` is called with arguments that are not all in `known`.
+    """
+
+    def __init__(
+        self,
+        known: frozenset[str],
+        strange: Callable[[dict[str, object], frozenset[str]], object],
+        members: tuple[tuple[str, MessageField, Any, bool], ...],
+    ) -> None: ...
+
+class MessageBase:
+    """The constructor of a class with the attribute `__message_fields__`, with keyword arguments only."""
+
+    def __init__(self, **given: object) -> None: ...

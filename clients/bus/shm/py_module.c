@@ -51,6 +51,9 @@ static int core_exec(PyObject *module)
         || add_type(module, &plan_spec, &state->plan, true) < 0
         || add_type(module, &sending_spec, &state->sending, false) < 0
         || add_type(module, &sends_spec, NULL, true) < 0
+        || add_type(module, &field_spec, &state->field, true) < 0
+        || add_type(module, &fields_spec, NULL, true) < 0
+        || add_type(module, &base_spec, NULL, true) < 0
         || add_type(module, &writer_spec, NULL, true) < 0
         || add_type(module, &run_spec, NULL, true) < 0
         || add_type(module, &reader_spec, NULL, true) < 0)
@@ -79,6 +82,7 @@ static int core_traverse(PyObject *module, visitproc visit, void *arg)
     Py_VISIT(state->loan);
     Py_VISIT(state->plan);
     Py_VISIT(state->sending);
+    Py_VISIT(state->field);
     return 0;
 }
 
@@ -92,6 +96,7 @@ static int core_clear(PyObject *module)
     Py_CLEAR(state->loan);
     Py_CLEAR(state->plan);
     Py_CLEAR(state->sending);
+    Py_CLEAR(state->field);
     return 0;
 }
 

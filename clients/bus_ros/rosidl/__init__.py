@@ -11,6 +11,7 @@ Invariants:
 
 - A class, its attributes, errors and `repr` look the same as classes that rosidl generates.
 - The bytes equal the bytes of the native class of the same name, so programs of both kinds match.
+- The native constructors and setters do the same as the compiled ones.
 - Source is compiled only from definitions. Their grammar allows only plain identifiers.
 
 Read first: `classes.py`. Tests: `tests/unit/bus_ros/rosidl/`, `tests/system/test_rosidl_topics.py`.

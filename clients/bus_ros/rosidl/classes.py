@@ -1,7 +1,7 @@
 """The rosidl-style classes of messages, services and actions, made from their definitions at first use.
 
-Owns: one class for each name, its constructor and setters (compiled from source, as dataclasses does),
-copying and pickling of messages, and the way to its TypeSupport. Must not know: the wire, import hooks.
+Owns: one class for each name, copying and pickling of messages, and the way to its TypeSupport. Must not
+know: the wire, import hooks.
 
     >>> message_class("std_msgs/msg/String")(data="hi")
     std_msgs.msg.String(data='hi')
@@ -9,16 +9,15 @@ copying and pickling of messages, and the way to its TypeSupport. Must not know:
 
 import os
 import re
-from collections.abc import Callable, Mapping
-from operator import attrgetter
+from collections.abc import Mapping
 from threading import RLock
 from typing import Any, Final, NoReturn
 
 from bus.errors import ConfigurationError
 from bus.types.classes import described_service
 from bus.types.definitions import check_size, find_message, full_name
-from bus.types.idl import INTEGERS, PARTS, Field, Type
-from bus_ros.rosidl import fields, numbers
+from bus.types.idl import PARTS
+from bus_ros.rosidl import fields, setters
 from bus_ros.rosidl.message import RosMessage
 
 __all__ = ["action_class", "message_class", "module_of", "service_class"]
@@ -156,16 +155,19 @@ def _make(name: str) -> type[RosMessage]:
     nested = {
         field.name: message_class(field.type.base) for field in definition.fields if "/" in field.type.base
     }
-    is_strict = os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1"
-    checks = {
-        field.name: fields.checker(field, nested.get(field.name), is_strict=is_strict)
-        for field in definition.fields
-    }
-    functions = _functions(name, definition.fields, nested, checks)
+    mode = os.environ.get("ROS_PYTHON_CHECK_FIELDS")
+    members = []
+    for field in definition.fields:
+        check_size(name, field)
+        inner = nested.get(field.name)
+        check = (
+            fields.loose(field.type) if mode == "0" else fields.checker(field, inner, is_strict=mode == "1")
+        )
+        made_of = setters.member(field, inner, check)
+        members.append(made_of._replace(usual=None) if mode == "0" else made_of)
     namespace: dict[str, object] = {
         "__slots__": [f"_{field.name}" for field in definition.fields],
         "__module__": module_of(name),
-        "__init__": functions["__init__"],
         "__type_name__": name,
         "__type_support__": classmethod(_type_support),
         "__reduce__": _reduce,
@@ -173,13 +175,15 @@ def _make(name: str) -> type[RosMessage]:
         "__nested__": nested,
         "_fields_and_field_types": {field.name: fields.type_text(field.type) for field in definition.fields},
     }
-    for index, field in enumerate(definition.fields):
-        get, text = attrgetter(f"_{field.name}"), f"Message field '{field.name}'."
-        namespace[field.name] = property(get, functions[f"set{index}"], doc=text)
+    for field in definition.fields:
         if field.default is not None:
-            namespace[f"{field.name.upper()}__DEFAULT"] = _plain_default(field)
+            namespace[f"{field.name.upper()}__DEFAULT"] = setters.plain_default(field)
     namespace |= {constant.name: constant.value for constant in definition.constants}
-    cls: Any = type(name.rpartition("/")[2], (RosMessage,), namespace)
+    native = setters.bases()
+    cls: Any = type(name.rpartition("/")[2], (RosMessage, *native), namespace)
+    (setters.add_native if native else setters.add_compiled)(
+        cls, members, _ignored if mode == "0" else _strange
+    )
     cls.__generated__ = cls
     made: type[RosMessage] = cls
     return made
@@ -210,43 +214,6 @@ def _again(which: str | type[RosMessage], values: tuple[object, ...]) -> RosMess
     return made
 
 
-def _functions(
-    name: str,
-    members: tuple[Field, ...],
-    nested: dict[str, type[RosMessage]],
-    checks: dict[str, fields.Check],
-) -> dict[str, Any]:
-    """Compile `__init__`, and a setter for each field."""
-    is_checked = os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0"
-    names: dict[str, Any] = {"known": frozenset(field.name for field in members), "strange": _strange}
-    setters: list[str] = []
-    given, bare = ["  if not known.issuperset(given): strange(given, known)"], []
-    for index, field in enumerate(members):
-        check_size(name, field)
-        condition: str | None = "True"
-        if is_checked:
-            condition = _doubt(field.type, names, nested.get(field.name))
-            names[f"check{index}"] = checks[field.name]
-        elif (convert := fields.loose(field.type)) is None:
-            condition = None
-        else:
-            names[f"check{index}"] = convert
-        setters.append(f"def set{index}(self, value):")
-        if condition is not None:
-            setters.append(f" if {condition}: value = check{index}(value)")
-        setters.append(f" self._{field.name} = value")
-        default = _default(index, field, nested.get(field.name), names)
-        given.append(f"  if {field.name!r} in given: set{index}(self, given[{field.name!r}])")
-        given.append(f"  else: self._{field.name} = {default}")
-        bare.append(f"  self._{field.name} = {default}")
-    names["strange"] = _strange if is_checked else _ignored
-    lines = [*setters, "def __init__(self, /, **given):", " if given:", *given]
-    if bare:
-        lines += [" else:", *bare]
-    exec(compile("\n".join(lines), f"<class of {name}>", "exec"), names)
-    return names
-
-
 def _strange(given: Mapping[str, object], known: frozenset[str]) -> None:
     unknown = sorted(given.keys() - known - {"check_fields"})
     if unknown:
@@ -255,67 +222,3 @@ def _strange(given: Mapping[str, object], known: frozenset[str]) -> None:
 
 def _ignored(given: Mapping[str, object], known: frozenset[str]) -> None:
     """Accept unknown fields: nothing is checked."""
-
-
-def _doubt(type_: Type, names: dict[str, object], nested: type[RosMessage] | None) -> str:
-    """A condition for the full check of a value."""
-    if type_.array or type_.base == "byte" or type_.string_bound is not None:
-        return "True"
-    if nested is not None:
-        names[f"class_{nested.__name__}_{id(nested)}"] = nested
-        return f"value.__class__ is not class_{nested.__name__}_{id(nested)}"
-    if type_.base == "float32":
-        most = fields.FLOAT32_MOST
-        return f"value.__class__ is not float or not -{most!r} <= value <= {most!r}"
-    if type_.base in numbers.CODES and type_.base != "float64":
-        least, greatest = INTEGERS[type_.base]
-        return f"value.__class__ is not int or not {least} <= value <= {greatest}"
-    kind = {"bool": "bool", "float64": "float"}.get(type_.base, "str")
-    return f"value.__class__ is not {kind}"
-
-
-def _default(index: int, field: Field, nested: type[RosMessage] | None, names: dict[str, object]) -> str:
-    """An expression for the default of a field."""
-    type_, name = field.type, f"default{index}"
-    if nested is not None:
-        names[name] = nested
-        if type_.array == "fixed":
-            return f"[{name}() for _ in range({type_.size})]"
-        return "[]" if type_.array else f"{name}()"
-    if not type_.array:
-        names[name] = _plain_default(field)
-        return name
-    if type_.base in numbers.CODES:
-        names[name] = _numbers(type_, field.default)
-        return f"{name}()"
-    values = _plain_default(field)
-    if not values:
-        return "[]"
-    names[name] = values
-    return f"{name}.copy()"
-
-
-def _numbers(type_: Type, default: tuple[float, ...] | None) -> Callable[[], object]:
-    code, values = numbers.CODES[type_.base], list(default or ())
-    if type_.array != "fixed":
-        return lambda: numbers.sequence(code, values)
-    # Not before the first such message is made: it needs numpy.
-    zeros = values or [0] * type_.size
-    return lambda: numbers.fixed(code)(zeros)
-
-
-def _plain_default(field: Field) -> object:
-    type_ = field.type
-    if type_.array:
-        if field.default is not None:
-            return list(field.default)
-        return [_zero(type_.base)] * (type_.size if type_.array == "fixed" else 0)
-    return _zero(type_.base) if field.default is None else field.default
-
-
-def _zero(base: str) -> object:
-    if base == "byte":
-        return b"\x00"
-    if base == "bool":
-        return False
-    return "" if base.endswith("string") else 0.0 if base.startswith("float") else 0
