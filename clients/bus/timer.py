@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from bus.base.callbacks import callback_name, is_async
+from bus.base.callbacks import callback_name, is_async, refuse_coroutine
 from bus.clock import Clock
 from bus.errors import ConfigurationError
 
@@ -158,7 +158,8 @@ class Timer:
             self._task = self._loop.create_task(self._run(), name="timer callback")
             return
         try:
-            self._callback()
+            if (answer := self._callback()) is not None:
+                refuse_coroutine(self._callback, answer)
         except Exception as error:
             self._on_error(error)
 

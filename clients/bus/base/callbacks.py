@@ -4,12 +4,20 @@ info."""
 import inspect  # slow to load, so its names are only used if necessary
 from collections.abc import Callable
 from functools import partial
-from types import FunctionType, MethodType
-from typing import Final
+from types import CoroutineType, FunctionType, MethodType
+from typing import Any, Final
 
 from bus.base.awaited import is_to_be_awaited
 
-__all__ = ["callback_name", "ignore", "is_async", "takes", "takes_info"]
+__all__ = [
+    "callback_name",
+    "callback_place",
+    "ignore",
+    "is_async",
+    "refuse_coroutine",
+    "takes",
+    "takes_info",
+]
 
 _HAS_REST: Final = 0x04
 _IS_COROUTINE: Final = 0x80
@@ -22,6 +30,29 @@ def callback_name(callback: Callable[..., object]) -> str:
     while isinstance(callback, partial):
         callback = inspect.unwrap(callback.func)
     return getattr(callback, "__qualname__", type(callback).__qualname__)
+
+
+def callback_place(callback: Callable[..., object]) -> str:
+    """Module and line, as ` (module:12)`; nothing for callables without Python code."""
+    function: Any = inspect.unwrap(callback)
+    while isinstance(function, partial):
+        function = inspect.unwrap(function.func)
+    code = getattr(function, "__code__", None)
+    return "" if code is None else f" ({function.__module__}:{code.co_firstlineno})"
+
+
+def refuse_coroutine(callback: Callable[..., object], answer: object) -> None:
+    """Raises TypeError if a callback that is not async has returned a coroutine: nothing would run it.
+
+    The native reader calls this, too, with awaitable objects.
+    """
+    if isinstance(answer, CoroutineType):
+        answer.close()  # otherwise Python warns, and names a line of the caller
+        raise TypeError(
+            f"callback {callback_name(callback)}{callback_place(callback)} returned the coroutine "
+            f"{answer.__qualname__}, which nothing would run: make the callback async def, or pass the async "
+            "def itself, or functools.partial of it"
+        )
 
 
 def is_async(callback: Callable[..., object]) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from time import monotonic_ns
 from typing import Any, Generic, TypeVar
 
-from bus.base.callbacks import is_async, takes_info
+from bus.base.callbacks import is_async, refuse_coroutine, takes_info
 from bus.delivery.port import Port
 from bus.delivery.receiver import Receiver, Taken
 from bus.diagnostics.slow_callback import SLOW_NS
@@ -102,7 +102,8 @@ class Dispatcher(Generic[M]):
         state.is_busy = True
         began_ns = monotonic_ns()
         try:
-            self._callback(taken[0])
+            if (answer := self._callback(taken[0])) is not None:
+                refuse_coroutine(self._callback, answer)
         except Exception as error:
             self._on_error(error)
         finally:
@@ -128,17 +129,17 @@ class Dispatcher(Generic[M]):
                 if not wants_info and (messages := receiver.take_messages(number)):
                     calls += len(messages)
                     if len(messages) == 1:
-                        callback(messages[0])
+                        if (answer := callback(messages[0])) is not None:
+                            refuse_coroutine(callback, answer)
                     else:
                         self._call_with(messages)
                 elif (taken := receiver.take(number)) is None:
                     return
                 else:
                     calls += 1
-                    if wants_info:
-                        callback(taken[0], self._make_info(taken))
-                    else:
-                        callback(taken[0])
+                    info = (self._make_info(taken),) if wants_info else ()
+                    if (answer := callback(taken[0], *info)) is not None:
+                        refuse_coroutine(callback, answer)
                 if calls < number:
                     continue
                 if not receiver.has_more:
@@ -171,7 +172,8 @@ class Dispatcher(Generic[M]):
         callback, left = self._callback, iter(messages)
         try:
             for message in left:
-                callback(message)
+                if (answer := callback(message)) is not None:
+                    refuse_coroutine(callback, answer)
                 if self._has_ended:
                     break
         finally:

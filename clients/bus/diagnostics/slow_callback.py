@@ -7,7 +7,6 @@ The callers of plain callbacks of subscriptions time them (`bus.delivery.dispatc
 because a wrapper would cost a tenth of a quick message. All other callbacks are wrapped.
 """
 
-import inspect  # maybe not loaded yet: see bus.base.lean_asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Generator
 from functools import partial, wraps
 from time import monotonic_ns
@@ -15,7 +14,7 @@ from types import CoroutineType, coroutine
 from typing import Any
 
 from bus.base.awaited import mark_to_be_awaited
-from bus.base.callbacks import callback_name, is_async
+from bus.base.callbacks import callback_name, callback_place, is_async
 from bus.logger import Logger
 from bus.names import is_hidden_node
 
@@ -41,7 +40,7 @@ class SlowWatch:
         """Note a call, or several without a pause, that took SLOW_NS or more."""
         if not self._is_warned:
             self._is_warned = True
-            name = f"{callback_name(self._callback)}{_place(self._callback)}"
+            name = f"{callback_name(self._callback)}{callback_place(self._callback)}"
             self._logger.warning(
                 f"callback {name} of {self._what} held up the event loop for {took_ns / 1e6:.0f} ms, "
                 "in which nothing else ran: make it async def, with await asyncio.to_thread(...) for the "
@@ -127,12 +126,3 @@ def _go_on(
             del go_on  # with the error, it would be part of a cycle
             if (took_ns := monotonic_ns() - began_ns) >= SLOW_NS:
                 note(took_ns)
-
-
-def _place(callback: Callable[..., Any]) -> str:
-    """Module and line; nothing for callables without Python code."""
-    function: Any = inspect.unwrap(callback)
-    while isinstance(function, partial):
-        function = inspect.unwrap(function.func)
-    code = getattr(function, "__code__", None)
-    return "" if code is None else f" ({function.__module__}:{code.co_firstlineno})"

@@ -341,6 +341,20 @@ static void tell_slow(PyObject *on_slow, uint64_t took_ns)
     PyErr_Restore(type, error, traceback);
 }
 
+/* Raises TypeError if a callback has returned a coroutine: nothing would run it. */
+static int refuse_coroutine(PyObject *callback, PyObject *answer)
+{
+    if (answer == Py_None || PyType_GetSlot(Py_TYPE(answer), Py_am_await) == NULL)
+        return 0;
+    PyObject *module = PyImport_ImportModule("bus.base.callbacks");
+    if (module == NULL)
+        return -1;
+    PyObject *done = PyObject_CallMethod(module, "refuse_coroutine", "OO", callback, answer);
+    Py_DECREF(module);
+    Py_XDECREF(done);
+    return done == NULL ? -1 : 0;
+}
+
 /* Calls back for the oldest message; only if the reader is ready. 1: no more messages; 0: the owner must check; -1: an
  * error. */
 int reader_deliver(Reader *self)
@@ -360,6 +374,8 @@ int reader_deliver(Reader *self)
         const uint64_t took_ns = coarse_now_ns() - began_ns;
         if (took_ns >= SLOW_NS && on_slow != Py_None)
             tell_slow(on_slow, took_ns);
+        if (answer != NULL && refuse_coroutine(callback, answer) < 0)
+            Py_CLEAR(answer);
         if (status == 0 && answer == NULL)
             status = handle(on_error);
         if (status == 0)

@@ -5,7 +5,9 @@ from functools import partial, wraps
 from inspect import Parameter, Signature, iscoroutinefunction, signature
 from typing import Any
 
-from bus.base.callbacks import is_async, takes, takes_info
+import pytest
+
+from bus.base.callbacks import is_async, refuse_coroutine, takes, takes_info
 from rows import for_each
 
 
@@ -121,3 +123,26 @@ def test_parts_of_functions() -> None:
 def test_objects_that_are_called() -> None:
     assert is_async(Waits()) and not is_async(STATION)
     assert takes_info(STATION) and not takes_info(Waits())
+
+
+async def work() -> None: ...
+
+
+def test_a_coroutine_of_a_callback_that_is_not_async() -> None:
+    def outer() -> Callable[[], object]:
+        return lambda: work()
+
+    callback = outer()
+    line = callback.__code__.co_firstlineno
+    with pytest.raises(TypeError) as caught:
+        refuse_coroutine(partial(callback), callback())
+    assert str(caught.value) == (
+        f"callback {outer.__qualname__}.<locals>.<lambda> ({__name__}:{line}) returned the coroutine work, "
+        "which nothing would run: make the callback async def, or pass the async def itself, or "
+        "functools.partial of it"
+    )
+
+
+def test_other_answers_of_a_callback() -> None:
+    for answer in (None, 5, work, iter(())):
+        refuse_coroutine(print, answer)
