@@ -53,6 +53,12 @@ class OpenRun(Protocol):
 
     begins_below: int
     """They begin a run only with a payload that is shorter than this."""
+    longest: int
+    """The largest encoding for `publish`."""
+    is_long: bool
+    """`publish` has encoded a longer message: it takes no more until this is set to False.
+
+    So the next long message can be encoded around its long field, which is then not copied."""
 
     def begin_by(self, begun: Callable[[int], object], may_begin: Callable[[int], bool] | None, /) -> None:
         """Set the calls at the beginning of a run by a quick way.
@@ -87,7 +93,8 @@ class PythonRun:
 
     def __init__(self) -> None:
         self.samples = self.size = self.budget = self.begins_below = 0
-        self.most = UNBOUNDED
+        self.most = self.longest = UNBOUNDED
+        self.is_long = False
         self.thread = get_ident()
         self.is_mine: Callable[[], bool] | None = None
         self._parts: list[bytes] = []  # heads and payloads in turn
@@ -131,7 +138,7 @@ class PythonRun:
         self._kind, self._is_valid, self._encode = kind, is_valid, encode
 
     def publish(self, message: Any, /) -> bool | bytes:
-        if type(message) is not self._kind or not self._is_home():
+        if type(message) is not self._kind or self.is_long or not self._is_home():
             return False
         try:
             payload = self._encode(message) if self._is_valid(message) else None
@@ -139,6 +146,7 @@ class PythonRun:
             return False
         if not isinstance(payload, bytes):
             return False
+        self.is_long = len(payload) > self.longest
         return self._take(payload) or payload
 
     def write(self, payload: Buffer, /) -> bool:

@@ -198,6 +198,7 @@ class Sender:
         """Allow the quick way again, because the current message has no long field."""
         if (ring := self.ring) is not None:  # read once: the loop's thread may end it meanwhile
             ring.writer.is_long = False
+        self.socket.run.is_long = False
 
     def put(self, *parts: Buffer | str) -> bool:
         """Take a sample, given in parts, by the slow way, which checks loans, threads and room.
@@ -456,7 +457,9 @@ class Sender:
         goes_by_socket = socket.use is not _UNUSED
         if goes_by_socket and not has_room and not socket.can_take(sum(map(len, parts))):
             return self._room.refuse(lacks_credit=True)
-        payload = joined(parts) if goes_by_socket else b""  # first: it fails if memory is lacking
+        payload: Buffer | shm.native.Parts = b""
+        if goes_by_socket:  # first: it fails if memory is lacking
+            payload = socket.long_record(parts, stamp_ns) or joined(parts)
         if self.ring is not None and not self.ring.put(parts, stamp_ns):
             return self._room.refuse()
         if goes_by_socket:
@@ -487,9 +490,11 @@ class Sender:
                 f"a loan on '{self._owner.topic_name}' is open: publish or discard it first"
             )
 
-    def _put_in_socket(self, payload: Buffer, stamp_ns: int) -> None:
+    def _put_in_socket(self, payload: "Buffer | shm.native.Parts", stamp_ns: int) -> None:
         self._last_by_socket_ns = stamp_ns
-        if not self.socket.run.add(payload, stamp_ns):
+        if not isinstance(payload, bytes | bytearray | memoryview):
+            self.socket.put_long(payload, stamp_ns)
+        elif not self.socket.run.add(payload, stamp_ns):
             self.socket.put(payload, stamp_ns)
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:

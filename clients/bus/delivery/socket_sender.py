@@ -8,16 +8,18 @@ latency of one system call, and a flood its throughput. Does not know messages, 
 that must not miss any.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
+from bus import shm
 from bus.delivery.allowance import QUEUE_BYTES, STEP_BYTES, begin, extend
 from bus.delivery.open_run import OpenRun, open_run
 from bus.delivery.port import Owner, Port
 from bus.delivery.recipients import Recipients
 from bus.delivery.thread_queue import ThreadQueue
 from bus.qos import Durability, History
+from bus.types.large_fields import LONG_TEXT
 from bus.wire import messages as m
 from bus.wire.layout import (
     DATA_HEAD_BYTES,
@@ -93,6 +95,9 @@ class SocketSender:
         support = owner.support
         if not support.bytes_fields:  # a long field must not be encoded with the rest
             self.run.prepare(*support.steps)
+        self._has_core = shm.has_core()
+        if support.text_fields and self._has_core:
+            self.run.longest = LONG_TEXT
         self._window = _make_window(self.run, threads) if qos.is_lossless else None
         self.run.begin_by(self._begun, None if self._window is None else self._window.can_take)
         self.run.begins_below = RUN_BYTES
@@ -143,6 +148,36 @@ class SocketSender:
                 if not self.run.samples:
                     raise
                 port.gather(self._owner)  # taken: it leaves with later samples, or when the turn ends
+
+    def long_record(self, parts: Sequence[Buffer | str], stamp_ns: int) -> "shm.native.Parts | None":
+        """The record of a long sample, given in parts, for `put_long`; None if it is short or must
+        be gathered with others.
+
+        The sample leaves from where its parts lie. An open run would need a copy of it, which is two fifths
+        of a publisher's CPU time for 1 MiB.
+        """
+        size = sum(map(len, parts))
+        if size < RUN_BYTES or not self._has_core or self.use is not _READERS:
+            return None
+        return shm.native.Parts(_pack_record(size, stamp_ns), *map(_unchanging, parts))
+
+    def put_long(self, record: "shm.native.Parts", stamp_ns: int) -> None:
+        """Take a sample, given as its record, in a run for it alone, which leaves at once."""
+        self.hand_over()
+        owner, seq, size = self._owner, self.next_seq, len(record)
+        body = cast(Buffer, record)  # a buffer, too, if something reads it
+        run = Run(0, 0, seq, 1, body, is_resumed=self._is_resumed, pieces=record.pieces)
+        self.next_seq += 1
+        self.samples += 1
+        self.bytes += size - RECORD_HEAD_BYTES
+        self._is_resumed = False
+        self._port.last_sent_ns = stamp_ns
+        if self._window is not None or self._history is not None:
+            self._keep(Run(0, 0, seq, 1, body))
+        self._queue_run(run)
+        if not self.is_report_due:
+            self.is_report_due = True
+            self._port.report(owner)
 
     def skip(self, count: int) -> None:
         """Leave a gap in the numbers for samples that were replaced before they came here."""
@@ -309,6 +344,12 @@ class SocketSender:
         if self._owner.id and not recipients.awaited:
             self._port.make_ready(self.queue)
             self._port.flush()
+
+
+def _unchanging(part: Buffer | str) -> Buffer | str:
+    """The part, or a copy if its memory may change before it has left."""
+    kind = part.obj.__class__ if isinstance(part, memoryview) else part.__class__
+    return part if kind is bytes or kind is str else bytes(cast(Buffer, part))
 
 
 def _make_window(run: OpenRun, threads: ThreadQueue) -> "CreditWindow":

@@ -3,10 +3,11 @@
 import asyncio
 import contextlib
 from time import monotonic_ns
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.sender import Sender
 from bus.delivery.shm_sender import ShmSender
@@ -19,9 +20,6 @@ from bus.types.support import TypeSupport
 from bus.vocabulary import DropReason, Route
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES
-
-if TYPE_CHECKING:
-    from bus import shm
 
 __all__ = ["PublisherCore", "PublisherStatistics"]
 
@@ -85,7 +83,7 @@ class PublisherCore(EndpointCore[M]):
         self.sender = Sender(node.link, self, node.logger, ring, sends)
         self.long_fields = support.bytes_fields
         """The fields that are copied separately from the rest of the message if they are long."""
-        if ring is not None:  # for the socket, a second copy would join them with the rest
+        if ring is not None or shm.has_core():  # without the core, a copy would join them with the rest
             self.long_fields += support.text_fields
         if qos.deadline is not None:
             self.watch_deadline()

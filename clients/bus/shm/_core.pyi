@@ -406,6 +406,8 @@ class OpenRun:
     budget: int
     most: int
     begins_below: int
+    longest: int
+    is_long: bool
     thread: int
     is_mine: Callable[[], bool] | None
     def __init__(self) -> None: ...
@@ -426,6 +428,20 @@ class OpenRun:
     ) -> None: ...
     def publish(self, message: Any, /) -> bool | Bytes: ...
     def write(self, payload: Buffer, /) -> bool: ...
+
+class Parts:
+    """A long sample in pieces, each where its owner has it: buffers of bytes, or text. They must not change.
+
+    It is a buffer, too: the first use as a buffer joins the pieces, and keeps the copy.
+    """
+
+    pieces: tuple[memoryview, ...]
+    """For a text, its UTF-8."""
+    def __init__(self, *pieces: Buffer | str) -> None: ...
+    def __len__(self) -> int:
+        """Bytes of all pieces."""
+
+    def __buffer__(self, flags: int, /) -> memoryview: ...
 
 def run_messages(
     body: Buffer, offset: int, number: int, decode: Callable[[Any], M], /

@@ -64,7 +64,7 @@ static inline bool core_source_time(const unsigned char *head, int64_t *source_n
 #define FAST_KEYWORDS (METH_FASTCALL | METH_KEYWORDS)
 
 typedef struct {
-    PyTypeObject *mapping, *bell, *readers, *view, *loan, *plan, *sending, *field;
+    PyTypeObject *mapping, *bell, *readers, *view, *loan, *plan, *sending, *field, *text;
 } CoreState;
 
 typedef struct {
@@ -225,7 +225,7 @@ static inline int is_home(const struct home *home)
 
 /* Types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
-    plan_spec, run_spec, sends_spec, sending_spec, field_spec, fields_spec, base_spec;
+    plan_spec, run_spec, parts_spec, text_spec, sends_spec, sending_spec, field_spec, fields_spec, base_spec;
 
 /* py_run.c */
 PyObject *core_run_messages(PyObject *module, PyObject *const *args, Py_ssize_t count);

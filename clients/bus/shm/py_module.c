@@ -56,6 +56,8 @@ static int core_exec(PyObject *module)
         || add_type(module, &base_spec, NULL, true) < 0
         || add_type(module, &writer_spec, NULL, true) < 0
         || add_type(module, &run_spec, NULL, true) < 0
+        || add_type(module, &parts_spec, NULL, true) < 0
+        || add_type(module, &text_spec, &state->text, false) < 0
         || add_type(module, &reader_spec, NULL, true) < 0)
         return -1;
     static const struct {
@@ -83,6 +85,7 @@ static int core_traverse(PyObject *module, visitproc visit, void *arg)
     Py_VISIT(state->plan);
     Py_VISIT(state->sending);
     Py_VISIT(state->field);
+    Py_VISIT(state->text);
     return 0;
 }
 
@@ -97,6 +100,7 @@ static int core_clear(PyObject *module)
     Py_CLEAR(state->plan);
     Py_CLEAR(state->sending);
     Py_CLEAR(state->field);
+    Py_CLEAR(state->text);
     return 0;
 }
 

@@ -29,6 +29,8 @@ typedef struct {
     uint64_t room;       /* bytes of records that fit into `frame` */
     uint64_t samples, size, budget, most;
     uint64_t begins_below; /* publish() begins a run only with a shorter payload; 0: never */
+    uint64_t longest;      /* largest encoding for run_publish(); after a longer one, `is_long` turns it off */
+    char is_long;
     uint64_t before; /* size of the last run that had more than one sample; the estimate for the next */
     struct home home;
 } OpenRun;
@@ -39,7 +41,7 @@ static PyObject *run_new(PyTypeObject *type, PyObject *Py_UNUSED(args), PyObject
     if (self == NULL)
         return NULL;
     self->home.thread = PyThread_get_thread_ident();
-    self->most = UINT64_MAX;
+    self->most = self->longest = UINT64_MAX;
     return (PyObject *)self;
 }
 
@@ -215,7 +217,7 @@ static PyObject *run_publish(PyObject *object, PyObject *message)
 {
     OpenRun *self = (OpenRun *)object;
     const struct encoder *encoder = &self->encoder;
-    int status = (PyObject *)Py_TYPE(message) == encoder->kind ? is_home(&self->home) : 0;
+    int status = (PyObject *)Py_TYPE(message) == encoder->kind && !self->is_long ? is_home(&self->home) : 0;
     if (status <= 0)
         return status < 0 ? NULL : PyBool_FromLong(0);
     unsigned char bytes[PLAN_BYTES];
@@ -230,7 +232,9 @@ static PyObject *run_publish(PyObject *object, PyObject *message)
             Py_CLEAR(payload);
         if (payload == NULL)
             return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
-        status = take(self, PyBytes_AsString(payload), (uint64_t)PyBytes_Size(payload));
+        const uint64_t length = (uint64_t)PyBytes_Size(payload);
+        self->is_long = length > self->longest; /* this one is encoded already, but not the next one like it */
+        status = take(self, PyBytes_AsString(payload), length);
         if (status == 0)
             return payload;
         Py_DECREF(payload);
@@ -428,6 +432,8 @@ static PyMemberDef members[] = {
     {"budget", T_ULONGLONG, offsetof(OpenRun, budget), 0, NULL},
     {"most", T_ULONGLONG, offsetof(OpenRun, most), 0, NULL},
     {"begins_below", T_ULONGLONG, offsetof(OpenRun, begins_below), 0, NULL},
+    {"longest", T_ULONGLONG, offsetof(OpenRun, longest), 0, NULL},
+    {"is_long", T_BOOL, offsetof(OpenRun, is_long), 0, NULL},
     {"thread", T_ULONG, offsetof(OpenRun, home.thread), 0, NULL},
     {"is_mine", T_OBJECT, offsetof(OpenRun, home.is_mine), 0, NULL},
     {0},

@@ -23,6 +23,7 @@ from bus.wire.layout import (
     FRAME_HEAD_BYTES,
     LENGTH_BYTES,
     MAX_COUNT,
+    RECORD_HEAD_BYTES,
     REPLAY,
     RESUMED,
 )
@@ -33,6 +34,12 @@ MOST_CUT = 64
 """Most frames cut at a time: enough to make the call cheap, few enough to stop soon."""
 _FIRST_ROOM_BYTES = 4 << 20
 """Bytes of a long frame that are charged at first. A longer one gets its memory page by page."""
+
+_SHIFT = -(DATA_HEAD_BYTES + RECORD_HEAD_BYTES) % 8
+"""Bytes before a long frame, so that its first payload begins at a multiple of 8.
+
+A long text begins at a multiple of 8 of its payload (`bus.types.large_fields.encode_around`). If its memory
+does, too, CPython checks and copies it in one pass instead of two."""
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
 _DATA_FLAGS = REPLAY | RESUMED
@@ -252,10 +259,15 @@ class FrameReader:
                 # A buffer filled with zeros costs as much as reading into it, even if no more bytes come. A
                 # buffer by pages does not, but it is freed at once, and the next one costs the same again.
                 try:
-                    self._large = memoryview(bytearray(total)) if total == room else paged_buffer(total)
+                    large = (
+                        memoryview(bytearray(_SHIFT + total))
+                        if total == room
+                        else paged_buffer(_SHIFT + total)
+                    )
                 except MemoryError as error:
                     self._charge(-room)
                     raise RemoteProtocolError(f"a frame of {total} bytes: {error or 'no memory'}") from None
+                self._large = large[_SHIFT:]
                 self._large[:rest] = self._view[start:end]
                 self._large_room, self._large_end = room, rest
                 self.is_unfinished = True

@@ -70,10 +70,9 @@ class Outbox:
             queue = ready[0]
             turn_end = size + _TURN_BYTES
             while queue.runs and size < turn_end and len(buffers) < MAX_BUFFERS:
-                head, body = queue.pop_frame()
-                buffers.append(head)
-                buffers.append(body)
-                size += len(head) + len(body)
+                for buffer in queue.pop_frame():
+                    buffers.append(buffer)
+                    size += len(buffer)
             ready.popleft()
             if queue.runs:
                 ready.append(queue)

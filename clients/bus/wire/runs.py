@@ -64,6 +64,8 @@ class Run(msgspec.Struct, eq=False, gc=False):
     """On the way to the broker: the only subscription for the run; 0: all routed subscriptions."""
     newest_ns: int | None = None
     """The latest stamp in the run; None: not read yet. All queues of the run share it."""
+    pieces: tuple[Buffer, ...] = ()
+    """The body in pieces, if it is not in one place; the use of `body` as a buffer joins them."""
 
     def after(self, seq: int) -> "Run":
         """The rest of the run after number `seq`, which is in the run and not its last."""
@@ -350,8 +352,9 @@ class RunQueue:
         stamp_ns: int = _unpack_record(self.runs[0].body, self.offset)[1]
         return stamp_ns
 
-    def pop_frame(self) -> tuple[bytes, Buffer]:
-        """Take the rest of the oldest run, as the header and the body of a frame to `endpoint`."""
+    def pop_frame(self) -> tuple[Buffer, ...]:
+        """Take the rest of the oldest run, as the header and the body (or its pieces) of a frame to
+        `endpoint`."""
         run = self.runs[0]
         held = run.count - self.skipped
         body: Buffer = run.body
@@ -368,8 +371,9 @@ class RunQueue:
             held,
             0,
         )
+        pieces = () if self.offset else run.pieces
         self.forget_head()
-        return head, body
+        return (head, *pieces) if pieces else (head, body)
 
     def advance(self, count: int, offset: int) -> None:
         """Use up `count` more samples of the oldest run; `offset` is behind them."""

@@ -4,8 +4,10 @@ replacement.
 
 import pytest
 
+from bus import shm
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from bus.wire.layout import DATA_HEAD_BYTES, RECORD_HEAD_BYTES, RUN_BYTES
 from one_way import KEEP_ALL, OTHER, Way, numbers
 
 LAST_3 = QoSProfile(3)
@@ -59,6 +61,76 @@ class TestWhenItLeaves:
         way.sender.is_report_due = False
         way.put_apart(1)
         assert way.port.reported == [way.owner] * 2
+
+
+@pytest.mark.skipif(not shm.has_core(), reason="without the core, long samples are copied into runs")
+class TestLongSample:
+    """It leaves at once, alone, from where its parts lie."""
+
+    TEXT = "x" * RUN_BYTES
+
+    def put(self, way: Way, *parts: bytes | bytearray | str) -> None:
+        way.number += 1
+        stamp_ns = way.port.now_ns()
+        record = way.sender.long_record([b"%d" % way.number, *parts], stamp_ns)
+        assert record is not None
+        way.sender.put_long(record, stamp_ns)
+
+    def test_alone_after_the_samples_before_it(self) -> None:
+        way = Way(QoSProfile(10))
+        way.put(3)
+        self.put(way, self.TEXT)
+        assert way.left() == [[1], [2, 3], [4]]
+        way.put()
+        way.port.settle()
+        assert way.left() == [[5]], "gathered, because the long one has just left"
+        assert way.sender.bytes == 5 + RUN_BYTES
+
+    def test_it_is_not_copied(self) -> None:
+        way = Way(QoSProfile(10))
+        way.port.is_choked = True
+        self.put(way, self.TEXT)
+        buffers, _, _ = way.port.outbox.take()
+        assert [len(buffer) for buffer in buffers] == [DATA_HEAD_BYTES, RECORD_HEAD_BYTES, 1, RUN_BYTES]
+        joined = way.sender.long_record([self.TEXT], 1)
+        assert joined is not None
+        assert memoryview(buffers[-1]).obj.__class__ is joined.pieces[-1].obj.__class__, "a view of a str"
+
+    def test_memory_that_may_change_is_copied(self) -> None:
+        way, data = Way(QoSProfile(10)), bytearray(self.TEXT.encode())
+        way.port.is_choked = True
+        self.put(way, data)
+        data[:] = bytes(len(data))
+        way.port.is_choked = False
+        way.port.flush()
+        assert way.left() == [[1]]
+
+    def test_a_socket_that_takes_nothing_replaces_it_as_any_other(self) -> None:
+        way = Way(LAST_3)
+        way.port.is_choked = True
+        for _ in range(5):
+            self.put(way, self.TEXT)
+        assert way.sender.replaced == 2
+        way.port.is_choked = False
+        way.port.flush()
+        assert way.left() == [[3], [4], [5]]
+
+    @pytest.mark.parametrize("qos", [KEEP_ALL, HISTORY], ids=["lossless", "history"])
+    def test_the_next_broker_gets_it_once_more(self, qos: QoSProfile) -> None:
+        way = Way(qos)
+        way.match()
+        self.put(way, self.TEXT)
+        assert way.left() == [[1]]
+        way.lose()
+        way.declare(2)
+        way.match()
+        assert way.left() == [[1]]
+
+    def test_a_short_one_and_one_for_the_history_alone_are_gathered(self) -> None:
+        way = Way(HISTORY)
+        assert way.sender.long_record([b"short"], 1) is None
+        way.sender.set_use(is_read=False)
+        assert way.sender.long_record([self.TEXT], 1) is None
 
 
 class TestSocketThatTakesNothing:

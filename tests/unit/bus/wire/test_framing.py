@@ -1,8 +1,10 @@
 """bus.wire.framing: frames cut from bytes in any pieces, and refused bytes."""
 
+import ctypes
 import subprocess
 import sys
 from collections.abc import Iterable
+from typing import cast
 
 import pytest
 from hypothesis import given, settings
@@ -166,6 +168,16 @@ class TestMemory:
         frame = data(record(6 << 20))
         assert list(feed(frames, frame[:-10])) == []
         assert len(frames.get_buffer()) == 10
+
+    @for_each("size", [BUFFER_BYTES, 1 << 20, 6 << 20])
+    def test_the_payload_of_a_large_frame_begins_at_a_multiple_of_8(self, size: int) -> None:
+        """Python then checks and copies a long text in one pass."""
+        (run,) = feed(reader(), data(record(size)))
+        assert isinstance(run, Run)
+        whole = cast(bytearray, memoryview(run.body).obj)
+        address = ctypes.addressof(ctypes.c_char.from_buffer(whole)) + len(whole) - size
+        assert address % 8 == 0
+        assert bytes(run.body) == record(size)
 
     def test_the_buffer_is_never_empty(self) -> None:
         frames = reader()

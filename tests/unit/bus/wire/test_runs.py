@@ -37,8 +37,8 @@ def queue(depth: int = 0, limit: int = 1 << 30) -> RunQueue:
 
 def frame(waiting: RunQueue) -> tuple[Run, int]:
     """The next frame as its reader receives it, and its flags."""
-    head, body = waiting.pop_frame()
-    (made,) = feed(FrameReader(max_control_bytes=0, max_data_bytes=1000), head + bytes(body))
+    head, body = map(bytes, waiting.pop_frame())
+    (made,) = feed(FrameReader(max_control_bytes=0, max_data_bytes=1000), head + body)
     assert isinstance(made, Run)
     return made, DATA_HEAD.unpack(head)[2]
 
