@@ -24,16 +24,15 @@ except KeyboardInterrupt:  # a SIGINT came just before; Python raises it here, a
     _signal.pthread_sigmask(_signal.SIG_UNBLOCK, [_signal.SIGINT])  # Python ends the program by SIGINT
     raise
 
-from bus.base.loading import deferred_interrupts, hide_tracebacks_of_imports
+from bus.base.loading import hide_tracebacks_of_imports, loading
 
 hide_tracebacks_of_imports()
-with deferred_interrupts():
+with loading():
     _signal.pthread_sigmask(_signal.SIG_SETMASK, _mask)
 
     # datetime is imported before msgspec. Otherwise msgspec's C core would load it, ignore a
     # KeyboardInterrupt during that import, and crash in its first Decoder.
     import datetime  # noqa: F401
-    import gc
     import os
     from importlib import import_module
     from sys import _getframe
@@ -239,23 +238,7 @@ def __dir__() -> list[str]:
 
 
 def _import(module: str) -> ModuleType:
-    """Import without the garbage collector, which would check all modules several times, and find nothing.
-
-    A Ctrl-C raises KeyboardInterrupt afterwards.
-    """
-    with deferred_interrupts():
-        if not gc.isenabled():
-            return _load(module)
-        gc.disable()
-        try:
-            return _load(module)
-        finally:
-            if not gc.get_freeze_count():  # else the program has frozen objects, which must stay frozen
-                gc.freeze()
-                gc.unfreeze()  # now the modules belong to the oldest generation, without a collection
-            gc.enable()
-
-
-def _load(module: str) -> ModuleType:
-    import_module("bus.process.start_errors").check_descriptors()
-    return import_module(module)
+    """Import a module of the library. A Ctrl-C raises KeyboardInterrupt afterwards."""
+    with loading():
+        import_module("bus.process.start_errors").check_descriptors()
+        return import_module(module)

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+from bus.base.loading import keep_frozen, loading
 from bus.process.start_errors import START_ERRORS, text_of
 from bus.process.termination import ReaderGone, Terminated, drop_unread_output, say_nothing_of_signals
 
@@ -20,7 +21,8 @@ _PYTHONS_OWN = 1000
 def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
     """uvloop's factory, if it is installed; None means asyncio's own."""
     try:
-        import uvloop
+        with loading():
+            import uvloop
     except ImportError:
         return None
     return uvloop.new_event_loop
@@ -99,6 +101,7 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
             if not is_frozen:
                 gc.freeze()  # imported objects stay, so no collection needs to check them
+                keep_frozen(True)
             try:
                 return runner.run(until_signal())
             except KeyboardInterrupt:
@@ -123,6 +126,7 @@ def _run(main: Coroutine[Any, Any, T]) -> T:
         sys.exit(text_of(error))
     finally:
         if not is_frozen:
+            keep_frozen(False)
             gc.unfreeze()  # else Python would not find open files, to flush them
 
 

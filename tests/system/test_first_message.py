@@ -16,6 +16,7 @@ from bus.msg.std_msgs import String
 from bus.wire import messages as m
 from conftest import WAIT_S
 from fake_broker import FakeBroker, FakeConnection
+from rows import for_each
 
 _TALKER = """
 import sys
@@ -34,7 +35,6 @@ bus.run(main())
 _RCLPY_TALKER = """
 import sys
 sys.path[:] = {path!r}
-sys.modules["typing_extensions"] = None  # a tool's, which msgspec imports where it is there: it asks inspect
 import bus.rclpy_compat, rclpy
 from std_msgs.msg import String
 
@@ -68,6 +68,7 @@ _UNUSED = {
     "urllib.parse",
     "yaml",
     "bus.graph",
+    "bus.schema",
     "bus.link.autostart",
     "bus.types.idl",
     "bus.types.definitions",
@@ -113,6 +114,24 @@ def test_a_talker_imports_only_what_it_uses() -> None:
     modules = _modules(_TALKER) - _modules(_LIBRARIES)
     assert not modules & (_UNUSED | _RECEIVING)
     assert len({name for name in modules if name.partition(".")[0] == "bus"}) <= 100  # a tenth are folders
+
+
+@pytest.mark.usefixtures("daemon")
+@for_each("program", [_TALKER, _LISTENER])
+def test_modules_of_python_that_few_programs_use_are_not_loaded(program: str) -> None:
+    modules = _modules(program)
+    assert modules >= {"ssl", "inspect", "tokenize"}  # lazy
+    assert not modules & {
+        "argparse",
+        "ast",
+        "base64",
+        "dataclasses",
+        "dis",
+        "json",
+        "pathlib",
+        "token",
+        "yaml",
+    }
 
 
 @pytest.mark.usefixtures("daemon")

@@ -2,13 +2,13 @@
 
 Each module stands alone: descriptors (`descriptor.py`), memory by the page (`buffers.py`), kinds of callbacks
 (`callbacks.py`), warnings about a forgotten `await` (`awaited.py`), texts that are safe to print
-(`printable.py`), "did you mean ...?" (`suggest.py`, `missing_names.py`), Ctrl-C during imports
-(`loading.py`), a smaller asyncio (`lean_asyncio.py`) and so on.
+(`printable.py`), "did you mean ...?" (`suggest.py`, `missing_names.py`), quick imports, safe from a
+Ctrl-C (`loading.py`), modules that are loaded at their first use (`late_modules.py`) and so on.
 
 Invariants:
 
 - Nothing here imports another package of `bus`. import-linter checks this.
-- `loading.py` loads no module at all: a Ctrl-C could interrupt that import.
+- `loading.py` loads no module except `late_modules.py`: a Ctrl-C could interrupt that import.
 - `suggest.py` and `missing_names.py` are only needed after mistakes, so they are imported late.
 - `printable.py` has the list of escaped characters in texts of other processes, for all tools.
 

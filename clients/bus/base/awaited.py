@@ -6,13 +6,15 @@ its object open for ever.
 """
 
 import asyncio
-import inspect  # maybe not loaded yet: see bus.base.lean_asyncio
+import inspect  # maybe not loaded yet: see bus.base.late_modules
 import sys
 import warnings
 from collections.abc import Callable, Coroutine, Generator
 from functools import wraps
 from types import FrameType
 from typing import Any, ParamSpec, TypeVar
+
+from bus.base.late_modules import when_loaded
 
 __all__ = ["done_anyway", "is_to_be_awaited", "mark_to_be_awaited", "to_be_awaited"]
 
@@ -58,9 +60,8 @@ def mark_to_be_awaited(function: Any) -> None:
     """
     setattr(function, _MARK, True)
     function._is_coroutine = getattr(asyncio.coroutines, "_is_coroutine", None)
-    mark = vars(inspect).get("markcoroutinefunction")  # also missing if `inspect` is not loaded yet
-    if mark is not None:
-        mark(function)
+    if sys.version_info >= (3, 12):
+        when_loaded(inspect, lambda: inspect.markcoroutinefunction(function))
 
 
 class _Call(Coroutine[Any, Any, T]):

@@ -1,4 +1,7 @@
-"""Ctrl-C while modules of the bus are loaded.
+"""Imports of the bus's modules: quick, and safe from a Ctrl-C.
+
+All late imports that need a while are in a block of `loading`. It defers SIGINT, keeps the garbage collector
+off, and lets asyncio, uvloop and msgspec load rarely used modules later (`late_modules.py`).
 
 An import is a bad moment for a KeyboardInterrupt. CPython drops it in the callback that removes an import
 lock ("Exception ignored in ... cb"), and the program continues. In other places it becomes a SyntaxError or a
@@ -12,14 +15,20 @@ Must not load any module: a Ctrl-C would not be deferred then.
 
 from __future__ import annotations
 
-import _signal  # type: ignore[import-not-found] # built into Python: nothing is loaded
+import _signal  # type: ignore[import-not-found] # built into Python, as the next ones: nothing is loaded
+import gc
 import sys
+
+from bus.base.late_modules import late_modules
 
 TYPE_CHECKING = False  # without an import of `typing`, which takes a while
 if TYPE_CHECKING:
     from types import FrameType, TracebackType
 
-__all__ = ["deferred_interrupts", "except_hook", "hide_tracebacks_of_imports"]
+__all__ = ["deferred_interrupts", "except_hook", "hide_tracebacks_of_imports", "keep_frozen", "loading"]
+
+_is_frozen = False
+"""Whether `bus.run` has frozen the objects of all imports so far."""
 
 
 class deferred_interrupts:
@@ -51,6 +60,35 @@ class deferred_interrupts:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self._came = True
+
+
+class loading(deferred_interrupts):
+    """A block of imports. An inner block has no effect."""
+
+    def __enter__(self) -> None:
+        super().__enter__()
+        self._late = late_modules()
+        self._late.__enter__()
+        # The collector would check all modules several times, and find nothing.
+        self._collects = gc.isenabled()
+        gc.disable()
+
+    def __exit__(self, *error: object) -> None:
+        if self._collects:
+            if _is_frozen:
+                gc.freeze()
+            elif not gc.get_freeze_count():  # else the program has frozen objects, which must stay frozen
+                gc.freeze()
+                gc.unfreeze()  # now the modules belong to the oldest generation, without a collection
+            gc.enable()
+        self._late.__exit__()
+        super().__exit__(*error)
+
+
+def keep_frozen(is_frozen: bool) -> None:
+    """Let later blocks freeze what they load, as the caller has done with all objects so far; or no more."""
+    global _is_frozen
+    _is_frozen = is_frozen
 
 
 def hide_tracebacks_of_imports() -> None:

@@ -13,8 +13,10 @@ Read first: `node.py`. Tests: `tests/unit/bus/blocking/`, `tests/system/test_blo
 `tests/system/test_scripts.py`, `tests/unit/bus/process/test_foreground.py`.
 """
 
-from bus.base import lean_asyncio  # noqa: F401 - ahead of all that imports asyncio
-from bus.blocking.endpoint import BlockingPublisher, BlockingSubscription
-from bus.blocking.node import BlockingNode, connect
+from bus.base.loading import loading
+
+with loading():
+    from bus.blocking.endpoint import BlockingPublisher, BlockingSubscription
+    from bus.blocking.node import BlockingNode, connect
 
 __all__ = ["BlockingNode", "BlockingPublisher", "BlockingSubscription", "connect"]

@@ -1,7 +1,9 @@
 """The common public methods of publishers and subscriptions."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import msgspec
 
@@ -9,7 +11,9 @@ from bus.base.awaited import done_anyway
 from bus.endpoint.core import EndpointCore
 from bus.endpoint.matches import Match
 from bus.qos import QoSProfile, in_words
-from bus.schema import MessageSchema, schema_of
+
+if TYPE_CHECKING:  # few programs need it
+    from bus.schema import MessageSchema
 
 __all__ = ["Endpoint", "core_of"]
 
@@ -43,6 +47,8 @@ class Endpoint(Generic[M]):
     @property
     def schema(self) -> MessageSchema:
         """Its type, as it is described on the bus."""
+        from bus.schema import schema_of
+
         return schema_of(self._core.support)
 
     @property

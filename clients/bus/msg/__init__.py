@@ -13,9 +13,9 @@ package is imported at its first use. Must not know: topics, schemas, the wire.
 from sys import _getframe
 from typing import Any, Final
 
-from bus.base.loading import deferred_interrupts
+from bus.base.loading import loading
 
-with deferred_interrupts():
+with loading():
     from bus.msg._types import (
         Message,
         byte,

@@ -10,12 +10,12 @@ import msgspec
 
 from bus.endpoint.core import NodeContext
 from bus.errors import ConnectionClosed
-from bus.schema import MessageSchema, find_schema
 from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
     from bus.graph import Graph
     from bus.link.graph_watch import GraphWatches
+    from bus.schema import MessageSchema
 
 __all__ = ["GraphHost"]
 
@@ -91,10 +91,14 @@ class GraphHost:
             publisher = (await node.graph()).publishers_of("/chatter")[0]
             schema = await node.get_schema(publisher.type_name, publisher.type_hash)
         """
+        from bus.schema import MessageSchema
+
         encoded = await self._opened().link.description(type_name, type_hash)
         return MessageSchema(type_name, type_hash, encoded)
 
     async def _find_schema(self, topic: str, type_name: str | None) -> MessageSchema:
+        from bus.schema import find_schema
+
         async with aclosing(self._graphs()) as graphs:
             found = await find_schema(graphs, topic, type_name, self.get_schema)
         if found is None:

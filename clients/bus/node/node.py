@@ -34,11 +34,11 @@ from bus.process.ros_args import Arguments
 from bus.process.start_errors import shown_in_one_line
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile, rosout_default
-from bus.schema import MessageSchema, support_of
 from bus.types.support import TypeSupport, type_support
 
 if TYPE_CHECKING:  # not every program needs them
     from bus.graph import Origin
+    from bus.schema import MessageSchema
     from bus.service.client import ServiceClient
     from bus.service.server import RequestId, ServiceServer
     from bus.subscription import Bridging, MessageInfo, Subscription
@@ -278,14 +278,10 @@ class Node(ParameterHost, GraphHost):
         by_socket: bool = False,
         gid: bytes | None = None,
     ) -> Publisher[Any]:
-        if isinstance(message_type, MessageSchema):
-            support: TypeSupport[Any] = support_of(message_type, raw=True)
-        else:
-            support = type_support(message_type)
         return Publisher(
             node,
             self.resolve_topic_name(topic),
-            support,
+            _support(message_type, raw=True),
             profile(qos),
             events or PublisherEvents(),
             by_socket=by_socket,
@@ -373,10 +369,7 @@ class Node(ParameterHost, GraphHost):
         node, name = self._opened(), self.resolve_topic_name(topic)
         if message_type is None or isinstance(message_type, str):
             message_type = await self._find_schema(name, message_type)
-        if isinstance(message_type, MessageSchema):
-            support: TypeSupport[Any] = support_of(message_type, raw=raw)
-        else:
-            support = type_support(message_type)
+        support = _support(message_type, raw=raw)
         on_slow: Callable[[int], object] | None = None
         if callback is not None:
             callback, on_slow = timed_by_caller(callback, f"subscription '{name}'", self._logger)
@@ -586,6 +579,15 @@ class Node(ParameterHost, GraphHost):
         publisher = self._make_publisher(self._context, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher, self._logger)
         await self._rosout.open(self._endpoints.declare)
+
+
+def _support(message_type: type[Any] | MessageSchema, *, raw: bool) -> TypeSupport[Any]:
+    if not isinstance(message_type, type):
+        from bus.schema import MessageSchema, support_of  # few programs have messages without a class
+
+        if isinstance(message_type, MessageSchema):
+            return support_of(message_type, raw=raw)
+    return type_support(message_type)
 
 
 def link_of(node: Node) -> Link | None:

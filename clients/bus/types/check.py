@@ -13,6 +13,8 @@ and 8 bytes, so a list of n doubles has 0xcb at every ninth place. An encoding w
 these places can't be anything else. In the same way, a small integer is its own single byte.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from enum import Flag
 from keyword import iskeyword

@@ -38,20 +38,21 @@ from time import sleep
 from types import TracebackType
 from typing import Any
 
-from bus.base import lean_asyncio  # noqa: F401 - before any import of asyncio
-from bus.base.loading import except_hook
-from bus.process.termination import die_at_exit
-from bus_ros import aliases
-from bus_ros import engine as engines
-from bus_ros.rclpy import signals
-from bus_ros.rclpy.context import Context, get_default_context
-from bus_ros.rclpy.exceptions import ROSInterruptException
-from bus_ros.rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
-from bus_ros.rclpy.node import Node
-from bus_ros.rclpy.parameter import Parameter
-from bus_ros.rclpy.signals import SignalHandlerOptions
-from bus_ros.rclpy.task import Future
-from bus_ros.rclpy.utilities import get_rmw_implementation_identifier, ok
+from bus.base.loading import except_hook, loading
+
+with loading():
+    from bus.process.termination import die_at_exit
+    from bus_ros import aliases
+    from bus_ros import engine as engines
+    from bus_ros.rclpy import signals
+    from bus_ros.rclpy.context import Context, get_default_context
+    from bus_ros.rclpy.exceptions import ROSInterruptException
+    from bus_ros.rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+    from bus_ros.rclpy.node import Node
+    from bus_ros.rclpy.parameter import Parameter
+    from bus_ros.rclpy.signals import SignalHandlerOptions
+    from bus_ros.rclpy.task import Future
+    from bus_ros.rclpy.utilities import get_rmw_implementation_identifier, ok
 
 __all__ = [
     "InitContextManager",
