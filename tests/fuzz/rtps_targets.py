@@ -1,12 +1,42 @@
 """Datagrams of RTPS, from any machine of a network."""
 
 from contextlib import suppress
+from typing import Final
 
 from bus_bridge.rtps import messages as m
-from bus_bridge.rtps.announcements import read_endpoint, read_participant, write_endpoint, write_participant
+from bus_bridge.rtps.announcements import (
+    EndpointData,
+    ParticipantData,
+    departure,
+    read_endpoint,
+    read_participant,
+    write_endpoint,
+    write_participant,
+)
+from bus_bridge.rtps.far import Bounds
+from bus_bridge.rtps.ids import (
+    OUR_VENDOR,
+    PARTICIPANT,
+    PUBLICATIONS_READER,
+    PUBLICATIONS_WRITER,
+    SPDP_WRITER,
+    SUBSCRIPTIONS_READER,
+    SUBSCRIPTIONS_WRITER,
+    UNKNOWN_ENTITY,
+    reader_id,
+    writer_id,
+)
 from bus_bridge.rtps.parameters import RtpsError
+from bus_bridge.rtps.participant import Participant, Settings
+from bus_bridge.rtps.reader import Arrived
+from bus_bridge.rtps.writer import Keeping
+from fuzz.script import Script
 
-_SOURCE = b"s" * 12
+_SOURCE: Final = b"s" * 12
+_FAR: Final = (b"1" * 12, b"2" * 12)
+_BOUNDS: Final = Bounds(participants=1, endpoints=3, room_bytes=3000)
+_MOST_SENT: Final = 20_000
+"""Bytes in answer to one datagram."""
 
 
 def datagrams(data: bytes) -> None:
@@ -66,3 +96,109 @@ def announcements(data: bytes) -> None:
             endpoint = read_endpoint(data, kind, _SOURCE)
             sent = read_endpoint(write_endpoint(endpoint), kind, _SOURCE)
             assert sent == endpoint._replace(is_default_partition=True, representations=sent.representations)
+
+
+class _News:
+    """The receiver of a participant's news; each must be about an existing endpoint."""
+
+    def __init__(self) -> None:
+        self.there: dict[bytes, EndpointData] = {}
+
+    def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
+        assert endpoint.guid not in self.there
+        self.there[endpoint.guid] = endpoint
+
+    def endpoint_removed(self, endpoint: EndpointData) -> None:
+        assert self.there.pop(endpoint.guid) == endpoint
+
+    def warn(self, text: str) -> None:
+        assert text.isprintable()
+
+
+def participant(data: bytes) -> None:
+    """Submessages of two hostile participants: matches follow from their announcements, samples come in
+    order, nothing grows beyond its limit, and nothing is left after they have gone."""
+    script = Script(data)
+    news, got = _News(), dict[bytes, int]()
+    sent: list[int] = []
+    settings = Settings(b"o" * 12, (("10.0.0.1", 7410),), (), bounds=_BOUNDS)
+    made = Participant(settings, lambda _, datagram: sent.append(len(datagram)), news, lambda _: True)
+
+    def deliver(arrived: Arrived) -> None:
+        assert arrived.number > got.get(arrived.writer, 0)
+        got[arrived.writer] = arrived.number
+
+    now_ns = 1
+    made.start(now_ns)
+    reader = made.add_reader("t", "T", deliver, now_ns)
+    writer = made.add_writer("t", "T", now_ns, keeping=Keeping(changes=3))
+    while script:
+        now_ns += script.byte() << script.byte() % 28
+        match script.byte() % 16:
+            case 0:
+                made.act(now_ns)
+            case 1:
+                made.write(writer, bytes(script.byte()), now_ns, now_ns)
+            case _:
+                prefix = script.choose(_FAR)
+                datagram = m.write_head(prefix) + _said(script, prefix, reader.guid[12:], writer.guid[12:])
+                made.receive(datagram, ("10.0.0.2", 1), now_ns)
+        assert len(made.far) <= _BOUNDS.participants
+        for far in made.far:
+            assert len(far.endpoints) <= _BOUNDS.endpoints and far.room.left >= 0
+            assert all(guid in news.there for guid in far.endpoints)
+        assert set(reader.matched) | set(writer.matched) <= set(news.there)
+        assert writer.writer is not None and writer.writer.kept <= 3
+        if not set(reader.matched) & set(got):
+            got.clear()  # a writer that is matched again may count again
+        got = {guid: number for guid, number in got.items() if guid in reader.matched}
+        assert sum(sent) < _MOST_SENT
+        sent.clear()
+    made.act(now_ns + 10**12)
+    assert not made.far and not news.there and not reader.matched and not writer.matched
+
+
+def _said(script: Script, prefix: bytes, reader: bytes, writer: bytes) -> bytes:
+    """One submessage, rarely with a changed byte."""
+    ours, theirs = script.choose((reader, UNKNOWN_ENTITY, PUBLICATIONS_READER)), writer_id(script.byte() % 3)
+    count = script.byte()
+    match script.byte() % 10:
+        case 0 | 1:
+            lease_ns = script.number(10**9, signed=False) % 10**10
+            far = ParticipantData(prefix, OUR_VENDOR, (("10.0.0.2", 7410),), (), lease_ns)
+            said = m.write_data(UNKNOWN_ENTITY, SPDP_WRITER, 1, write_participant(far))
+        case 2:
+            endpoint = EndpointData("writer", prefix + theirs, script.choose("tu"), "T")
+            said = m.write_data(PUBLICATIONS_READER, PUBLICATIONS_WRITER, 1 + count, write_endpoint(endpoint))
+        case 3:
+            far_reader = EndpointData("reader", prefix + reader_id(script.byte() % 3), "t", "T")
+            said = m.write_data(
+                SUBSCRIPTIONS_READER, SUBSCRIPTIONS_WRITER, 1 + count, write_endpoint(far_reader)
+            )
+        case 4:
+            said = m.write_data(ours, theirs, 1 + count % 8, script.take(script.byte() % 8))
+        case 5:
+            whole = bytes(1 + script.byte())
+            fragment = 1 + script.byte() % -(-len(whole) // 16)
+            said = m.write_fragment(ours, theirs, 1 + count % 8, fragment, 16, whole)
+        case 6:
+            first = 1 + script.number(0, signed=False) % (1 << 62)
+            last = first - 1 + script.byte()
+            said = m.write_heartbeat(ours, theirs, first, last, count, is_final=bool(script.byte() % 2))
+        case 7:
+            first = 1 + script.number(0, signed=False) % (1 << 62)
+            said = m.write_gap(ours, theirs, first, first + script.byte(), ())
+        case 8:
+            base = 1 + script.byte()
+            missing = range(base, base + script.byte() % 9)
+            said = m.write_acknack(reader_id(count % 3), writer, base, missing, count, is_final=False)
+        case _:
+            gone = departure(prefix + script.choose((PARTICIPANT, theirs)))
+            said = m.write_data(
+                UNKNOWN_ENTITY, script.choose((SPDP_WRITER, PUBLICATIONS_WRITER)), 1 + count, None, gone
+            )
+    if script.byte() % 8 == 1:
+        changed = bytearray(said)
+        changed[script.byte() % len(changed)] = script.byte()
+        said = bytes(changed)
+    return said

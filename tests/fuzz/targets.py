@@ -34,6 +34,7 @@ TARGETS: dict[str, Target] = {
     "tokens": bridge_targets.tokens,
     "datagrams": rtps_targets.datagrams,
     "announcements": rtps_targets.announcements,
+    "participant": rtps_targets.participant,
     "configuration": text_targets.configuration,
     "parameters": text_targets.parameters,
     "arguments": text_targets.arguments,

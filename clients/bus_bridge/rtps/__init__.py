@@ -3,19 +3,24 @@
     datagrams <-> `messages.py` (`parameters.py`, `ids.py`);  discovery: `announcements.py`
     samples <-> `writer.py` <-> `messages.py` <-> `reader.py` (`fragments.py`, `room.py`; states: `lives.py`)
 
-All of it is pure: bytes, values and times in, bytes and values out.
+    datagrams <-> `participant.py` (readers, writers, `far.py`, `outbox.py`) <-> its user
+    event loop: `running.py` (`sockets.py`)
+
+All except `running.py` and `sockets.py` is pure: bytes, values and times in, bytes and values out.
 
 Invariants:
 
 - Nothing in a datagram is believed: lengths are checked against its bytes, and sets and lists have limits.
-- Every fault of a far participant is an RtpsError, and never another exception.
+- Every fault of a far participant is an RtpsError, and never another exception. It is counted, or a warning.
+- Participants, their endpoints, and the length of a lease have limits.
+- One datagram causes few others: repairs and answers to requests have pauses.
 - A reader delivers each sample of a reliable writer once and in order, or counts it.
 - Memory for samples that can't be delivered yet has a limit for each far participant.
 - Nothing here knows ROS 2's names, or the bus.
 
-Read first: `messages.py`, then `lives.py` and `writer.py`.
+Read first: `messages.py`, then `lives.py` and `writer.py`, then `participant.py`.
 
 Tests: `tests/unit/bus_bridge/rtps/`, `tests/property/test_rtps_wire.py`,
-`tests/property/test_rtps_reliability.py`, and the fuzzers `datagrams` and `announcements` of
-`tests/fuzz/rtps_targets.py`.
+`tests/property/test_rtps_reliability.py`; the fuzzers `datagrams`, `announcements` and `participant` of
+`tests/fuzz/rtps_targets.py`; with ROS 2's own rclpy `tests/system/test_rtps_ros.py`.
 """

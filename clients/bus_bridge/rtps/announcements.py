@@ -35,6 +35,7 @@ from bus_bridge.rtps.parameters import (
 )
 
 __all__ = [
+    "RELIABLE",
     "EndpointData",
     "EndpointKind",
     "ParticipantData",
@@ -89,6 +90,10 @@ class Policies(NamedTuple):
     lease_ns: int = FOREVER_NS
 
 
+RELIABLE: Final = Policies()
+"""Reliable, volatile."""
+
+
 class ParticipantData(NamedTuple):
     prefix: bytes
     vendor: bytes
@@ -105,7 +110,7 @@ class EndpointData(NamedTuple):
     guid: bytes
     topic: str
     type_name: str
-    policies: Policies = Policies()
+    policies: Policies = RELIABLE
     user_data: bytes = b""
     addresses: tuple[Address, ...] = ()
     is_default_partition: bool = True

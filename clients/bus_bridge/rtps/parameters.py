@@ -4,7 +4,7 @@ Owns: the list, and the values in it: numbers, texts, durations, addresses. Must
 to a participant or an endpoint. Lengths in a datagram are checked against its bytes before anything is read.
 """
 
-import socket
+import ipaddress
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
@@ -166,10 +166,10 @@ def read_addresses(values: Sequence[bytes], order: Order) -> tuple[Address, ...]
             raise RtpsError(f"a locator of {len(value)} bytes")
         kind, port = struct.unpack_from(f"{order}iI", value)
         if kind == _UDP_V4 and 0 < port < 1 << 16:
-            found.append((socket.inet_ntoa(value[20:24]), port))
+            found.append((".".join(map(str, value[20:24])), port))
     return tuple(found)
 
 
 def write_address(address: Address) -> bytes:
-    """The locator of an address. Raises OSError if it is not IPv4."""
-    return struct.pack("<iI", _UDP_V4, address[1]) + bytes(12) + socket.inet_aton(address[0])
+    """The locator of an address. Raises ValueError if it is not IPv4."""
+    return struct.pack("<iI", _UDP_V4, address[1]) + bytes(12) + ipaddress.IPv4Address(address[0]).packed

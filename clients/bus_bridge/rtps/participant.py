@@ -1,0 +1,510 @@
+"""A participant of an RTPS domain: discovery, and our readers and writers in it. Pure.
+
+Owns: the announcements in both directions, matches, and which reader or writer a submessage is for. Must not
+know: sockets and clocks. Datagrams come in by `receive`, and leave by `transmit`; `act` is called at
+`due_ns`.
+
+An announcement of a participant is sent again and again. Announcements of endpoints are samples of two
+reliable writers that each participant has. Other topics than the wanted ones are not kept.
+"""
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import count
+from typing import Final, NamedTuple, Protocol
+
+from bus_bridge.rtps.announcements import (
+    RELIABLE,
+    EndpointData,
+    EndpointKind,
+    ParticipantData,
+    Policies,
+    departed,
+    departure,
+    is_match,
+    read_endpoint,
+    read_participant,
+    write_endpoint,
+    write_participant,
+)
+from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds, FarParticipant, FarParticipants
+from bus_bridge.rtps.ids import (
+    OUR_VENDOR,
+    PARTICIPANT,
+    PREFIX_BYTES,
+    PUBLICATIONS_READER,
+    PUBLICATIONS_WRITER,
+    SPDP_READER,
+    SPDP_WRITER,
+    SUBSCRIPTIONS_READER,
+    SUBSCRIPTIONS_WRITER,
+    UNKNOWN_ENTITY,
+    reader_id,
+    writer_id,
+)
+from bus_bridge.rtps.messages import (
+    AckNack,
+    Data,
+    DataFragments,
+    Gap,
+    Heartbeat,
+    HeartbeatFragment,
+    NackFragments,
+    Received,
+    read_datagram,
+    write_data,
+)
+from bus_bridge.rtps.outbox import Outbox
+from bus_bridge.rtps.parameters import Address, RtpsError
+from bus_bridge.rtps.reader import Arrived, Reader
+from bus_bridge.rtps.writer import USUAL, Keeping, Writer
+
+__all__ = ["Events", "Local", "Participant", "Settings"]
+
+_ANNOUNCE_NS: Final = 2_000_000_000
+_LEASE_NS: Final = 20_000_000_000
+_CALL, _LAST_CALL = 1, 2
+"""Numbers of the announcements of a participant. Fast DDS ignores an end with the number of a call."""
+_OF_DISCOVERY: Final = Keeping(changes=20_000, payload_bytes=32 << 20, for_late_joiners=True)
+_KINDS: Final[Mapping[bytes, EndpointKind]] = {PUBLICATIONS_WRITER: "writer", SUBSCRIPTIONS_WRITER: "reader"}
+"""What the two writers of discovery announce."""
+_BUILTIN: Final = frozenset(
+    (PUBLICATIONS_WRITER, PUBLICATIONS_READER, SUBSCRIPTIONS_WRITER, SUBSCRIPTIONS_READER)
+)
+
+
+class Settings(NamedTuple):
+    """A participant's own data."""
+
+    prefix: bytes
+    """12 bytes, unique."""
+    addresses: tuple[Address, ...]
+    """Where it receives."""
+    peers: tuple[Address, ...]
+    """Where it announces itself: the multicast group, or addresses that participants may have."""
+    user_data: bytes = b""
+    datagram_bytes: int = 16_000
+    fragment_bytes: int = 60_000
+    """Over a network of its own, both should fit into one of its packets."""
+    bounds: Bounds = USUAL_BOUNDS
+
+
+class Events(Protocol):
+    """The receiver of news about wanted topics. Its methods must not raise."""
+
+    def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None: ...
+    def endpoint_removed(self, endpoint: EndpointData) -> None: ...
+    def warn(self, text: str) -> None:
+        """The same text may come again."""
+
+
+class Local:
+    """A reader or writer of this participant, as `add_reader` and `add_writer` return it."""
+
+    def __init__(self, data: EndpointData, end: Reader | Writer) -> None:
+        self.data = data
+        self.guid = data.guid
+        self.reader = end if isinstance(end, Reader) else None
+        self.writer = end if isinstance(end, Writer) else None
+        self.announced = 0
+        """The number of its announcement, among those of its kind."""
+
+    @property
+    def matched(self) -> list[bytes]:
+        """GUIDs of the far endpoints that it is matched with."""
+        if self.writer is not None:
+            return self.writer.readers
+        return [] if self.reader is None else self.reader.writers
+
+
+class Participant:
+    """One participant. `is_wanted` says of which topics far endpoints are kept and reported."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        transmit: Callable[[Address, bytes], None],
+        events: Events,
+        is_wanted: Callable[[str], bool],
+    ) -> None:
+        self.prefix = settings.prefix
+        self.far = FarParticipants(settings.bounds)
+        self.faulty = 0
+        """Datagrams, or rests of them, that were not RTPS."""
+        self.strange = 0
+        """Submessages of participants that have not announced themselves."""
+        self._settings = settings
+        self._events = events
+        self._is_wanted = is_wanted
+        self._outbox = Outbox(settings.prefix, transmit, settings.datagram_bytes)
+        self._numbers = count(1)
+        self._locals: dict[bytes, Local] = {}
+        """By entity id."""
+        self._by_topic: dict[str, dict[bytes, Local]] = {}
+        self._matched: dict[bytes, dict[bytes, Local]] = {}
+        """Our endpoints by GUID of the far one that they are matched with."""
+        self._ends: dict[bytes, Reader | Writer] = {}
+        for entity in (PUBLICATIONS_WRITER, SUBSCRIPTIONS_WRITER):
+            self._ends[entity] = Writer(entity, self._send, _OF_DISCOVERY)
+        for entity in (PUBLICATIONS_READER, SUBSCRIPTIONS_READER):
+            self._ends[entity] = Reader(entity, self._send, self._endpoint_arrived)
+        self._touched: dict[bytes, None] = {}
+        """Entities whose `due_ns` may have changed."""
+        self._plan: list[tuple[int, int, bytes]] = []
+        self._planned: dict[bytes, int] = {}
+        self._turns = count()
+        self._announce_ns: int | None = None
+        self._now_ns = 0
+
+    # --- our endpoints
+
+    def add_writer(
+        self,
+        topic: str,
+        type_name: str,
+        now_ns: int,
+        *,
+        policies: Policies = RELIABLE,
+        user_data: bytes = b"",
+        keeping: Keeping = USUAL,
+    ) -> Local:
+        """Make a writer, and announce it."""
+        entity = writer_id(next(self._numbers))
+        writer = Writer(entity, self._send, keeping, fragment_bytes=self._settings.fragment_bytes)
+        data = EndpointData("writer", self.prefix + entity, topic, type_name, policies, user_data)
+        return self._add(data, writer, now_ns)
+
+    def add_reader(
+        self,
+        topic: str,
+        type_name: str,
+        deliver: Callable[[Arrived], None],
+        now_ns: int,
+        *,
+        policies: Policies = RELIABLE,
+        user_data: bytes = b"",
+    ) -> Local:
+        """Make a reader, and announce it. `deliver` must not raise."""
+        entity = reader_id(next(self._numbers))
+        reader = Reader(entity, self._send, deliver)
+        data = EndpointData("reader", self.prefix + entity, topic, type_name, policies, user_data)
+        return self._add(data, reader, now_ns)
+
+    def remove(self, local: Local, now_ns: int) -> None:
+        """End a reader or writer, and tell the others. A second call has no effect."""
+        entity = local.guid[PREFIX_BYTES:]
+        if self._locals.pop(entity, None) is None:
+            return
+        with self._turn(now_ns):
+            del self._ends[entity]
+            of_topic = self._by_topic[local.data.topic]
+            del of_topic[entity]
+            if not of_topic:
+                del self._by_topic[local.data.topic]
+            for guid in local.matched:
+                self._matched[guid].pop(entity)
+                if not self._matched[guid]:
+                    del self._matched[guid]
+                if local.reader is not None:
+                    local.reader.remove_writer(guid)
+            announcer = self._announcer(local.data.kind)
+            announcer.withdraw(local.announced)
+            news = departure(local.guid)
+            announcer.write(None, now_ns, now_ns, inline=news, stays=False)
+            self._touched[announcer.entity] = None
+
+    def write(
+        self,
+        local: Local,
+        payload: bytes,
+        now_ns: int,
+        time_ns: int,
+        *,
+        inline: bytes = b"",
+        to: bytes | None = None,
+    ) -> int:
+        """Write a sample; returns its number. `to`: the GUID of the only reader that gets it."""
+        assert local.writer is not None
+        with self._turn(now_ns):
+            self._touched[local.writer.entity] = None
+            return local.writer.write(payload, now_ns, time_ns, inline=inline, to=to)
+
+    def is_known(self, local: Local, prefix: bytes) -> bool:
+        """Whether that participant has acknowledged the announcement of an endpoint of ours."""
+        announcer = self._announcer(local.data.kind)
+        return announcer.acknowledged(prefix + _reader_of(announcer.entity)) >= local.announced
+
+    # --- datagrams and times
+
+    @property
+    def due_ns(self) -> int | None:
+        """When `act` is due; None before `start`."""
+        if self._announce_ns is None:
+            return None
+        return min(self._announce_ns, self._plan[0][0]) if self._plan else self._announce_ns
+
+    def start(self, now_ns: int) -> None:
+        """Announce the participant from now on."""
+        self._announce_ns = now_ns
+        self.act(now_ns)
+
+    def act(self, now_ns: int) -> None:
+        """Do what is due: announcements, ends of leases, heartbeats, requests and repairs."""
+        with self._turn(now_ns):
+            if self._announce_ns is not None and self._announce_ns <= now_ns:
+                self._announce_ns = now_ns + _ANNOUNCE_NS
+                for address in self._settings.peers:
+                    self._announce(address)
+                for far in self.far.expired(now_ns):
+                    self._remove(far)
+            while self._plan and self._plan[0][0] <= now_ns:
+                due_ns, _, entity = heapq.heappop(self._plan)
+                if self._planned.get(entity) != due_ns:
+                    continue  # planned anew meanwhile
+                del self._planned[entity]
+                end = self._ends.get(entity)
+                if end is not None:
+                    self._touched[entity] = None
+                    end.act(now_ns)
+
+    def receive(self, datagram: bytes, source: Address, now_ns: int) -> None:
+        """Handle a datagram from that address. Never raises, whatever it is."""
+        try:
+            read = read_datagram(datagram)
+        except RtpsError:
+            self.faulty += 1
+            return
+        self.faulty += bool(read.fault)
+        with self._turn(now_ns):
+            for received in read.received:
+                if received.source == self.prefix or (
+                    any(received.destination) and received.destination != self.prefix
+                ):
+                    continue
+                self._receive(received, source)
+
+    def leave(self, now_ns: int) -> None:
+        """Tell all others that this participant goes. Nothing may be called after that."""
+        news = [write_data(SPDP_READER, SPDP_WRITER, _LAST_CALL, None, departure(self.prefix + PARTICIPANT))]
+        addresses = dict.fromkeys(self._settings.peers)
+        addresses |= {far.discovery_address: None for far in self.far if far.discovery_address is not None}
+        for address in addresses:
+            self._outbox.put_for_all(address, news)
+        self._announce_ns = None
+
+    # --- inside
+
+    @contextmanager
+    def _turn(self, now_ns: int) -> Iterator[None]:
+        """At its end, plans follow the changes, and everything is sent."""
+        self._now_ns = now_ns
+        yield
+        touched, self._touched = self._touched, {}
+        for entity in touched:
+            end = self._ends.get(entity)
+            due_ns = None if end is None else end.due_ns
+            if due_ns is None:
+                self._planned.pop(entity, None)
+            elif due_ns != self._planned.get(entity):
+                self._planned[entity] = due_ns
+                heapq.heappush(self._plan, (due_ns, next(self._turns), entity))
+        if len(self._plan) > 4 * len(self._planned) + 64:
+            self._plan = [one for one in self._plan if self._planned.get(one[2]) == one[0]]
+            heapq.heapify(self._plan)
+        self._outbox.flush()
+
+    def _send(self, guid: bytes, parts: Iterable[bytes]) -> None:
+        far = self.far.find(guid[:PREFIX_BYTES])
+        if far is None:
+            return
+        is_discovery = guid[PREFIX_BYTES:] in _BUILTIN
+        address = far.discovery_address if is_discovery else far.address_of(guid)
+        if address is not None:
+            self._outbox.put(address, far.prefix, list(parts))
+
+    def _announce(self, address: Address) -> None:
+        settings = self._settings
+        data = ParticipantData(
+            self.prefix, OUR_VENDOR, settings.addresses, settings.addresses, _LEASE_NS, settings.user_data
+        )
+        payload = write_participant(data)
+        self._outbox.put_for_all(address, [write_data(UNKNOWN_ENTITY, SPDP_WRITER, _CALL, payload)])
+
+    def _announcer(self, kind: EndpointKind) -> Writer:
+        end = self._ends[PUBLICATIONS_WRITER if kind == "writer" else SUBSCRIPTIONS_WRITER]
+        assert isinstance(end, Writer)
+        return end
+
+    def _add(self, data: EndpointData, end: Reader | Writer, now_ns: int) -> Local:
+        local = Local(data, end)
+        entity = data.guid[PREFIX_BYTES:]
+        with self._turn(now_ns):
+            self._locals[entity] = local
+            self._ends[entity] = end
+            self._by_topic.setdefault(data.topic, {})[entity] = local
+            announcer = self._announcer(data.kind)
+            local.announced = announcer.write(write_endpoint(data), now_ns, now_ns)
+            self._touched[announcer.entity] = None
+            for far in list(self.far.of_topic(data.topic).values()):
+                self._match(local, far)
+        return local
+
+    def _receive(self, received: Received, source: Address) -> None:
+        one = received.submessage
+        if isinstance(one, Data) and one.writer == SPDP_WRITER:
+            self._participant_arrived(one, received.source, source)
+            return
+        far = self.far.find(received.source)
+        if far is None:
+            self.strange += 1
+            return
+        self.far.refresh(far, self._now_ns)
+        if isinstance(one, AckNack | NackFragments):
+            end = self._ends.get(one.writer)
+            if isinstance(end, Writer):
+                self._touched[one.writer] = None
+                guid = received.source + one.reader
+                if isinstance(one, AckNack):
+                    end.acknowledge(guid, one, self._now_ns)
+                else:
+                    end.request_fragments(guid, one, self._now_ns)
+            return
+        guid = received.source + one.writer
+        for reader in self._readers_for(one.reader, guid):
+            self._touched[reader.entity] = None
+            match one:
+                case Data():
+                    reader.data(guid, one, received.time_ns, self._now_ns)
+                case DataFragments():
+                    reader.fragments(guid, one, received.time_ns, self._now_ns)
+                case Heartbeat():
+                    reader.heartbeat(guid, one, self._now_ns)
+                case HeartbeatFragment():
+                    reader.heartbeat_fragment(guid, one, self._now_ns)
+                case Gap():
+                    reader.gap(guid, one, self._now_ns)
+
+    def _readers_for(self, reader: bytes, writer: bytes) -> list[Reader]:
+        """Our readers that a submessage of a far writer is for."""
+        if writer[PREFIX_BYTES:] in _KINDS:
+            end = self._ends[_reader_of(writer[PREFIX_BYTES:])]
+            return [end] if isinstance(end, Reader) else []
+        matched = self._matched.get(writer, {})
+        if reader == UNKNOWN_ENTITY:
+            found = list(matched.values())
+        else:
+            found = [matched[reader]] if reader in matched else []
+        return [local.reader for local in found if local.reader is not None]
+
+    def _participant_arrived(self, one: Data, prefix: bytes, source: Address) -> None:
+        known = self.far.find(prefix)
+        try:
+            if departed(one.payload, one.inline) is not None:
+                if known is not None:
+                    self._remove(known)
+                return
+            data = read_participant(one.payload or b"", prefix)
+        except RtpsError as error:
+            self._events.warn(f"a participant at {source[0]} is ignored: {error}")
+            return
+        if known is not None:
+            known.update(data, source)
+            self.far.refresh(known, self._now_ns)
+            return
+        far = self.far.add(data, source, self._now_ns)
+        if far is None:
+            self._events.warn(
+                f"a participant at {source[0]} is ignored: "
+                + (
+                    "it has no address that can be reached"
+                    if len(self.far) < self._settings.bounds.participants
+                    else f"there are {len(self.far)} participants, which is the limit"
+                )
+            )
+            return
+        assert far.discovery_address is not None
+        self._announce(far.discovery_address)
+        for entity, end in list(self._ends.items()):
+            if entity not in _BUILTIN:
+                continue
+            self._touched[entity] = None
+            if isinstance(end, Writer):
+                end.add_reader(prefix + _reader_of(entity), self._now_ns)
+            else:
+                end.add_writer(prefix + _writer_of(entity), far.room, self._now_ns)
+
+    def _endpoint_arrived(self, arrived: Arrived) -> None:
+        prefix = arrived.writer[:PREFIX_BYTES]
+        far = self.far.find(prefix)
+        if far is None:
+            return
+        kind = _KINDS[arrived.writer[PREFIX_BYTES:]]
+        try:
+            gone = departed(arrived.payload, arrived.inline)
+            if gone is not None:
+                if gone[:PREFIX_BYTES] == prefix:
+                    self._forget_endpoint(gone)
+                return
+            endpoint = read_endpoint(arrived.payload or b"", kind, prefix)
+        except RtpsError as error:
+            far.refused_endpoints += 1
+            self._events.warn(f"an endpoint at {far.source[0]} is ignored: {error}")
+            return
+        if not self._is_wanted(endpoint.topic) or self.far.find_endpoint(endpoint.guid) == endpoint:
+            return
+        self._forget_endpoint(endpoint.guid)
+        if not self.far.add_endpoint(endpoint):
+            self._events.warn(
+                f"endpoints of the participant at {far.source[0]} are ignored: it has more than "
+                f"{len(far.endpoints)} of them"
+            )
+            return
+        self._events.endpoint_added(endpoint, far.vendor)
+        for local in list(self._by_topic.get(endpoint.topic, {}).values()):
+            self._match(local, endpoint)
+
+    def _match(self, local: Local, endpoint: EndpointData) -> None:
+        far = self.far.find(endpoint.guid[:PREFIX_BYTES])
+        if far is None or not is_match(local.data, endpoint):
+            return
+        entity = local.guid[PREFIX_BYTES:]
+        reliable = local.data.policies.reliable and endpoint.policies.reliable
+        self._matched.setdefault(endpoint.guid, {})[entity] = local
+        self._touched[entity] = None
+        if local.writer is not None:
+            local.writer.add_reader(endpoint.guid, self._now_ns, reliable=reliable)
+        elif local.reader is not None:
+            local.reader.add_writer(endpoint.guid, far.room, self._now_ns, reliable=reliable)
+
+    def _forget_endpoint(self, guid: bytes) -> None:
+        endpoint = self.far.remove_endpoint(guid)
+        for entity, local in self._matched.pop(guid, {}).items():
+            self._touched[entity] = None
+            if local.writer is not None:
+                local.writer.remove_reader(guid)
+            elif local.reader is not None:
+                local.reader.remove_writer(guid)
+        if endpoint is not None:
+            self._events.endpoint_removed(endpoint)
+
+    def _remove(self, far: FarParticipant) -> None:
+        for guid in list(far.endpoints):
+            self._forget_endpoint(guid)
+        for entity, end in self._ends.items():
+            if entity not in _BUILTIN:
+                continue
+            self._touched[entity] = None
+            if isinstance(end, Writer):
+                end.remove_reader(far.prefix + _reader_of(entity))
+            else:
+                end.remove_writer(far.prefix + _writer_of(entity))
+        self.far.remove(far)
+
+
+def _reader_of(writer: bytes) -> bytes:
+    return PUBLICATIONS_READER if writer == PUBLICATIONS_WRITER else SUBSCRIPTIONS_READER
+
+
+def _writer_of(reader: bytes) -> bytes:
+    return PUBLICATIONS_WRITER if reader == PUBLICATIONS_READER else SUBSCRIPTIONS_WRITER

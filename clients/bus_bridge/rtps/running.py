@@ -1,0 +1,170 @@
+"""A participant on the event loop: its sockets, and a timer."""
+
+import asyncio
+import ipaddress
+import os
+import time
+from collections.abc import Callable
+from typing import Final
+
+from bus_bridge.rtps.announcements import RELIABLE, EndpointData, Policies
+from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
+from bus_bridge.rtps.ids import OUR_VENDOR, PREFIX_BYTES
+from bus_bridge.rtps.participant import Events, Local, Participant, Settings
+from bus_bridge.rtps.reader import Arrived
+from bus_bridge.rtps.sockets import GROUP, Sockets, discovery_port, multicast_port
+from bus_bridge.rtps.writer import USUAL, Keeping
+
+__all__ = ["RunningParticipant"]
+
+_CALLED: Final = 32
+"""Participants of a machine that are called without multicast."""
+_PACKET_BYTES: Final = 1400
+"""What fits into one packet of most networks."""
+_LONGEST_SLEEP_S: Final = 3600.0
+
+
+class RunningParticipant:
+    """A participant in a DDS domain, until `close`.
+
+    `host`: the IPv4 address of the interface. On loopback there is no multicast, and nothing leaves this
+    machine. `peers`: addresses of further machines. Use it on its event loop only. Raises BridgeError if
+    the address or the domain is not available.
+    """
+
+    def __init__(
+        self,
+        domain: int,
+        events: Events,
+        is_wanted: Callable[[str], bool],
+        *,
+        host: str = "127.0.0.1",
+        peers: tuple[str, ...] = (),
+        user_data: bytes = b"enclave=/;",
+        bounds: Bounds = USUAL_BOUNDS,
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        is_local = ipaddress.ip_address(host).is_loopback
+        self._sockets = Sockets(domain, host, multicast=not is_local)
+        called = [(GROUP, multicast_port(domain))] if not is_local else []
+        for peer in dict.fromkeys((host, *peers) if is_local else peers):
+            called += [(peer, discovery_port(domain, index)) for index in range(_CALLED)]
+        settings = Settings(
+            OUR_VENDOR + os.urandom(PREFIX_BYTES - len(OUR_VENDOR)),
+            (self._sockets.address,),
+            tuple(one for one in called if one != self._sockets.address),
+            user_data,
+            bounds=bounds,
+        )
+        if not is_local:
+            settings = settings._replace(datagram_bytes=_PACKET_BYTES, fragment_bytes=_PACKET_BYTES - 200)
+        self.core = Participant(settings, self._sockets.send, events, is_wanted)
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_at_s = 0.0
+        self._is_closed = False
+        self.core.start(time.monotonic_ns())
+        for descriptor in self._sockets.descriptors:
+            self._loop.add_reader(descriptor, self._receive, descriptor)
+        self._plan()
+
+    @property
+    def unsent(self) -> int:
+        """Datagrams that could not be sent; what was in them is sent again if a far reader asks."""
+        return self._sockets.dropped
+
+    def add_writer(
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        policies: Policies = RELIABLE,
+        user_data: bytes = b"",
+        keeping: Keeping = USUAL,
+    ) -> Local:
+        """Make a writer, and announce it."""
+        made = self.core.add_writer(
+            topic,
+            type_name,
+            time.monotonic_ns(),
+            policies=policies,
+            user_data=user_data,
+            keeping=keeping,
+        )
+        self._plan()
+        return made
+
+    def add_reader(
+        self,
+        topic: str,
+        type_name: str,
+        deliver: Callable[[Arrived], None],
+        *,
+        policies: Policies = RELIABLE,
+        user_data: bytes = b"",
+    ) -> Local:
+        """Make a reader, and announce it. `deliver` must not raise."""
+        made = self.core.add_reader(
+            topic, type_name, deliver, time.monotonic_ns(), policies=policies, user_data=user_data
+        )
+        self._plan()
+        return made
+
+    def write(
+        self, local: Local, payload: bytes, *, inline: bytes = b"", to: bytes | None = None, time_ns: int = 0
+    ) -> int:
+        """Write a sample; returns its number. `to`: the GUID of the only reader that gets it.
+
+        `time_ns`: its time of publication; 0: now.
+        """
+        now_ns = time.monotonic_ns()
+        number = self.core.write(local, payload, now_ns, time_ns or time.time_ns(), inline=inline, to=to)
+        self._plan()
+        return number
+
+    def remove(self, local: Local) -> None:
+        """End a reader or writer. A second call has no effect."""
+        if not self._is_closed:
+            self.core.remove(local, time.monotonic_ns())
+            self._plan()
+
+    def endpoints_of(self, topic: str) -> list[EndpointData]:
+        """Far endpoints of a wanted topic."""
+        return list(self.core.far.of_topic(topic).values())
+
+    def close(self) -> None:
+        """Tell the others, and end. A second call has no effect."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        for descriptor in self._sockets.descriptors:
+            self._loop.remove_reader(descriptor)
+        self.core.leave(time.monotonic_ns())
+        self._sockets.close()
+
+    def _receive(self, descriptor: int) -> None:
+        now_ns = time.monotonic_ns()
+        self._sockets.receive(
+            descriptor, lambda datagram, source: self.core.receive(datagram, source, now_ns)
+        )
+        self._plan()
+
+    def _act(self) -> None:
+        self._timer = None
+        self.core.act(time.monotonic_ns())
+        self._plan()
+
+    def _plan(self) -> None:
+        """Set the timer to what is due next."""
+        if self._is_closed:
+            return
+        due_ns = self.core.due_ns
+        wait_s = _LONGEST_SLEEP_S if due_ns is None else max(due_ns - time.monotonic_ns(), 0) / 1e9
+        at_s = self._loop.time() + wait_s
+        if self._timer is not None:
+            if self._timer_at_s <= at_s:
+                return  # it looks again then
+            self._timer.cancel()
+        self._timer_at_s = at_s
+        self._timer = self._loop.call_at(at_s, self._act)

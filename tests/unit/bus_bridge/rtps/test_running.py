@@ -1,0 +1,67 @@
+"""Participants with sockets and timers, on loopback."""
+
+import asyncio
+
+from bus_bridge.rtps.announcements import EndpointData
+from bus_bridge.rtps.reader import Arrived
+from bus_bridge.rtps.running import RunningParticipant
+from conftest import WAIT_S
+from ports import own_domain
+
+DOMAIN = own_domain()
+TOPIC, TYPE = "rq/sRequest", "T"
+
+
+class News:
+    """The far endpoints, and an event for each change."""
+
+    def __init__(self) -> None:
+        self.topics: list[str] = []
+        self.changed = asyncio.Event()
+
+    def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
+        self.topics.append(endpoint.topic)
+        self.changed.set()
+
+    def endpoint_removed(self, endpoint: EndpointData) -> None:
+        self.topics.remove(endpoint.topic)
+        self.changed.set()
+
+    def warn(self, text: str) -> None:
+        raise AssertionError(text)
+
+    async def wait_for(self, count: int) -> None:
+        async with asyncio.timeout(WAIT_S):
+            while len(self.topics) != count:
+                self.changed.clear()
+                await self.changed.wait()
+
+
+async def test_two_on_loopback() -> None:
+    news, others = News(), News()
+    one = RunningParticipant(DOMAIN, news, lambda topic: True)
+    two = RunningParticipant(DOMAIN, others, lambda topic: topic == TOPIC)
+    got: asyncio.Queue[bytes | None] = asyncio.Queue()
+
+    def deliver(arrived: Arrived) -> None:
+        got.put_nowait(arrived.payload)
+
+    reader = two.add_reader(TOPIC, TYPE, deliver)
+    one.add_writer("rq/otherRequest", TYPE)
+    writer = one.add_writer(TOPIC, TYPE)
+    try:
+        await news.wait_for(1)
+        await others.wait_for(1)
+        assert [found.guid for found in two.endpoints_of(TOPIC)] == [writer.guid]
+        for payload in (b"hello", bytes(300_000)):
+            assert one.write(writer, payload) > 0
+            assert await asyncio.wait_for(got.get(), WAIT_S) == payload
+        two.remove(reader)
+        two.remove(reader)
+        await news.wait_for(0)
+        assert one.unsent == 0
+    finally:
+        one.close()
+        await others.wait_for(0)
+        two.close()
+        two.close()

@@ -1,0 +1,96 @@
+"""Participants of RTPS on a network without sockets, whose time jumps."""
+
+from collections.abc import Callable
+
+from bus_bridge.rtps.announcements import EndpointData
+from bus_bridge.rtps.far import USUAL_BOUNDS, Bounds
+from bus_bridge.rtps.ids import OUR_VENDOR
+from bus_bridge.rtps.parameters import Address
+from bus_bridge.rtps.participant import Participant, Settings
+
+MS = 1_000_000
+S = 1000 * MS
+GROUP: Address = ("239.255.0.1", 7400)
+
+
+class Machine:
+    """A participant, with the news that it gave."""
+
+    def __init__(self, network: "Network", host: str, bounds: Bounds, wanted: Callable[[str], bool]) -> None:
+        self.address: Address = host, 7410
+        self.far: dict[bytes, EndpointData] = {}
+        self.warnings: list[str] = []
+        self.network = network
+        number = len(network.machines) + 1
+        settings = Settings(
+            OUR_VENDOR + number.to_bytes(10, "big"),
+            (self.address,),
+            (GROUP,),
+            b"enclave=/;",
+            datagram_bytes=1400,
+            fragment_bytes=500,
+            bounds=bounds,
+        )
+        self.participant = Participant(settings, self.transmit, self, wanted)
+        self.is_cut = False
+
+    def transmit(self, address: Address, datagram: bytes) -> None:
+        if not self.is_cut:
+            self.network.send(self, address, datagram)
+
+    def endpoint_added(self, endpoint: EndpointData, vendor: bytes) -> None:
+        assert endpoint.guid not in self.far and vendor == OUR_VENDOR
+        self.far[endpoint.guid] = endpoint
+
+    def endpoint_removed(self, endpoint: EndpointData) -> None:
+        assert self.far.pop(endpoint.guid) == endpoint
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+class Network:
+    """Machines, and datagrams under way; `loses` decides about each by its number."""
+
+    def __init__(self, loses: Callable[[int], bool] = lambda number: False) -> None:
+        self.machines: list[Machine] = []
+        self.now_ns = 1000 * S
+        self.sent = 0
+        self.loses = loses
+        self._under_way: list[tuple[int, Machine, Address, bytes]] = []
+
+    def add(
+        self, host: str, bounds: Bounds = USUAL_BOUNDS, wanted: Callable[[str], bool] = lambda topic: True
+    ) -> Machine:
+        machine = Machine(self, host, bounds, wanted)
+        self.machines.append(machine)
+        machine.participant.start(self.now_ns)
+        return machine
+
+    def send(self, source: Machine, address: Address, datagram: bytes) -> None:
+        self.sent += 1
+        if self.loses(self.sent):
+            return
+        for machine in self.machines:
+            if machine is not source and address in (machine.address, GROUP):
+                self._under_way.append((self.now_ns + MS, machine, source.address, datagram))
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        end_ns = self.now_ns + int(seconds * S)
+        while True:
+            due = [machine.participant.due_ns for machine in self.machines]
+            times = [one for one in due if one is not None] + [one[0] for one in self._under_way]
+            if not times or min(times) > end_ns:
+                break
+            self.now_ns = max(self.now_ns, min(times))
+            arrived = [one for one in self._under_way if one[0] <= self.now_ns]
+            self._under_way = [one for one in self._under_way if one[0] > self.now_ns]
+            for _, machine, source, datagram in arrived:
+                if not machine.is_cut:
+                    machine.participant.receive(datagram, source, self.now_ns)
+            for machine in self.machines:
+                due_ns = machine.participant.due_ns
+                if due_ns is not None and due_ns <= self.now_ns:
+                    machine.participant.act(self.now_ns)
+        self.now_ns = end_ns
