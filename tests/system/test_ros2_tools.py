@@ -15,6 +15,7 @@ from bus_ros.rclpy.lifecycle import LifecycleNode
 from bus_ros.rclpy.node import NodeNameNonExistentError
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.ros2action import api as ros2action
+from bus_ros.ros2cli.node.daemon import DaemonNode, is_daemon_running, shutdown_daemon, spawn_daemon
 from bus_ros.ros2cli.node.direct import DirectNode
 from bus_ros.ros2cli.node.strategy import NodeStrategy
 from bus_ros.ros2lifecycle import api as ros2lifecycle
@@ -23,6 +24,7 @@ from bus_ros.ros2param import api as ros2param
 from bus_ros.ros2service import api as ros2service
 from bus_ros.ros2topic import api as ros2topic
 from bus_ros.rosidl import action_class, message_class
+from cli import bus
 from conftest import WAIT_S, Daemon
 from rclpy_world import AddTwoInts, Int64, String, World, add, arguments, in_thread, world
 
@@ -284,3 +286,24 @@ def test_a_tool(module: str, cls: str, daemon: Daemon, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, str(program)], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["hello 0 True", "True False", "False"]
+
+
+def test_the_daemon_of_tools(world: World) -> None:
+    world.node("talker")
+    assert is_daemon_running(None)
+    assert not spawn_daemon(None)
+    assert not shutdown_daemon(None, timeout=1)
+    assert is_daemon_running(None)
+    with DaemonNode(None) as node:
+        assert node.connected
+        assert "talker" in node.get_node_names()
+
+
+def test_a_daemon_that_tools_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSD_SOCKET", str(tmp_path / "socket"))
+    monkeypatch.setenv("BUSD_AUTOSTART", "1")
+    assert not is_daemon_running(None)
+    assert spawn_daemon(None, timeout=10.0)
+    assert is_daemon_running(None)
+    assert not spawn_daemon(None)
+    assert bus("daemon", "stop").code == 0

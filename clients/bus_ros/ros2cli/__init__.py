@@ -1,8 +1,8 @@
 """`ros2cli` on the bus: the nodes and helpers of ROS 2's command-line tools, for programs that import them.
 
 `node/direct.py` has a node that also initializes the context, `node/strategy.py` a node for questions about
-the graph, `helpers.py` functions for waiting and for arguments. The program `ros2` itself is missing: `bus`
-has its verbs.
+the graph, `helpers.py` functions for waiting and for arguments. `verb.py`, `command.py`, `plugin_system.py`
+and `entry_points.py` are for plugins. The program `ros2` itself is missing: `bus` has its verbs.
 
 Invariants:
 
